@@ -1,1 +1,1 @@
-"""Named benchmarks: each measures one thing and gives a table and a flat map of figures."""
+"""Named benchmarks; each measures one subject and returns a table and a flat mapping of figures."""

@@ -1,4 +1,4 @@
-"""What a figure was measured on: the machine, and the versions of what ran."""
+"""Describe what a figure was measured on: the machine, and the versions of the software."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ PACKAGES = tuple(
         "numpy numba shapely triangle trimesh pyvista scipy pydantic ruamel.yaml typer rich h5py pybvh av matplotlib"
     ).split()
 )
-"""The packages crowdsim depends on."""
+"""Packages that crowdsim depends on."""
 
 
 def describe_machine() -> dict[str, str | int]:
-    """Processor, cores this process may use, and operating system."""
+    """Return processor, cores available to this process, and operating system."""
     return {
         "processor": _processor(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
@@ -24,7 +24,7 @@ def describe_machine() -> dict[str, str | int]:
 
 
 def describe_versions() -> dict[str, str]:
-    """Version of crowdsim, Python and each dependency; ``"missing"`` where one is not installed."""
+    """Return the versions of crowdsim, Python and each dependency; ``"missing"`` if it is not installed."""
     from crowdsim.version import __version__
 
     return {

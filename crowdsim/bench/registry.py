@@ -1,4 +1,4 @@
-"""The benchmarks by name, and the form of what they give."""
+"""The benchmarks by name, and the form of their results."""
 
 from __future__ import annotations
 
@@ -66,6 +66,18 @@ _BENCHES = {
         "crowdsim.bench.crowds.soak",
         "an hour of a plaza with sources: how memory and the time of a step grow, who is stuck at the end",
     ),
+    "page": (
+        "crowdsim.bench.page",
+        "pages in a browser: bytes, seconds, vertices, draw calls, milliseconds of JavaScript, errors of joints",
+    ),
+    "export": (
+        "crowdsim.bench.export",
+        "exports of 100 captured characters for 60 s: size and time of each format, beside what it may take",
+    ),
+    "live": (
+        "crowdsim.bench.live",
+        "live simulations of 100 characters: late steps, and how soon a click in a page takes effect",
+    ),
     "motion-maps": (
         "crowdsim.bench.motions.motion_maps",
         "motion maps: size, success and time by depth, beside A*; lengths, bodies and arrivals",
@@ -76,10 +88,16 @@ _BENCHES = {
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a benchmark's ``measure`` gives.
+    """Result of a benchmark's ``measure``.
 
-    ``rows`` is a table, each row with the same keys; ``figures`` the same as a flat map of name -> number, units in
-    the names, to be compared from run to run; ``headline`` names those of them that are shown below the table.
+    Attributes
+    ----------
+    rows : list of dict
+        A table; all rows have the same keys.
+    figures : dict of str to float
+        The same figures by name, with units in the names, for comparing runs.
+    headline : tuple of str
+        Names of the figures that are shown below the table.
     """
 
     rows: list[dict[str, Any]]
@@ -89,7 +107,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class BenchResult:
-    """A measurement with what it was measured on."""
+    """A measurement with the machine and the versions it was made on."""
 
     name: str
     machine: dict[str, str | int]
@@ -100,7 +118,7 @@ class BenchResult:
 
 
 def bench_names() -> dict[str, str]:
-    """Name -> one line on what it measures."""
+    """Return one line on what each benchmark measures, by name."""
     return {name: line for name, (_, line) in _BENCHES.items()}
 
 
@@ -114,11 +132,12 @@ def run_bench(
     rvo2: Path | None = None,
     minutes: float | None = None,
 ) -> BenchResult:
-    """Run the benchmark called ``name``, on the files in the folder ``maps``, ``worlds``, ``captures`` or ``rvo2``.
+    """Run the benchmark ``name``; each option applies to some benchmarks only.
 
-    Raises :class:`CrowdSimError` for a name that is not there, for a folder of a kind the benchmark takes none of,
-    for a ``picture`` to be written where it draws none, for the ``depth`` of maps where it builds none,
-    and for ``minutes`` where it simulates no such time.
+    Raises
+    ------
+    CrowdSimError
+        If there is no such benchmark, or it does not take a given option.
     """
     if name not in _BENCHES:
         raise CrowdSimError(f"there is no benchmark '{name}'; there are: {', '.join(_BENCHES)}")

@@ -1,7 +1,7 @@
-"""How long a user waits before something happens, with kernels already compiled.
+"""Time that a user waits before something happens, with kernels already compiled.
 
-Every figure is the median over child processes, because a second import in one process costs nothing. One child runs
-before and is not counted: it compiles kernels that are not compiled yet and warms the disk cache.
+Every figure is the median over child processes, because a second import in one process costs nothing. The first child
+is not counted: it compiles missing kernels and warms the disk cache.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _LABELS = {
 
 
 def measure() -> Measurement:
-    """Medians of wall-clock seconds from the start of a process."""
+    """Measure wall-clock times from the start of a process [s], medians."""
     samples: dict[str, list[float]] = {stage: [] for stage in _LABELS}
     with TemporaryDirectory() as folder:
         for repeat in range(REPEATS + 1):
@@ -92,8 +92,8 @@ def _seconds(arguments: list[str]) -> float:
 
 
 def _stages(file: Path) -> dict[str, float]:
-    """Seconds from the start of the process to the end of each stage of a run with one character."""
-    begin = time.monotonic()  # one clock for all processes of a machine
+    """Return the time from the start of the process to the end of each stage of a run with one character [s]."""
+    begin = time.monotonic()  # this clock is the same in all processes of a machine
     times: dict[str, float] = json.loads(_child(["-c", _STAGES, SCENARIO, str(file), repr(begin)]))
     return times
 

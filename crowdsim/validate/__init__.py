@@ -1,1 +1,1 @@
-"""Tests of evacuation guidelines and measured diagrams: scenarios, criteria, and reports of how they come out."""
+"""Tests of evacuation guidelines and measured diagrams: scenarios, criteria, and reports of the results."""

@@ -1,4 +1,4 @@
-"""Criteria: small functions from what runs showed to figures beside their bands."""
+"""Criteria: each builds a function from the observed runs of a test to figures with their bands."""
 
 from __future__ import annotations
 
@@ -11,11 +11,25 @@ from numpy.typing import NDArray
 from crowdsim.validate.observed import Observed
 
 Runs: TypeAlias = Mapping[str, Observed]
-"""The runs of a test with one seed, by the names of its cases."""
+"""Runs of a test with one seed, by the names of its cases."""
 
 
 class Finding(NamedTuple):
-    """A figure, and the band in which it has to lie."""
+    """A figure and the band in which it must lie.
+
+    Attributes
+    ----------
+    what : str
+        Name of the figure.
+    value : float
+        Its value; nan or infinite if it is unknown.
+    unit : str
+        Its unit.
+    least, most : float
+        The band.
+    source : str
+        Source of the band.
+    """
 
     what: str
     value: float
@@ -26,15 +40,16 @@ class Finding(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether the figure is within its band; one that is not known is not."""
+        """Return whether the figure is within its band; an unknown one is not."""
         return bool(self.least <= self.value <= self.most)
 
 
 Criterion: TypeAlias = Callable[[Runs], Sequence[Finding]]
+"""Judges the runs of a test with one seed."""
 
 
 def transit(case: str, begin: str, end: str, least: float, most: float, source: str) -> Criterion:
-    """Time between two lines of everyone in a case [s]; the figure farthest from the middle of the band counts."""
+    """Check the times that all characters take between two lines [s]; the worst one, farthest from mid-band, counts."""
 
     def judge(runs: Runs) -> list[Finding]:
         times = runs[case].times_at(end) - runs[case].times_at(begin)
@@ -44,12 +59,12 @@ def transit(case: str, begin: str, end: str, least: float, most: float, source: 
 
 
 def all_leave(case: str, most: float, source: str, least: float = 0.0) -> Criterion:
-    """All leave, within a time, and not before another one [s]."""
+    """Check the time at which the last character leaves [s]."""
     return lambda runs: [Finding(f"last one out, {case}", runs[case].last, "s", least, most, source)]
 
 
 def nobody_in_walls(case: str, source: str) -> Criterion:
-    """No center off the floor, and no body in a wall [m]."""
+    """Check that no center is off the floor and no body in a wall [m]."""
 
     def judge(runs: Runs) -> list[Finding]:
         run = runs[case]
@@ -63,7 +78,7 @@ def nobody_in_walls(case: str, source: str) -> Criterion:
 
 
 def on_time(case: str, tolerance: float, source: str) -> Criterion:
-    """Everybody sets out at the time drawn for it [s]."""
+    """Check that every character sets out at the delay drawn for it [s]."""
 
     def judge(runs: Runs) -> list[Finding]:
         off = np.abs(runs[case].set_out - runs[case].delays).max()
@@ -73,7 +88,7 @@ def on_time(case: str, tolerance: float, source: str) -> Criterion:
 
 
 def uniform_delays(case: str, first: float, last: float, source: str) -> Criterion:
-    """Times drawn are uniform: the probability of the Kolmogorov-Smirnov test."""
+    """Check that the drawn delays are uniform: the p-value of the Kolmogorov-Smirnov test is at least 0.05."""
 
     def judge(runs: Runs) -> list[Finding]:
         from scipy.stats import kstest
@@ -85,7 +100,7 @@ def uniform_delays(case: str, first: float, last: float, source: str) -> Criteri
 
 
 def speeds_as_drawn(case: str, begin: str, end: str, way: float, tolerance: float, source: str) -> Criterion:
-    """Everybody walks as fast as drawn between two lines ``way`` [m] apart, within a share."""
+    """Check that characters walk at their drawn speeds between two lines ``way`` [m] apart, within a tolerance."""
 
     def judge(runs: Runs) -> list[Finding]:
         run = runs[case]
@@ -102,14 +117,14 @@ def speeds_as_drawn(case: str, begin: str, end: str, way: float, tolerance: floa
 
 
 def ratio(more: str, less: str, least: float, most: float, source: str) -> Criterion:
-    """How many times as long it takes until all have left one case as until all have left another."""
+    """Check the time until all have left one case, divided by that of another case."""
     return lambda runs: [
         Finding(f"time, {more} / {less}", _ratio(runs[more].last, runs[less].last), "", least, most, source)
     ]
 
 
 def queue_before_the_first(case: str, areas: tuple[str, str], source: str) -> Criterion:
-    """More wait before the first of two necks than before the second: peaks, and means of the ten largest counts."""
+    """Check that more characters wait before the first of two bottlenecks: peak, and mean of the ten largest counts."""
 
     def judge(runs: Runs) -> list[Finding]:
         first, second = (np.sort(runs[case].measured.areas[name].count)[::-1][:10] for name in areas)
@@ -122,12 +137,12 @@ def queue_before_the_first(case: str, areas: tuple[str, str], source: str) -> Cr
 
 
 def flow(case: str, line: str, least: float, most: float, source: str) -> Criterion:
-    """Flow across a line [1/s]."""
+    """Check the flow across a line [1/s]."""
     return lambda runs: [Finding(f"flow, {case}", flow_of(runs[case], line), "/s", least, most, source)]
 
 
 def flow_over_all(case: str, line: str, most: float, source: str) -> Criterion:
-    """Passages at a line for each second until the last one [1/s]; not known if somebody stayed."""
+    """Check the mean flow at a line until the last passage against an upper limit [1/s]; nan if a character stayed."""
 
     def judge(runs: Runs) -> list[Finding]:
         last = float(runs[case].times_at(line).max())
@@ -138,7 +153,7 @@ def flow_over_all(case: str, line: str, most: float, source: str) -> Criterion:
 
 
 def keeps_together(case: str, group: str, least: float, source: str) -> Criterion:
-    """Share of time in which members of parties have another one of theirs within 1.5 m."""
+    """Check the share of time in which party members have another member within 1.5 m against a lower limit."""
 
     def judge(runs: Runs) -> list[Finding]:
         share = runs[case].summary["together"][group]
@@ -149,7 +164,7 @@ def keeps_together(case: str, group: str, least: float, source: str) -> Criterio
 
 
 def no_more_flow_behind(case: str, lines: tuple[str, str], source: str) -> Criterion:
-    """The second line lets no more through than the first [1/s]."""
+    """Check that the flow at the second line does not exceed that at the first [1/s]."""
 
     def judge(runs: Runs) -> list[Finding]:
         first, second = (flow_of(runs[case], line) for line in lines)
@@ -159,7 +174,7 @@ def no_more_flow_behind(case: str, lines: tuple[str, str], source: str) -> Crite
 
 
 def flow_grows(cases: Sequence[str], line: str, source: str) -> Criterion:
-    """The flow grows from case to case [1/s]: the least difference."""
+    """Check that the flow grows from case to case [1/s]: the smallest difference must be positive."""
 
     def judge(runs: Runs) -> list[Finding]:
         flows = [flow_of(runs[case], line) for case in cases]
@@ -169,7 +184,7 @@ def flow_grows(cases: Sequence[str], line: str, source: str) -> Criterion:
 
 
 def flow_per_meter(case: str, line: str, least: float, source: str) -> Criterion:
-    """Flow across a line for each meter of it [1/(m s)]."""
+    """Check the flow across a line, divided by its length [1/(m s)]."""
 
     def judge(runs: Runs) -> list[Finding]:
         length = runs[case].measured.lines[line].length
@@ -180,7 +195,7 @@ def flow_per_meter(case: str, line: str, least: float, source: str) -> Criterion
 
 
 def times_grow(cases: Sequence[str], line: str, group: str, source: str) -> Criterion:
-    """The time until the last of a group crosses a line grows from case to case [s]: the least difference."""
+    """Check that the time at which the last of a group crosses a line grows from case to case [s]: least difference."""
 
     def judge(runs: Runs) -> list[Finding]:
         times = np.array([float(runs[case].times_at(line, group).max()) for case in cases])
@@ -194,7 +209,7 @@ def times_grow(cases: Sequence[str], line: str, group: str, source: str) -> Crit
 
 
 def speed_in(case: str, area: str, band: tuple[float, float], source: str) -> Criterion:
-    """Mean speed in an area [m/s]."""
+    """Check the mean speed in an area [m/s]."""
 
     def judge(runs: Runs) -> list[Finding]:
         value = runs[case].summary["areas"][area]["speed"]
@@ -204,9 +219,9 @@ def speed_in(case: str, area: str, band: tuple[float, float], source: str) -> Cr
 
 
 def speed_at_density(case: str, area: str, bands: Sequence[tuple[float, float, float]], source: str) -> Criterion:
-    """Mean speed in an area [m/s], in the band of the density that was measured there.
+    """Check the mean speed in an area [m/s] against the band of the density measured there.
 
-    bands : density [1/m2], least and greatest speed [m/s], by density.
+    ``bands`` holds density [1/m2], least and greatest speed [m/s], by density; bands in between are interpolated.
     """
     densities, least, most = np.array(bands).T
 
@@ -220,7 +235,7 @@ def speed_at_density(case: str, area: str, bands: Sequence[tuple[float, float, f
 
 
 def leaves_through(case: str, assigned: Mapping[str, int], source: str) -> Criterion:
-    """So many leave through each exit."""
+    """Check the number of characters that leave through each exit."""
 
     def judge(runs: Runs) -> list[Finding]:
         used = runs[case].summary["exits"]
@@ -233,7 +248,7 @@ def leaves_through(case: str, assigned: Mapping[str, int], source: str) -> Crite
 
 
 def both_exits(case: str, near: str, far: str, source: str) -> Criterion:
-    """The far exit is used, and the near one by more."""
+    """Check that the far exit is used, and the near one by more characters."""
 
     def judge(runs: Runs) -> list[Finding]:
         used = {name: float(runs[case].summary["exits"][name]["left"]) for name in (near, far)}
@@ -243,7 +258,7 @@ def both_exits(case: str, near: str, far: str, source: str) -> Criterion:
 
 
 def close_to_best(case: str, fixed: Sequence[str], share: float, source: str) -> Criterion:
-    """The time until all have left, beside that of the best of fixed splits."""
+    """Check the time until all have left, divided by that of the best fixed split."""
 
     def judge(runs: Runs) -> list[Finding]:
         best = min(runs[split].last for split in fixed)
@@ -253,7 +268,7 @@ def close_to_best(case: str, fixed: Sequence[str], share: float, source: str) ->
 
 
 def flow_of(run: Observed, line: str) -> float:
-    """Flow across a line [1/s]; nan if too few cross it."""
+    """Return the flow across a line [1/s]; nan if too few characters cross it."""
     value = run.summary["lines"][line]["flow"]
     return float("nan") if value is None else float(value)
 
@@ -263,6 +278,6 @@ def _ratio(more: float, less: float) -> float:
 
 
 def _worst(values: NDArray[np.float64], least: float, most: float) -> float:
-    """The value farthest from the middle of a band; nan if any is not known."""
+    """Return the value farthest from the middle of a band; nan if any value is unknown."""
     off = np.abs(values - 0.5 * (least + most))
     return float("nan") if np.isnan(off).any() else float(values[int(np.argmax(off))])

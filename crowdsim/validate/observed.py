@@ -1,4 +1,4 @@
-"""What a run showed, as the criteria need it: small enough to be handed from one process to another."""
+"""The part of a run that criteria need, small enough to be passed between processes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from crowdsim.geometry.elementary import hypot
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.measured import Measured
 from crowdsim.recording.reader import Recording
-from crowdsim.scenario.crowd_placement import place_crowd
+from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.scenario import Scenario
 
 SET_OUT = 0.3
-"""Way from its start after which a character has set out [m]: who stands shifts its weight, and makes way."""
+"""Distance from its start at which a character counts as having set out [m]. Less would count shifts of weight, and
+steps aside for others."""
 
 STEPS_AT_ONCE = 100
 
@@ -28,15 +29,24 @@ class Observed(NamedTuple):
 
     Attributes
     ----------
-    summary : as ``crowdsim run --json`` prints it
-    measured : at lines and in areas
-    groups : (n,) names
-    set_out : (n,) when each had gone SET_OUT meters, less the time that takes at its own speed [s]; nan for never
-    left : (n,) when each left the world [s]; nan for who did not
-    speeds, delays : (n,) that were drawn [m/s], [s]
-    starts : (n, 2) [m]
-    outside : places of centers, over all steps, that are not on the free floor
-    seconds : that the run took
+    summary : dict
+        Summary, as ``crowdsim run --json`` prints it.
+    measured : Measured
+        Measurements at lines and in areas.
+    groups : tuple of str
+        Group of each character.
+    set_out : (n,) float64
+        Time at which each had gone SET_OUT, minus the time that this takes at its speed [s]; nan for never.
+    left : (n,) float64
+        Time at which each left [s]; nan for never.
+    speeds, delays : (n,) float64
+        Drawn walking speeds [m/s] and delays [s].
+    starts : (n, 2) float64
+        Start positions [m].
+    outside : int
+        Number of positions, over all steps, that are not on the free floor.
+    seconds : float
+        Duration of the computation [s].
     """
 
     summary: dict[str, Any]
@@ -52,26 +62,31 @@ class Observed(NamedTuple):
 
     @property
     def last(self) -> float:
-        """When the last one left [s]; infinite if somebody did not."""
+        """Return the time at which the last character left [s]; infinite if one did not."""
         return float(np.inf) if np.isnan(self.left).any() else float(self.left.max())
 
     def times_at(self, line: str, group: str | None = None) -> Floats:
-        """(n,) when each character first crossed a line [s], nan for who did not; of one group, or of all."""
+        """Return (n,) when each character of a group (None: of all) first crossed a line [s]; nan for never."""
         crossings = self.measured.lines[line]
         times = np.full(len(self.groups), np.nan)
-        # The first one of each is written last.
+        # In reverse order, so that the first crossing of each character overwrites later ones.
         times[crossings.agent[::-1]] = crossings.time[::-1]
         return times if group is None else times[np.array(self.groups) == group]
 
 
 def observe(scenario: Scenario, recording: Recording, seconds: float) -> Observed:
-    """Read from a recording what the criteria need."""
+    """Read from a recording what the criteria need; ``seconds`` is the duration of the computation [s].
+
+    A character has set out when it is ``SET_OUT`` meters from its start, less the time that these take at its own
+    speed. It has left in the first step in which it is absent again; if it comes and leaves twice, the last one counts.
+    """
     cast = place_crowd(scenario)
     rate = scenario.steps_per_second
     free = scenario.environment.layers[0].free
     shapely.prepare(free)
     set_out, left = np.full(cast.head_count, np.nan), np.full(cast.head_count, np.nan)
     outside, there = 0, np.zeros(cast.head_count, np.bool_)
+    # Read many steps at once, as a file is slow to open for each.
     for begin in range(0, recording.steps, STEPS_AT_ONCE):
         end = min(begin + STEPS_AT_ONCE, recording.steps)
         x, y = (np.asarray(column[begin:end], np.float64) for column in (recording.x, recording.y))

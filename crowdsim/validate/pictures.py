@@ -1,4 +1,4 @@
-"""A picture of a run: the floor, what is measured on it, and the ways of all who walked."""
+"""Draw a run: the floor, its areas and lines, and the tracks of all characters."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from crowdsim.scenario.scenario import Scenario
 _COLORS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b")
 _INCHES = 7.0
 _EVERY = 2
-"""Steps between two points of a way that is drawn."""
+"""Steps between two points of a drawn track."""
 
 
 def draw_run(scenario: Scenario, recording: Recording, picture: Path) -> None:
-    """Draw the ways of a run, each group in a color of its own."""
+    """Draw the tracks of a run, each group in a color of its own."""
     from matplotlib.figure import Figure
 
     xmin, ymin, xmax, ymax = scenario.environment.floor.bounds
@@ -36,7 +36,7 @@ def draw_run(scenario: Scenario, recording: Recording, picture: Path) -> None:
     x[absent] = y[absent] = np.nan
     ends = recording.header.ends
     if ends is not None:
-        # No line leads across the floor from where somebody leaves it to where it comes in.
+        # Interrupt lines where a character crosses the ends of a periodic floor.
         at = (x, y)[ends.axis]
         at[1:][np.abs(np.diff(at, axis=0)) > 0.5 * (ends.high - ends.low)] = np.nan
     groups = np.array(recording.header.agents.groups)

@@ -1,4 +1,4 @@
-"""Outcomes as rows of a table, JSON, a page of HTML, and a page of the docs."""
+"""Results as table rows, JSON, an HTML page, and a Markdown page for the docs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COLUMNS = ("test", "figure", "least", "median", "most", "band", "passed", "sourc
 
 
 def rows_of(outcomes: Sequence[Outcome]) -> list[dict[str, str]]:
-    """A row for each figure: its least, median and greatest value over the seeds, and how many are in the band."""
+    """Return a row for each figure: least, median and greatest value over the seeds, and how many are in the band."""
     rows = []
     for outcome in outcomes:
         for findings in outcome.findings:
@@ -43,7 +43,7 @@ def rows_of(outcomes: Sequence[Outcome]) -> list[dict[str, str]]:
 
 
 def band_of(findings: Sequence[Finding]) -> str:
-    """The band of a figure; of bands that depend on the seed, the widest ends."""
+    """Return the band of a figure; if bands depend on the seed, their union."""
     least, most = min(finding.least for finding in findings), max(finding.most for finding in findings)
     if math.isinf(most):
         return f"at least {_number(least)}"
@@ -53,9 +53,10 @@ def band_of(findings: Sequence[Finding]) -> str:
 
 
 def as_json(outcomes: Sequence[Outcome], locomotion: str) -> dict[str, Any]:
-    """Everything, for programs; figures that are not known or without end are None."""
+    """Return all results for programs; figures that are unknown or infinite are None."""
 
     def figure(findings: Sequence[Finding]) -> dict[str, Any]:
+        """Return one figure with its values and bands in all runs."""
         first = findings[0]
         return {
             "what": first.what,
@@ -87,7 +88,7 @@ def as_json(outcomes: Sequence[Outcome], locomotion: str) -> dict[str, Any]:
 
 
 def as_markdown(outcomes: Sequence[Outcome], locomotion: str, pictures: str) -> str:
-    """The page of the docs; ``pictures``: the folder beside it in which there is one of each test."""
+    """Return the page of the docs; ``pictures`` is the folder beside it with a picture of each test."""
     seeds = outcomes[0].seeds
     passed = sum(outcome.passed for outcome in outcomes)
     text = [
@@ -97,7 +98,7 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str, pictures: str) -> 
         f"{len(seeds)} --locomotion {locomotion} --markdown docs/validation.md`: do not edit by hand.",
         "",
         f"{passed} of {len(outcomes)} tests pass: every figure is in its band with each seed ({_span(seeds)}).",
-        f"Characters are `{locomotion}` ([levels.md](levels.md)). A figure that is not known, as somebody stayed,",
+        f"Characters are `{locomotion}` ([levels.md](levels.md)). A figure that is unknown, as a character stayed,",
         "is `nan` or `inf` and does not pass. Pictures show the ways of the first run of a test, each group in a color",
         "of its own, with the areas and lines that are measured; `--html OUT.html` writes one page with them in it.",
         "`--list` names the tests, `--jobs` is how many runs go on at once, `--json` gives everything with the hash of",
@@ -119,7 +120,7 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str, pictures: str) -> 
 
 
 def as_html(outcomes: Sequence[Outcome], locomotion: str, pictures: Path) -> str:
-    """One page with the pictures in it."""
+    """Return one page that contains the pictures."""
     parts = [f"<h1>Validation, {html.escape(locomotion)} characters, seeds {_span(outcomes[0].seeds)}</h1>"]
     for outcome in outcomes:
         verdict = "passed" if outcome.passed else "failed"

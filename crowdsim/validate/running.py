@@ -1,4 +1,4 @@
-"""Runs the scenarios of tests with several seeds, in processes beside each other, and judges them."""
+"""Run the scenarios of tests with several seeds, in parallel processes, and judge them."""
 
 from __future__ import annotations
 
@@ -23,11 +23,20 @@ Progress = Callable[[int, int, str], None]
 
 
 class Outcome(NamedTuple):
-    """How a test came out.
+    """Result of a test.
 
-    findings : of every criterion in the order of the test, one for each seed
-    hashes : of the final states, by case and seed
-    seconds : that all runs of it took together
+    Attributes
+    ----------
+    test : Test
+        The test.
+    seeds : tuple of int
+        Seeds of the runs.
+    findings : tuple of tuple of Finding
+        Findings of every criterion in the order of the test, one for each seed.
+    hashes : dict of str to tuple of str
+        Hashes of the final states, by case, one for each seed.
+    seconds : float
+        Total computing time of its runs [s].
     """
 
     test: Test
@@ -38,7 +47,7 @@ class Outcome(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether every figure of every seed is within its band."""
+        """Return whether every figure of every seed is within its band."""
         return all(finding.passed for row in self.findings for finding in row)
 
 
@@ -51,14 +60,26 @@ def run_tests(
     pictures: Path | None = None,
     progress: Progress | None = None,
 ) -> list[Outcome]:
-    """Run all cases of tests with all seeds, ``jobs`` of them at once.
+    """Run all cases of tests with all seeds, and judge them.
 
-    A picture of the first case of each test with the first seed is written to the folder ``pictures`` if there is one.
-    ``progress(done, all, what)`` is called after each run.
+    Parameters
+    ----------
+    tests : sequence of Test
+        Tests to run.
+    seeds : sequence of int
+        Seeds of the runs.
+    locomotion : str
+        Level of all groups, ``auto`` or ``steered``.
+    jobs : int
+        Number of runs at a time.
+    pictures : Path or None
+        Folder for a picture of each test's first case with the first seed.
+    progress : callable or None
+        Called after each run as ``progress(done, all, what)``.
     """
     tasks = [(test, case, seed) for test in tests for case in test.cases for seed in seeds]
     found: dict[tuple[str, str, int], Observed] = {}
-    # Kernels are threads' business; a process of its own for each run keeps them apart.
+    # Runs in processes of their own do not compete for threads and the interpreter lock.
     with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
         waiting = {}
         for test, case, seed in tasks:
@@ -75,7 +96,7 @@ def run_tests(
 
 
 def judge(test: Test, seeds: Sequence[int], found: dict[tuple[str, str, int], Observed]) -> Outcome:
-    """Hold what was observed against the criteria of a test."""
+    """Apply the criteria of a test to its observed runs."""
     by_seed = []
     for seed in seeds:
         runs = {case.name: found[(test.name, case.name, seed)] for case in test.cases}
@@ -89,7 +110,7 @@ def judge(test: Test, seeds: Sequence[int], found: dict[tuple[str, str, int], Ob
 
 
 def load_case(case: Case, seed: int, locomotion: str) -> Scenario:
-    """The scenario of a case, all of whose groups move as asked."""
+    """Return the scenario of a case, with ``locomotion`` set for all groups."""
     file = FOLDER / f"{case.scenario}.yaml"
     changes = [f"seed={seed}", *case.changes]
     groups = len(load_scenario(file, changes).agents)
@@ -97,7 +118,7 @@ def load_case(case: Case, seed: int, locomotion: str) -> Scenario:
 
 
 def run_case(case: Case, seed: int, locomotion: str, picture: Path | None = None) -> Observed:
-    """Run a case in this process."""
+    """Run a case in this process; return what the criteria need."""
     scenario = load_case(case, seed, locomotion)
     with tempfile.TemporaryDirectory() as folder:
         started = time.perf_counter()

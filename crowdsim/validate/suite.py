@@ -1,4 +1,4 @@
-"""The tests: which scenarios each runs, what it asks of them, and where that is from."""
+"""The tests: which scenarios each runs, what it requires of them, and the sources."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowdsim.analysis.measured_people import ONE_WAY_SOURCE, ONE_WAY_SPEEDS
 from crowdsim.validate import criteria
 from crowdsim.validate.criteria import Criterion
 
@@ -18,7 +19,7 @@ NIST = "NIST TN 1822"
 
 
 class Case(NamedTuple):
-    """A scenario of the folder, and entries of it that are replaced."""
+    """A scenario of the folder, with overrides."""
 
     name: str
     scenario: str
@@ -26,7 +27,7 @@ class Case(NamedTuple):
 
 
 class Test(NamedTuple):
-    """A test of a guideline; ``meaning``: what it says of a crowd that passes."""
+    """A test of a guideline; ``meaning`` is what passing it says about a crowd."""
 
     name: str
     title: str
@@ -37,7 +38,7 @@ class Test(NamedTuple):
 
 
 class Missing(NamedTuple):
-    """A test that is not run, and why."""
+    """A test that is not run, with the reason."""
 
     source: str
     title: str
@@ -49,30 +50,12 @@ _WIDTHS = {
     "1.2 m": ("rimea_12d_120", 1.56, 3.12),
     "2.0 m": ("rimea_12d_200", 2.6, 5.2),
 }
-"""Scenario, and band of the flow [1/s], by the width of the neck."""
+"""Scenario and band of the flow [1/s], by width of the bottleneck."""
 
 _AGAINST = (0, 10, 50, 100)
 
-_SPEEDS = (
-    (0.25, 1.155, 1.624),
-    (0.5, 1.168, 1.594),
-    (0.75, 1.080, 1.575),
-    (1.0, 0.938, 1.469),
-    (1.5, 0.844, 1.298),
-    (1.75, 0.509, 1.125),
-    (2.0, 0.486, 1.019),
-    (2.25, 0.412, 0.903),
-    (2.5, 0.347, 0.675),
-    (2.75, 0.315, 0.585),
-    (3.0, 0.291, 0.490),
-    (3.25, 0.287, 0.463),
-)
-"""Density [1/m2], and 5 % and 95 % of the speeds [m/s] of people who walk one way through corridors."""
-
-_ONE_WAY_SOURCE = "HERMES experiments (Zhang et al. 2011), runs uo-*, classic method of PedPy 1.5.1"
-
 _ONE_WAY = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
-"""Densities in the corridor without ends, whose floor has 52 m2 [1/m2]."""
+"""Densities in the periodic corridor, whose floor has 52 m2 [1/m2]."""
 
 _FILE_SPEEDS = (
     (0.0989, 0.9607, 1.483),
@@ -83,7 +66,7 @@ _FILE_SPEEDS = (
     (1.0989, 0.3157, 0.8395),
     (1.2989, 0.1872, 0.6077),
 )
-"""Density in single file [1/m], and 10 % and 90 % of the speeds [m/s] measured at it."""
+"""Density in single file [1/m], and the 10 and 90 % quantiles of the speeds measured at it [m/s]."""
 
 _RING = 17.3
 """Length of the ring along the middle of its lane [m]."""
@@ -106,7 +89,7 @@ def _ring(count: int) -> Case:
 
 
 def _ring_band(count: int) -> tuple[float, float]:
-    """Band of the mean speed of so many people in the ring [m/s]."""
+    """Return the band of the mean speed of ``count`` people in the ring [m/s]."""
     density, least, most = np.array(_FILE_SPEEDS).T
     at = count / _RING
     return float(np.interp(at, density, least)), float(np.interp(at, density, most))
@@ -125,7 +108,7 @@ TESTS = (
         f"{RIMEA}, test 1; NIST Verif.2.1",
         (Case("corridor", "rimea_01"),),
         (criteria.transit("corridor", "begin", "end", 26.0, 34.0, f"{RIMEA}, test 1: 1.33 m/s less or more 5 %"),),
-        "Somebody alone is as fast as asked for.",
+        "A single person walks at the required speed.",
     ),
     Test(
         "rimea-4",
@@ -133,12 +116,12 @@ TESTS = (
         f"{RIMEA}, test 4",
         tuple(_one_way(density) for density in _ONE_WAY),
         tuple(
-            criteria.speed_at_density(_one_way(density).name, "middle", _SPEEDS, _ONE_WAY_SOURCE)
+            criteria.speed_at_density(_one_way(density).name, "middle", ONE_WAY_SPEEDS, ONE_WAY_SOURCE)
             for density in _ONE_WAY
         ),
-        "The denser, the slower, as people are. The band is that of the density found in the area, which is not "
-        "quite the one asked for; speeds are stratified, as the mean of 26 drawn at random varies as much as the "
-        "band is wide. Measured bands end at 3.25 /m2. People in a corridor without ends steer, whatever is asked for.",
+        "The denser, the slower, as with people. The band is that of the density measured in the area, which differs "
+        "a little from the nominal one; speeds are stratified, as the mean of 26 drawn at random varies as much as the "
+        "band is wide. Measured bands end at 3.25 /m2. Characters on a periodic floor are always steered.",
     ),
     Test(
         "rimea-5",
@@ -150,7 +133,7 @@ TESTS = (
             criteria.uniform_delays("room", 10.0, 100.0, "NIST TN 1822, Verif.1.1"),
             criteria.all_leave("room", 130.0, f"{RIMEA}, test 5"),
         ),
-        "Who waits does not set out early, nor does it wait for others; a way of 0.3 m counts as having set out.",
+        "Characters set out neither early nor late; a distance of 0.3 m counts as having set out.",
     ),
     Test(
         "rimea-6",
@@ -169,7 +152,7 @@ TESTS = (
         f"{RIMEA}, test 7; IMO 7; NIST Verif.2.4",
         (Case("lanes", "rimea_07"),),
         (criteria.speeds_as_drawn("lanes", "begin", "end", 40.0, 0.03, f"{RIMEA}, test 7; 3 % is ours"),),
-        "What is drawn is what is walked. Neighbors are 1 m apart on average, so that some are held up.",
+        "Characters walk at the speeds that were drawn. Neighbors are 1 m apart on average, so that some are held up.",
     ),
     Test(
         "rimea-9",
@@ -192,7 +175,7 @@ TESTS = (
             criteria.leaves_through("cabins", {"main": 18, "secondary": 5}, f"{RIMEA}, test 10"),
             criteria.all_leave("cabins", 120.0, f"{RIMEA}, test 10"),
         ),
-        "Who is assigned an exit goes there, though another one may be nearer. There are eight cabins, where the "
+        "Characters go to the exit assigned to them, even if another one is nearer. There are eight cabins, where the "
         "guideline has twelve.",
     ),
     Test(
@@ -209,7 +192,7 @@ TESTS = (
             criteria.close_to_best("chosen", ("half each", "three of five near"), 1.15, "ours"),
         ),
         "With a queue at the near exit, some go to the far one. There are 300 people, where the guideline has 1,000; "
-        "in the splits beside it, who goes where is drawn at random, so that people cross each other.",
+        "in the fixed splits, exits are assigned at random, so that people cross each other's way.",
     ),
     Test(
         "rimea-12",
@@ -221,7 +204,7 @@ TESTS = (
             criteria.no_more_flow_behind("necks", ("first neck", "second neck"), f"{RIMEA}, test 12"),
             criteria.flow("necks", "first neck", 1.4, 2.5, "measured in necks of 1 m: Kretz 2006, Seyfried 2009"),
         ),
-        "What comes through a neck comes through another one of the same width: nobody waits there.",
+        "A flow through a bottleneck also passes a second one of the same width: nobody waits there.",
     ),
     Test(
         "rimea-12d",
@@ -253,7 +236,7 @@ TESTS = (
         f"{IMO}, test 1",
         (Case("corridor", "imo_01"),),
         (criteria.transit("corridor", "begin", "end", 38.0, 42.0, f"{IMO}, test 1: 40 s; less or more 5 % is ours"),),
-        "Somebody alone keeps to 1 m/s.",
+        "A single person keeps to 1 m/s.",
     ),
     Test(
         "imo-4",
@@ -264,8 +247,8 @@ TESTS = (
             criteria.flow_over_all("room", "exit", 1.33, f"{IMO}, test 4: over the entire period"),
             criteria.flow("room", "exit", 1.4, 2.5, "measured in necks of 1 m: Kretz 2006, Seyfried 2009"),
         ),
-        "The guideline caps the flow at 1.33 /s, which planners are to count on; people measured in necks of 1 m pass "
-        "1.4 to 2.5 a second. Nobody can meet both: crowdsim is held to what people do.",
+        "The guideline caps the flow at 1.33 /s, for conservative planning; people measured in bottlenecks of 1 m pass "
+        "at 1.4 to 2.5 /s. No model can meet both: crowdsim is compared with people.",
     ),
     Test(
         "imo-8",
@@ -289,8 +272,8 @@ TESTS = (
             criteria.keeps_together("families", "families", 0.95, f"{NIST}, Verif.2.9; 95 % is ours"),
             criteria.all_leave("families", 240.0, "ours: all arrive"),
         ),
-        "A family is as fast as its slowest one, and waits for who is behind. The slowest of them, at 0.38 m/s, would "
-        "take 80 s alone.",
+        "A family walks at the speed of its slowest member, and waits for members behind. The slowest of them, at "
+        "0.38 m/s, would take 80 s alone.",
     ),
     Test(
         "nist-4.1",
@@ -301,7 +284,7 @@ TESTS = (
             criteria.leaves_through("exits", {"exit 1": 0, "exit 2": 1}, f"{NIST}, Verif.4.1"),
             criteria.all_leave("exits", 60.0, f"{NIST}, Verif.4.1"),
         ),
-        "Who is on its way to an exit that is shut turns round to the other one.",
+        "Characters on their way to an exit that is closed turn to the other one.",
     ),
 )
 
@@ -321,8 +304,8 @@ MISSING = (
     Missing(f"{NIST}, Verif.2.10", "people in wheelchairs on a ramp", "floors have no ramps, and bodies no wheels"),
     Missing(
         f"{NIST}, Verif.3.2 and 3.3",
-        "exits that others use, or that somebody knows",
-        "nobody chooses an exit by what others do but for their queue; who knows an exit is assigned it",
+        "exits that others use, or that a person knows",
+        "characters consider only the queues of others; a known exit is assigned",
     ),
     Missing(f"{NIST}, Verif.5.1", "congestion before stairs", "floors have no stairs yet"),
     Missing("ISO 20414", "tests without a counterpart named above", "its text was not at hand; most are those of NIST"),
@@ -330,6 +313,6 @@ MISSING = (
 
 
 def find_tests(names: list[str]) -> list[Test]:
-    """Tests by their names; all if none is named. KeyError for a name that is none."""
+    """Return the tests with these names, all if ``names`` is empty; raise KeyError for an unknown name."""
     known = {test.name: test for test in TESTS}
     return [known[name] for name in names] if names else list(TESTS)

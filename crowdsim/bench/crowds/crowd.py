@@ -1,7 +1,7 @@
-"""Crowds of all sizes: what a step costs, alone and with all that a run has, and how many bodies can be shown.
+"""Crowds of all sizes: time of a step, alone and in whole runs, and the number of bodies that can be shown.
 
-Steered ones beside RVO2 where its sources are given, in the same run; captured ones by stage, and a mixed crowd, as
-:mod:`crowdsim.bench.crowds.levels` says. Figures of steered ones are medians over steps.
+Steered crowds are compared with RVO2, in the same run, if its sources are given. Captured crowds are timed by stage,
+and a mixed crowd as a whole, see :mod:`crowdsim.bench.crowds.levels`. Figures of steered crowds are medians over steps.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from crowdsim.bench.crowds.whole_runs import run_row
 from crowdsim.bench.registry import Measurement
 
 CROWDS = ((100, 0.25), (1000, 0.25), (10_000, 0.25), (10_000, 1.0), (10_000, 3.0), (100_000, 0.25))
-"""Agents, and agents/m2."""
+"""Steered crowds: number of agents, and density [1/m2]."""
 
 LEVELS = (30, 300, 3000, 10_000)
-"""Captured characters."""
+"""Numbers of captured characters."""
 
 MIXED = 3000
-"""Characters of the mixed crowd."""
+"""Number of characters in the mixed crowd."""
 
 SIMULATED, POSED = 24_000, 2_000
-"""Agents simulated, and bodies of them posed."""
+"""Number of simulated agents, and of bodies posed, in the figure of frames per second."""
 
 
 def measure(
@@ -36,7 +36,7 @@ def measure(
     levels: tuple[int, ...] = LEVELS,
     mixed: int = MIXED,
 ) -> Measurement:
-    """Time crowds of many sizes; ``rvo2``: folder of the sources of RVO2."""
+    """Time crowds of many sizes; ``rvo2`` is a folder with the sources of RVO2."""
     rows: list[dict[str, Any]] = []
     figures = {"frames_a_second": round(frames_a_second(SIMULATED, POSED), 1)}
     with tempfile.TemporaryDirectory() as folder:

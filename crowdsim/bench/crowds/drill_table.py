@@ -1,4 +1,4 @@
-"""Whether crowds get through the drills, how long they take, and how fast they flow and walk, over several seeds."""
+"""Steered crowds in drills over several seeds: whether and when they arrive, flow, and speed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from crowdsim.bench.crowds.single_file import BANDS, LANE, NARROW, run_single_fi
 from crowdsim.bench.registry import Measurement
 
 SEEDS = tuple(range(501, 511))
-"""Rules were chosen on other ones."""
+"""Seeds of the runs; the rules were tuned with others."""
 
 WIDTHS = (0.8, 1.0, 1.2, 1.6, 2.0, 2.4)
 
@@ -32,21 +32,22 @@ DRILLS = (
     (door(10, 1.0), 90.0),
     (crossing(40), 100.0),
 )
-"""Drills, and the time after which all have to have arrived [s]."""
+"""Drills, and the time by which all agents must have arrived [s]."""
 
 BOTTLENECKS = tuple((bottleneck(width), width) for width in WIDTHS)
 
 LEAST_FLOW = 1.5
-"""People that have to get through a bottleneck, for each meter of its width and second."""
+"""Least flow through a bottleneck per meter of its width [1/(m s)]."""
 
 CIRCLES = {64: 3.5, 256: 2.0}
-"""Agents on a circle, and how many times as long as alone they may take."""
+"""Number of agents on a circle, and their largest time as a multiple of that of a single agent."""
 
 KEYS = (
     *("drill", "runs", "failed", "missing", "last_s", "last_s_median", "flow_per_m", "flow_per_m_least"),
     *("speed", "speed_least", "speed_most", "overtaken", "acceleration_p95"),
 )
-"""Columns of the table. ``failed``: runs that miss their bar. ``overtaken``: overtakings in single file, all runs."""
+"""Columns of the table. ``failed``: runs that miss their bar. ``overtaken``: overtakings in single file, over all
+runs."""
 
 
 def measure() -> Measurement:
@@ -63,13 +64,13 @@ def measure() -> Measurement:
 
 
 def _row(drill: str, failed: Sequence[bool], **columns: float) -> dict[str, Any]:
-    """A row of the table; columns that say nothing of a drill stay empty."""
+    """Return a row of the table; columns without meaning for a drill stay empty."""
     row: dict[str, Any] = dict.fromkeys(KEYS)
     return row | {"drill": drill, "runs": len(failed), "failed": sum(failed)} | columns
 
 
 def _arrivals(results: Sequence[DrillResult]) -> dict[str, float]:
-    """Who is missing, when the last one arrives, and the accelerations, which the slowest run stands for."""
+    """Return how many are missing, when the last one arrives, and accelerations; the slowest run counts."""
     last = [_last(result) for result in results]
     return {
         "missing": int(sum(np.isnan(result.arrived).sum() for result in results)),
@@ -80,7 +81,7 @@ def _arrivals(results: Sequence[DrillResult]) -> dict[str, float]:
 
 
 def _last(result: DrillResult) -> float:
-    """When the last one of those arrived that did [s]."""
+    """Return when the last agent arrived, ignoring those that did not [s]."""
     return float(np.max(result.arrived, where=np.isfinite(result.arrived), initial=0.0))
 
 
@@ -121,7 +122,7 @@ def _single_file(density: float, width: float) -> dict[str, Any]:
 
 
 def _measured(name: str, results: Sequence[EndlessResult], band: tuple[float, float]) -> dict[str, Any]:
-    """A row of speeds in corridors without ends, which fail outside of the band [m/s]."""
+    """Return a row of speeds in endless corridors, which fail outside of the band [m/s]."""
     speeds = [result.speed for result in results]
     return _row(
         name,
@@ -134,7 +135,7 @@ def _measured(name: str, results: Sequence[EndlessResult], band: tuple[float, fl
 
 
 def _around() -> list[dict[str, Any]]:
-    """The corner, which has to take a time between those of the two straight corridors, and these two beside it."""
+    """Return the rows of the corner, whose time must lie between those of two straight corridors, and of these two."""
     runs = [run_around(seed) for seed in SEEDS]
     names = {"short": "straight, 50 m", "corner": "large crowd around a corner", "long": "straight, 81.4 m"}
     results = {each: [getattr(run, each) for run in runs] for each in names}

@@ -1,7 +1,7 @@
-"""Places in which crowds must not lock, as evacuation tests and studies of pedestrians use them.
+"""Places in which crowds must not jam, from evacuation tests and studies of pedestrians.
 
-Counterflow (IMO MSC.1/Circ.1533, test 8), doors, crossings, bottlenecks (Seyfried 2009), and the circle whose agents
-all change sides. Corridors without ends are in ``endless.py``.
+Counterflow (IMO MSC.1/Circ.1533, test 8), doors, crossings, bottlenecks (Seyfried 2009), and a circle on which all
+agents change sides. Endless corridors are in ``endless.py``.
 """
 
 from __future__ import annotations
@@ -35,22 +35,22 @@ from crowdsim.steering.walls import Walls, build_walls
 LEG_RADIUS = 0.125
 
 SPEED = 1.34
-"""Mean speed of pedestrians alone (Weidmann 1993) [m/s]."""
+"""Mean free walking speed of pedestrians [m/s] (Weidmann 1993)."""
 
 CIRCLE_SPACING = 0.775
-"""Distance along a circle between two agents at the start [m]."""
+"""Distance between neighbors on the circle at the start, along it [m]."""
 
 THERE = 0.3
 """Distance from its goal at which an agent of a circle has arrived [m]."""
 
 State = NDArray[Any]
 Guide: TypeAlias = Callable[[State], None]
-"""Writes gx, gy, togo, turn and held of all agents; togo is 0 for those who have arrived."""
+"""Function that sets gx, gy, togo, turn and held of all agents; togo is 0 for those that have arrived."""
 
 
 @cache
 def _needs() -> tuple[Requirements, NDArray[np.float64]]:
-    """What the behaviors of the library need of a place with one layer, and what they ask of a body."""
+    """Return what the built-in behaviors require of an environment with one layer, and their body radii."""
     behaviors = load_behavior_set(list_behaviors(library_folder("behaviors")), [(0.0, 2.0)]).behaviors
     return Requirements.of(behaviors, 1, 0.0), asked_of(behaviors)
 
@@ -66,7 +66,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Drill:
-    """A place and who walks through it, until all have arrived or ``seconds`` have passed."""
+    """A place and the agents in it, which walk until all have arrived or ``seconds`` have passed."""
 
     name: str
     area: Polygon
@@ -76,13 +76,13 @@ class Drill:
 
 @dataclass(frozen=True)
 class DrillResult:
-    """When each agent arrived [s], nan for those who did not, and 95 % of the accelerations [m/s2]."""
+    """Arrival time of each agent [s], nan if it did not arrive, and the 95 % quantile of accelerations [m/s2]."""
 
     arrived: NDArray[np.float64]
     acceleration: float
 
     def flow(self) -> float:
-        """Arrivals a second between the first and the last tenth of them [1/s]."""
+        """Return the rate of arrivals between the first and the last tenth of them [1/s]."""
         times = np.sort(self.arrived[np.isfinite(self.arrived)])
         few = len(times) // 10
         if len(times) < 20:
@@ -91,7 +91,7 @@ class DrillResult:
 
 
 def counterflow(against: int) -> Drill:
-    """100 people through a corridor of 2 m by 10 m, against so many others (IMO test 8)."""
+    """Return 100 people in a corridor of 2 m by 10 m, against ``against`` others (IMO test 8)."""
     area = union_all([box(0, 0, 10, 10), box(10, 4, 20, 6), box(20, 0, 30, 10)])
     groups = [Group(100, (0.4, 0.4, 9.0, 9.6), box(22, 0.3, 29.7, 9.7))]
     if against:
@@ -100,7 +100,7 @@ def counterflow(against: int) -> Drill:
 
 
 def door(each: int, width: float) -> Drill:
-    """So many from either side through a door."""
+    """Return ``each`` people on either side of a door, who want to the other side."""
     low, high = 4.0 - width / 2, 4.0 + width / 2
     area = union_all([box(0, 0, 7.9, 8), box(7.9, low, 8.1, high), box(8.1, 0, 16, 8)])
     groups = (
@@ -111,14 +111,14 @@ def door(each: int, width: float) -> Drill:
 
 
 def bottleneck(width: float) -> Drill:
-    """150 people through an opening 5 m long."""
+    """Return 150 people before an opening 5 m long."""
     area = union_all([box(-13, -4, 0, 4), box(0, -width / 2, 5, width / 2), box(5, -4, 12, 4)])
     group = Group(150, (-11.5, -3.5, -1.5, 3.5), box(6, -3.7, 11.7, 3.7))
     return Drill(f"bottleneck of {width:g} m", area, (group,), 200.0)
 
 
 def crossing(each: int) -> Drill:
-    """Two corridors of 4 m that cross, walked in all four directions."""
+    """Return two crossing corridors, 4 m wide, walked in all four directions."""
     area = union_all([box(-14, -2, 14, 2), box(-2, -14, 2, 14)])
     east, west = box(12, -1.7, 13.7, 1.7), box(-13.7, -1.7, -12, 1.7)
     north, south = box(-1.7, 12, 1.7, 13.7), box(-1.7, -13.7, 1.7, -12)
@@ -132,12 +132,12 @@ def crossing(each: int) -> Drill:
 
 
 def run_drill(drill: Drill, seed: int, *, rules: Rules | None = None, threads: int = 1) -> DrillResult:
-    """Walk through a drill; the seed draws places, breadths and speeds."""
+    """Run a drill; the seed draws places, breadths and speeds."""
     return run_from(drill, draw_agents(drill, seed), rules=rules, threads=threads)
 
 
 def run_from(drill: Drill, state: State, *, rules: Rules | None = None, threads: int = 1) -> DrillResult:
-    """Walk through a drill from a state; a row's goal is the number of its group, its id the number of the row."""
+    """Run a drill from a state, in which a row's goal is the index of its group and its id the index of the row."""
     need, asked = _needs()
     segments = outline_segments(drill.area)
     guidance = Guidance(build_ground([segments], need), [group.goal for group in drill.groups], asked)
@@ -154,9 +154,9 @@ def run_from(drill: Drill, state: State, *, rules: Rules | None = None, threads:
 
 
 def run_circle(count: int, seed: int, *, rules: Rules | None = None, threads: int = 1) -> tuple[DrillResult, float]:
-    """Agents on a circle go to the opposite points, all at SPEED; returns also the time of one who is alone [s].
+    """Let agents on a circle go to the opposite points, all at SPEED; also return the time of a single agent [s].
 
-    There are no walls, so the way is the straight line, as fields have it in the open.
+    There are no walls, so each agent is guided along the straight line.
     """
     state = circle_state(count, seed)
     places = np.column_stack((state["x"], state["y"]))
@@ -179,7 +179,7 @@ def walk(
     rules: Rules | None = None,
     threads: int = 1,
 ) -> DrillResult:
-    """Step agents until all have arrived; who has arrived leaves."""
+    """Step agents until all have arrived; an agent that has arrived leaves."""
     arrived = np.full(len(state), np.nan)
     changes = []
     with Steering(walls, walls, leg_radius=LEG_RADIUS, rules=rules, threads=threads) as steering:
@@ -198,7 +198,7 @@ def walk(
 
 
 def circle_state(count: int, seed: int) -> State:
-    """Agents on a circle who look at the opposite points, each with a goal of its own."""
+    """Return agents on a circle, facing the opposite points, each with a goal of its own."""
     rng = np.random.default_rng(seed)
     radius = CIRCLE_SPACING * count / (2.0 * math.pi)
     angles = 2.0 * math.pi * (np.arange(count) + rng.uniform(-0.1, 0.1, count)) / count
@@ -209,7 +209,7 @@ def circle_state(count: int, seed: int) -> State:
 
 
 def draw_agents(drill: Drill, seed: int) -> State:
-    """Agents at random places of their groups' rectangles, none nearer to another than 0.52 m.
+    """Return agents at random places of their groups' rectangles, at least 0.52 m apart.
 
     Breadths are N(0.46, 0.03) m within [0.38, 0.55], speeds N(1.34, 0.26) m/s within [0.5, 2.2] (Weidmann 1993).
     """
@@ -223,7 +223,7 @@ def draw_agents(drill: Drill, seed: int) -> State:
 def make_agents(
     rng: np.random.Generator, places: NDArray[np.float64], goals: NDArray[np.int64], facing: NDArray[np.float64]
 ) -> State:
-    """Agents of usual breadth and speed at ``places``, float64[n, 2] [m], who face along ``facing``, float64[n, 2]."""
+    """Return agents of usual breadth and speed at ``places`` (n, 2) [m], facing along ``facing`` (n, 2)."""
     count = len(places)
     state = np.zeros(count, ROW)
     state["x"], state["y"] = places.T
@@ -242,6 +242,7 @@ def make_agents(
 def scatter(
     rng: np.random.Generator, count: int, within: tuple[float, float, float, float], apart: float = 0.52
 ) -> NDArray[np.float64]:
+    """Return random places (count, 2) in a rectangle, at least ``apart`` from each other [m]."""
     cells: dict[tuple[int, int], list[NDArray[np.float64]]] = {}
     found: list[NDArray[np.float64]] = []
     for _ in range(2000 * count):

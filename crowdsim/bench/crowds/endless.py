@@ -1,4 +1,4 @@
-"""Corridors without ends, in which speed is measured against density (RiMEA 3.0, test 4).
+"""Endless corridors, in which speed is measured against density (RiMEA 3.0, test 4).
 
 An agent that leaves at one end comes in at the other. The kernels do not wrap around: before each step, agents within
 AHEAD of an end are copied beyond the other end; after the step the copies are deleted. Agents read only the rows from
@@ -23,13 +23,13 @@ LENGTH = 26.0
 WIDTH = 2.0
 
 AHEAD = 4.0
-"""More than agents see [m]."""
+"""Length at either end that is copied [m], more than agents see."""
 
 SETTLING = 10.0
-"""Time before the measurement [s], as RiMEA's test 4 has it."""
+"""Time before the measurement [s], as in RiMEA's test 4."""
 
 MEASURED = 60.0
-"""Time that is measured [s]."""
+"""Duration of the measurement [s]."""
 
 ONE_WAY = {
     0.5: (1.168, 1.594),
@@ -39,33 +39,33 @@ ONE_WAY = {
     2.5: (0.347, 0.675),
     3.0: (0.291, 0.490),
 }
-"""Density [1/m2] -> 5 % and 95 % of the speeds [m/s] measured in corridors walked one way.
+"""Density [1/m2] -> 5 and 95 % quantiles of the speeds in unidirectional corridor flow [m/s].
 
-Of the HERMES experiments (Zhang, Klingsch, Schadschneider and Seyfried 2011), runs uo-*, 17 of them, by the classic
-method C of PedPy 1.5.1.
+From the HERMES experiments (Zhang, Klingsch, Schadschneider and Seyfried 2011), 17 runs uo-*, by the classic method C
+of PedPy 1.5.1.
 """
 
 BOTH_WAYS = {1.0: 1.0, 2.0: 0.65}
-"""Density [1/m2] -> least mean speed [m/s] if half of the people walk against the other half."""
+"""Density [1/m2] -> least mean speed if half of the people walk against the other half [m/s]."""
 
 
 @dataclass(frozen=True)
 class EndlessResult:
-    """Mean speed along the corridor of all agents [m/s], 95 % of the accelerations [m/s2], and how far each went."""
+    """Mean speed along the corridor [m/s], 95 % quantile of the accelerations [m/s2], and distance of each agent."""
 
     speed: float
     acceleration: float
     gone: NDArray[np.float64]
-    """Way of each agent along +x, in all the time [m]."""
+    """Distance of each agent along +x over the whole run [m]."""
 
 
 def run_endless(density: float, seed: int, *, both_ways: bool = False, rules: Rules | None = None) -> EndlessResult:
-    """Measure the speed of people at a density [1/m2]; the seed draws places, breadths and the order of speeds."""
+    """Measure the speed at a density [1/m2]; the seed draws places, breadths and the order of speeds."""
     return walk_endless(draw_endless(density, seed, both_ways), LENGTH, WIDTH, rules)
 
 
 def walk_endless(state: NDArray[Any], length: float, width: float, rules: Rules | None = None) -> EndlessResult:
-    """Step agents in a corridor without ends, ``length`` long and ``width`` wide [m], and measure after SETTLING."""
+    """Step agents in an endless corridor, ``length`` long and ``width`` wide [m], and measure after SETTLING."""
     walls = build_walls(np.array([[-9.0, 0.0, length + 9.0, 0.0], [-9.0, width, length + 9.0, width]]))
     speeds, changes = [], []
     gone = np.zeros(len(state))
@@ -85,7 +85,7 @@ def walk_endless(state: NDArray[Any], length: float, width: float, rules: Rules 
 
 
 def with_copies(state: NDArray[Any], length: float = LENGTH) -> NDArray[Any]:
-    """All agents, then copies beyond the ends of those within AHEAD of the other end, with what they have to go."""
+    """Return all agents, then copies of those within AHEAD of an end, placed beyond the other end."""
     right, left = state[state["x"] < AHEAD], state[state["x"] >= length - AHEAD]
     shift(right, length)
     shift(left, -length)
@@ -96,16 +96,16 @@ def with_copies(state: NDArray[Any], length: float = LENGTH) -> NDArray[Any]:
 
 
 def shift(state: NDArray[Any], by: float | NDArray[np.float64]) -> None:
-    """Move agents along the corridor; who is farther along goes first, so their keys move, too."""
+    """Move agents along the corridor, with their keys, because agents that are farther along have priority."""
     state["x"] += by
     state["key"] -= state["gx"] * by
 
 
 def draw_endless(density: float, seed: int, both_ways: bool) -> NDArray[Any]:
-    """People at places drawn from three rows, all at different ones, each pushed a little.
+    """Return people at different places of three rows, each displaced a little.
 
-    Their speeds are quantiles of the usual ones in random order, so that the mean speed alone is the same for all
-    seeds: that of 26 people drawn at random would vary by 0.05 m/s, as much as the lowest band is wide.
+    Their speeds are quantiles of the usual distribution in random order, so that the mean free speed is the same for
+    all seeds: that of 26 random draws would vary by 0.05 m/s, as much as the lowest band is wide.
     """
     rng = np.random.default_rng(seed)
     count = round(density * LENGTH * WIDTH)
@@ -123,6 +123,6 @@ def draw_endless(density: float, seed: int, both_ways: bool) -> NDArray[Any]:
 
 
 def shuffled_speeds(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Speeds alone [m/s]: the same quantiles of the usual ones for all seeds, in random order."""
+    """Return free speeds [m/s]: the same quantiles of the usual distribution for all seeds, in random order."""
     speeds: NDArray[np.float64] = np.clip(SPEED + 0.26 * ndtri((np.arange(count) + 0.5) / count), 0.5, 2.2)
     return rng.permutation(speeds)

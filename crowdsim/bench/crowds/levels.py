@@ -1,8 +1,8 @@
-"""What a step of captured characters costs by stage, from thirty to ten thousand of them, and of a mixed crowd.
+"""Time of a step of captured crowds by stage, from thirty to ten thousand characters, and of a mixed crowd.
 
-Captured ones walk to and fro on an open square between a place of their own and another 6 to 12 m off, for ever, 30
-steps a second. Stages are timed one after the other: searches are waited for, as they would share the processor.
-Figures are milliseconds of processor time a step, means over STEPS steps, as searches come in bursts.
+Captured characters walk to and fro on an open square between a place of their own and another 6 to 12 m away,
+endlessly, at 30 steps per second. Stages are timed one after another, with searches awaited, since they would share the
+processor. Figures are milliseconds of processor time per step, means over STEPS steps, because searches come in bursts.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.systems.animate import animate
 from crowdsim.recording.writer import RecordingWriter
 from crowdsim.scenario.loader import parse_scenario
-from crowdsim.scenario.placement import Placement
+from crowdsim.scenario.people.placement import Placement
 from crowdsim.scenario.scenario import Scenario
 
 DENSITY = 0.1
-"""Characters/m2."""
+"""Characters per area [1/m2]."""
 
 STEPS = 60
-"""Steps that are timed by stage, and as many as a whole."""
+"""Steps that are timed by stage, and as many again that are timed as a whole."""
 
 SETTLING = 360
-"""Steps before that at most, until nearly all are in the world and a second has gone by."""
+"""Largest number of steps before, until nearly all characters have appeared and a second has passed."""
 
 STAGES = (
     *("react", "spawn", "choose", "animate", "despawn", "hash", "record", "measure", "submit"),
     "search",
 )
-"""In the order of a step; ``react`` hands plans out, ``submit`` begins searches."""
+"""Stages in the order of a step; ``react`` hands out plans, ``submit`` starts searches."""
 
 _SCENARIO = """\
 crowdsim: 1
@@ -61,7 +61,7 @@ _LEGS = (6.0, 12.0)  # meters
 
 
 def captured_square(agents: int, seed: int = 1) -> tuple[Scenario, Placement]:
-    """An open square, and so many captured characters on it who walk to and fro for ever."""
+    """Return an open square with ``agents`` captured characters that walk to and fro endlessly."""
     rng = np.random.default_rng(seed)
     side = math.sqrt(agents / DENSITY)
     across = math.ceil(math.sqrt(agents))
@@ -85,7 +85,7 @@ def captured_square(agents: int, seed: int = 1) -> tuple[Scenario, Placement]:
 
 
 def _place_off(rng: np.random.Generator, start: NDArray[np.float64], side: float) -> NDArray[np.float64]:
-    """A place on the square a leg off."""
+    """Return a place on the square 6 to 12 m away."""
     while True:
         angle, leg = rng.uniform(-math.pi, math.pi), rng.uniform(*_LEGS)
         place: NDArray[np.float64] = start + leg * np.array([math.cos(angle), math.sin(angle)])
@@ -94,7 +94,7 @@ def _place_off(rng: np.random.Generator, start: NDArray[np.float64], side: float
 
 
 def staged_step(crowd: CapturedCrowd, writer: RecordingWriter | None = None) -> list[float]:
-    """Take a step as the crowd does by itself; returns the seconds of processor time of each stage."""
+    """Take the same step as the crowd itself does; return the processor time of each stage [s]."""
     marks = [time.process_time()]
 
     def mark() -> None:
@@ -133,10 +133,10 @@ def staged_step(crowd: CapturedCrowd, writer: RecordingWriter | None = None) -> 
 
 
 def captured_row(agents: int, folder: Path) -> dict[str, Any]:
-    """Milliseconds a step by stage of so many captured characters, and how many come in and go on a second.
+    """Return milliseconds per step by stage, and rates, of ``agents`` captured characters.
 
-    admitted_in_second: of all, those in the world after the first simulated second; steps_a_second: of whole steps with
-    two threads that search, on the clock.
+    admitted_in_second: number of characters present after the first simulated second. steps_a_second: whole
+    steps per second of wall-clock time with two search threads.
     """
     scenario, cast = captured_square(agents)
     crowd = CapturedCrowd(scenario, 2, None, cast)
@@ -170,7 +170,7 @@ def captured_row(agents: int, folder: Path) -> dict[str, Any]:
 
 
 def mixed_row(agents: int) -> dict[str, Any]:
-    """Milliseconds a step, on the clock, of so many auto characters on a square, and the share of captured ones."""
+    """Return wall-clock milliseconds per step of ``agents`` auto characters on a square, and the share captured."""
     scenario = parse_scenario(square_scenario(agents, DENSITY).replace("steered", "auto"))
     crowd = MixedCrowd(scenario, 2, None)
     times = []
@@ -192,9 +192,9 @@ def mixed_row(agents: int) -> dict[str, Any]:
 
 
 def level_figures(levels: tuple[int, ...], mixed: int, folder: Path) -> dict[str, float]:
-    """Figures by name, as ``captured_3000_choose_ms`` and ``mixed_3000_whole_ms``.
+    """Return figures by name, such as ``captured_3000_choose_ms`` and ``mixed_3000_whole_ms``.
 
-    ``times_a_tenfold``: how many times as long a step takes of ten times as many, by those present at two levels.
+    ``times_a_tenfold`` is the growth of a step's time per tenfold number of characters, between two crowds.
     """
     figures: dict[str, float] = {}
     rows = [captured_row(agents, folder) for agents in levels]

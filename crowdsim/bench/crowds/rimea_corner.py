@@ -1,9 +1,9 @@
-"""RiMEA 15: a large crowd around a corner, beside straight corridors as long as its inner and its outer wall.
+"""RiMEA 15: a large crowd around a corner, compared with straight corridors as long as its inner and its outer wall.
 
-The text of the guideline was not at hand. Assumed is what JuPedSim's test of it (from RiMEA 3.0) has: corridors 20 m
-wide, 500 people in the first 6 m of each, 40 m before the corner and 10 m after it, straight ones of 50 m and 81.4 m,
-and that the corner takes a time between those of the two. 81.4 m is 40 m, a quarter of a circle of 20 m, and 10 m, so
-the outer wall is taken to be that arc, of ARC_PARTS chords; JuPedSim has one oblique wall.
+The text of the guideline was not available. As in JuPedSim's test (from RiMEA 3.0), corridors are 20 m wide, with 500
+people in the first 6 m, 40 m before the corner and 10 m after it; the straight ones are 50 m and 81.4 m long; and the
+corner must take a time between those of both. 81.4 m is 40 m, a quarter of a circle with radius 20 m, and 10 m, so the
+outer wall is taken to be that arc, in ARC_PARTS chords; JuPedSim has one oblique wall.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from crowdsim.bench.crowds.drills import Drill, DrillResult, Group, State, make_
 from crowdsim.steering.rules import Rules
 
 COUNT = 500
-"""People in each corridor."""
+"""Number of people in each corridor."""
 
 WIDTH = 20.0
 """Width of the corridors, and radius of the outer wall around the inner corner [m]."""
 
 START = 6.0
-"""Length of the part of a corridor in which people begin [m]: 4.2 of them on a square meter."""
+"""Length of the start region of a corridor [m]: 4.2 people per square meter."""
 
 BEFORE = 40.0
-"""Inner wall before the corner, with the part in which people begin [m]."""
+"""Length of the inner wall before the corner, including the start region [m]."""
 
 AFTER = 10.0
-"""Walls after the corner [m]."""
+"""Length of the walls after the corner [m]."""
 
 INNER = BEFORE + AFTER
 """Length of the inner wall, and of the short straight corridor [m]."""
@@ -40,19 +40,19 @@ OUTER = INNER + math.pi / 2.0 * WIDTH
 """Length of the outer wall, and of the long straight corridor [m]."""
 
 ARC_PARTS = 8
-"""Chords of the outer wall; they are 0.05 m shorter than the arc."""
+"""Number of chords of the outer wall; together they are 0.05 m shorter than the arc."""
 
 GOAL = 3.0
-"""Length of the goal behind the end of a corridor [m]."""
+"""Length of the goal region behind the end of a corridor [m]."""
 
 SECONDS = 400.0
 """Time after which a run ends [s]. At 0.5 m/s, the lowest speed drawn, the long corridor takes 163 s."""
 
 SLOTS_ACROSS = 35
-"""People abreast at the start: 0.57 m each, more than any body is broad."""
+"""People side by side at the start: 0.57 m for each, more than any body's breadth."""
 
 SLOTS_ALONG = 15
-"""Rows of them, 0.4 m one behind the other."""
+"""Rows of people at the start, 0.4 m apart."""
 
 
 @dataclass(frozen=True)
@@ -64,32 +64,32 @@ class AroundResult:
     long: DrillResult
 
     def lasts(self) -> tuple[float, float, float]:
-        """Arrival time of the last person, for each corridor [s]; nan if not all arrive."""
+        """Return the arrival time of the last person in each corridor [s]; nan if not all arrive."""
         return float(self.short.arrived.max()), float(self.corner.arrived.max()), float(self.long.arrived.max())
 
     def means(self) -> tuple[float, float, float]:
-        """Mean arrival time, for each corridor [s]; nan if not all arrive."""
+        """Return the mean arrival time in each corridor [s]; nan if not all arrive."""
         return float(self.short.arrived.mean()), float(self.corner.arrived.mean()), float(self.long.arrived.mean())
 
     def lies_between(self) -> bool:
-        """Whether all arrive, and the corner takes longer than the short corridor and less long than the long one."""
+        """Return whether all arrive, and the corner takes a time between those of the short and the long corridor."""
         return all(short < corner < long for short, corner, long in (self.lasts(), self.means()))
 
 
 def run_around(seed: int, count: int = COUNT, rules: Rules | None = None) -> AroundResult:
-    """Test 15: the same ``count`` people through the three corridors; the seed draws who they are and where."""
+    """Run test 15 with the same ``count`` people in three corridors; the seed draws people and places."""
     state = draw_crowd(seed, count)
     drills = [straight(INNER), around_corner(), straight(OUTER)]
     return AroundResult(*(run_from(drill, state.copy(), rules=rules) for drill in drills))
 
 
 def straight(length: float) -> Drill:
-    """A straight corridor; it is left at ``length`` [m]."""
+    """Return a straight corridor that ends at ``length`` [m]."""
     return _drill(f"straight, {length:.1f} m", [box(0, 0, length + GOAL, WIDTH)], box(length, 0, length + GOAL, WIDTH))
 
 
 def around_corner() -> Drill:
-    """A corridor that turns left by a right angle around (BEFORE, WIDTH)."""
+    """Return a corridor that turns left by a right angle around (BEFORE, WIDTH)."""
     far = BEFORE + WIDTH
     disc = Point(BEFORE, WIDTH).buffer(WIDTH, quad_segs=ARC_PARTS)
     turn = intersection(disc, box(BEFORE, 0, far, WIDTH))
@@ -103,7 +103,7 @@ def _drill(name: str, parts: list[Polygon], goal: Polygon) -> Drill:
 
 
 def draw_crowd(seed: int, count: int) -> State:
-    """People in random ones of the slots of the start, each pushed a little, who look along the corridor."""
+    """Return people in random slots of the start region, each displaced a little, facing along the corridor."""
     rng = np.random.default_rng(seed)
     slots = rng.permutation(SLOTS_ACROSS * SLOTS_ALONG)[:count]
     places: NDArray[np.float64] = np.column_stack(

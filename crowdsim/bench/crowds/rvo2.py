@@ -1,4 +1,4 @@
-"""RVO2 in the same run, if its sources are there: the yardstick of what a step of many agents costs."""
+"""RVO2 in the same run, if its sources are given, as a reference for the time of a step of many agents."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ _DRIVER = Path(__file__).with_name("rvo2_driver.cc")
 
 
 class Rvo2:
-    """RVO2 compiled from its sources in ``folder``, which holds ``src/RVO.h``; the program goes to ``into``.
+    """RVO2, compiled from the sources in ``folder``, which contains ``src/RVO.h``, to a program in ``into``.
 
-    CrowdSimError if there are no sources, no C++ compiler, or they do not compile.
+    Raises
+    ------
+    CrowdSimError
+        If there are no sources or no C++ compiler, or they do not compile.
     """
 
     def __init__(self, folder: Path, into: Path) -> None:
@@ -33,7 +36,7 @@ class Rvo2:
             raise CrowdSimError(f"RVO2 in {folder} does not compile:\n{done.stderr[-2000:]}")
 
     def step_times(self, agents: int, density: float, steps: int) -> list[float]:
-        """Microseconds of an agent-step on one thread, step by step."""
+        """Return microseconds per agent and step on one thread, step by step."""
         arguments = [str(self._program), str(agents), str(density), str(steps)]
         done = subprocess.run(arguments, capture_output=True, text=True, check=True)
         return [float(line) for line in done.stdout.split()]

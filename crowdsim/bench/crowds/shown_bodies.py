@@ -1,4 +1,4 @@
-"""How many frames a second can be shown of a large crowd: all steps of everyone, and the poses of those in view."""
+"""Frames per second of a large crowd: all steps of all agents, and the poses of the bodies in view."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from crowdsim.motion.deformed.live_bodies import LiveBodies
 from crowdsim.scenario.loader import parse_scenario
 
 FRAMES_A_STEP = 3
-"""Frames at 30 a second between two steps."""
+"""Frames between two steps, at 30 frames per second."""
 
 STEPS = 60
-"""Steps that are timed, after as many that are not."""
+"""Number of timed steps, after as many that are not timed."""
 
 
 def frames_a_second(simulated: int, posed: int) -> float:
-    """Frames a second of agents at 0.25 /m2, with the joints of ``posed`` bodies in the world in every one.
+    """Return frames per second of ``simulated`` agents at 0.25 /m2, with ``posed`` bodies posed in every frame.
 
-    One thread steps the crowd, another one poses bodies meanwhile. As many frames belong to a step as at 30 a second:
-    that is what has to be reached. Drawing is not counted.
+    One thread steps the crowd while another poses bodies. Each step has FRAMES_A_STEP frames, so the goal is 30.
+    Drawing is not included.
     """
     clips = gait_clips(load_behavior_set(("lateral", "arm_constrained", "frontal"), [(0.0, 2.0)]))
     clip = deform_clip(clips[-1])
@@ -60,7 +60,7 @@ def _show(bodies: LiveBodies, clip: DeformedClip, samples: NDArray[np.float64]) 
 
 
 def _samples(crowd: SteeredCrowd, posed: int) -> NDArray[np.float64]:
-    """(posed, 4) x, y, heading and phase of the first ones."""
+    """Return (posed, 4) x, y, heading and phase of the first agents."""
     view = crowd.world.view()
     rows = view.row[:posed]
     return np.column_stack((rows["x"], rows["y"], rows["heading"], view.phase[:posed]))

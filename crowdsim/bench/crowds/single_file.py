@@ -1,7 +1,7 @@
-"""RiMEA 16 (4.1.1): speed against density of people who walk one behind the other, in a corridor without ends.
+"""RiMEA 16 (4.1.1): speed against density of people in single file, in an endless corridor.
 
-The bands are from the table of percentiles that comes with the guideline. Such people are measured in rings, as that of
-Seyfried et al. (2005): 17.3 m along the middle, a lane of 0.8 m. The corridor here is straight and a little longer.
+The bands are from the table of percentiles of the guideline. The experiments used rings, such as that of Seyfried et
+al. (2005): 17.3 m along the middle, a lane of 0.8 m. The corridor here is straight and a little longer.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from crowdsim.bench.crowds.endless import EndlessResult, shuffled_speeds, walk_e
 from crowdsim.steering.rules import Rules
 
 LENGTH = 20.0
-"""Length of the corridor [m]; all densities are whole numbers of people in it."""
+"""Length of the corridor [m]; all densities give whole numbers of people."""
 
 LANE = 0.8
-"""Width of the measured lane [m]; two who turn their shoulders fit into it side by side."""
+"""Width of the measured lane [m]; two people with turned shoulders fit side by side."""
 
 NARROW = 0.6
-"""Width in which hardly anybody can be overtaken [m]; the broadest bodies have 0.55 m."""
+"""Width in which hardly anyone can overtake [m]; the broadest bodies measure 0.55 m."""
 
 BANDS = {
     0.3: (0.840, 1.473),
@@ -37,29 +37,29 @@ BANDS = {
     2.3: (0.027, 0.239),
     2.5: (0.022, 0.220),
 }
-"""Density [1/m] -> 10 % and 90 % of the speeds [m/s] measured in single file, each for a density 0.0011/m lower."""
+"""Density [1/m] -> 10 and 90 % quantiles of the speeds measured in single file, at a density 0.0011 /m lower [m/s]."""
 
 
 @dataclass(frozen=True)
 class SingleFileResult:
-    """What was measured in the corridor, and how many overtook."""
+    """Measurement in the corridor, and the number of overtakings."""
 
     walked: EndlessResult
     overtaken: int
-    """People whom the next person behind them has passed by the end of the run."""
+    """Number of people that the person behind has passed by the end of the run."""
 
 
 def run_single_file(density: float, width: float, seed: int, rules: Rules | None = None) -> SingleFileResult:
-    """Measure the speed at a density [1/m] in a corridor of ``width`` [m]; the seed draws who walks behind whom."""
+    """Measure the speed at a density [1/m] in a corridor of ``width`` [m]; the seed draws the order of people."""
     state = draw_file(density, width, seed)
     walked = walk_endless(state, LENGTH, width, rules)
-    # The file is closed: ahead of the last one, a corridor farther, is the first one.
+    # The file is closed: ahead of the last person is the first one, displaced by the length of the corridor.
     ends = state["x"] + walked.gone
     return SingleFileResult(walked, int((np.diff(np.append(ends, ends[0] + LENGTH)) < 0.0).sum()))
 
 
 def draw_file(density: float, width: float, seed: int) -> State:
-    """People in the order of their rows, as far from each other as fit, each pushed a little."""
+    """Return people in the order of their rows, evenly spaced, each displaced a little."""
     rng = np.random.default_rng(seed)
     count = round(density * LENGTH)
     spacing = LENGTH / count

@@ -1,7 +1,7 @@
-"""A long run: whether memory and the time of a step stay as they are, and whether anybody is left behind.
+"""A long run: whether memory and step time stay constant, and whether any character gets stuck.
 
-The built-in plaza, with a source instead of each of its groups: as many come in a second as at its busiest, and leave
-where they are to go. The sources end a while before the run does, so that everybody who is still there then is stuck.
+The built-in plaza, with sources instead of groups: characters appear at the rate of its busiest time, and leave at
+their goals. The sources end some time before the run does, so that characters who are then still present are stuck.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from crowdsim.scenario.loader import builtin_scenarios, parse_scenario
 from crowdsim.scenario.scenario import Scenario
 
 MINUTES = 60.0
-"""Simulated time by default [min]."""
+"""Default simulated time [min]."""
 
 LEAST = 4.0
-"""Simulated time below which slopes mean nothing [min]."""
+"""Simulated time below which slopes have no meaning [min]."""
 
 EMPTIES = 120.0
-"""Time without sources at the end, in which everybody leaves [s]."""
+"""Time without sources at the end, in which all characters leave [s]."""
 
 SETTLES = 0.1
-"""Share of the run at its beginning that slopes leave out: the plaza fills, and caches do."""
+"""Share of the run at its beginning that slopes ignore, while the plaza and caches fill."""
 
 WINDOW = 10.0
-"""Seconds of simulated time that one sample stands for: the memory at its end, the median of its steps."""
+"""Simulated time per sample [s]: memory at its end, and median time of its steps."""
 
 
 def measure(minutes: float = MINUTES) -> Measurement:
-    """Run the plaza for so many simulated minutes; CrowdSimError for fewer than LEAST."""
+    """Run the plaza for ``minutes`` of simulated time; raise CrowdSimError below LEAST."""
     if not LEAST <= minutes <= 24.0 * 60.0:
-        raise CrowdSimError(f"a soak of {minutes:g} minutes tells nothing; give {LEAST:g} to 1440")
+        raise CrowdSimError(f"a soak of {minutes:g} minutes is too short or too long; give {LEAST:g} to 1440")
     scenario = plaza(60.0 * minutes)
     samples = Samples(scenario.steps_per_second)
     with TemporaryDirectory() as folder, Simulation(scenario) as simulation:
@@ -67,7 +67,7 @@ def measure(minutes: float = MINUTES) -> Measurement:
 
 
 def plaza(seconds: float) -> Scenario:
-    """The built-in scenario of that name with sources instead of groups."""
+    """Return the built-in scenario of that name with sources instead of groups."""
     path = builtin_scenarios()["plaza"]
     text = path.read_text()
 
@@ -85,7 +85,7 @@ def plaza(seconds: float) -> Scenario:
 
 
 class Samples:
-    """Memory of this process and times of steps, taken as the run goes on."""
+    """Memory of this process and step times, sampled during a run."""
 
     def __init__(self, steps_per_second: int) -> None:
         self._each = max(round(WINDOW * steps_per_second), 1)
@@ -97,7 +97,7 @@ class Samples:
         """Median of the steps of each window."""
 
     def add(self, step: int, steps: int, simulation: Simulation) -> None:
-        """Take in the step that has just ended; called back by ``Simulation.run``."""
+        """Add the step that has just ended; callback of ``Simulation.run``."""
         now = time.perf_counter()
         self._steps.append(now - self._ended)
         if len(self._steps) == self._each:
@@ -107,16 +107,16 @@ class Samples:
         self._ended = time.perf_counter()
 
     def slopes(self) -> tuple[float, float]:
-        """By what share memory, and the time of a step, grow while the sources are on, but for the beginning."""
+        """Return the relative growth of memory and step time while the sources are active, after the beginning."""
         first = round(SETTLES * len(self.memory))
         last = len(self.memory) - round(EMPTIES / WINDOW)
         return growth(np.array(self.memory[first:last])), growth(np.array(self.seconds[first:last]))
 
 
 def growth(values: NDArray[np.float64]) -> float:
-    """How much more the last of evenly spaced values is than the first, as a share of their median.
+    """Return how much evenly spaced values grow from first to last, as a share of their median.
 
-    By the median slope between all pairs (Theil and Sen), which single values far off do not change.
+    The slope is the median over all pairs (Theil-Sen estimator), which outliers do not affect.
     """
     if len(values) < 2:
         return 0.0
@@ -126,6 +126,6 @@ def growth(values: NDArray[np.float64]) -> float:
 
 
 def resident_mb() -> float:
-    """Memory of this process that is in use, as the system counts it."""
+    """Return the resident memory of this process [MB]."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

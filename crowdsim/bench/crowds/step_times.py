@@ -1,7 +1,7 @@
-"""What a step of a steered crowd costs, by stage, beside RVO2 where its sources are given.
+"""Time of a steered crowd's step by stage, compared with RVO2 if its sources are given.
 
-Agents walk in sixteen directions over an open square, and turn back to its middle if they leave it. Figures are
-medians over steps, in microseconds of one agent's step; RVO2 runs between two passes of ours.
+Agents walk in sixteen directions over an open square, and turn back to its middle if they leave it. Figures are medians
+over steps, in microseconds per agent; RVO2 runs between two passes of ours.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from crowdsim.steering.walls import build_walls
 from crowdsim.steering.ways import NOBODY_ELSE, listed
 
 AGENT_STEPS = 400_000
-"""Agent-steps that each figure is the median of, in at least 12 steps and at most 200."""
+"""Number of agent-steps behind each median, in at least 12 and at most 200 steps."""
 
 _STAGES = ("sort", "look", "decide", "commit")
 
 
 def step_row(agents: int, density: float, rvo2: Rvo2 | None) -> dict[str, Any]:
-    """Microseconds of an agent's step by stage, with one and two threads, and those of RVO2 if it is given."""
+    """Return microseconds per agent and step by stage, with one and two threads, and those of RVO2 if given."""
     steps = min(max(AGENT_STEPS // agents, 12), 200)
     stages = _stage_times(agents, density, steps)
     one, two = (_step_times(agents, density, steps, threads) for threads in (1, 2))
@@ -40,7 +40,7 @@ def step_row(agents: int, density: float, rvo2: Rvo2 | None) -> dict[str, Any]:
 
 
 def open_square(agents: int, density: float, seed: int = 1) -> tuple[State, float]:
-    """Agents in rows on an open square who walk in sixteen directions, and the side of the square [m]."""
+    """Return agents in rows on an open square, walking in sixteen directions, and the side of the square [m]."""
     rng = np.random.default_rng(seed)
     side = math.sqrt(agents / density)
     across = math.ceil(math.sqrt(agents))
@@ -48,7 +48,7 @@ def open_square(agents: int, density: float, seed: int = 1) -> tuple[State, floa
     places = (np.column_stack((column, row)) + 0.5) * side / across
     sixteenth = rng.integers(0, 16, agents)
     way = np.column_stack((np.cos(sixteenth * math.pi / 8), np.sin(sixteenth * math.pi / 8)))
-    # In dense crowds all begin side by side, as bodies that face anywhere would touch.
+    # In dense crowds all face the same way at first, because bodies with random headings would overlap.
     state = make_agents(rng, places, sixteenth, way if density < 2.0 else np.tile([1.0, 0.0], (agents, 1)))
     state["gx"], state["gy"] = way.T
     state["togo"] = 100.0

@@ -1,4 +1,4 @@
-"""Whole runs of steered scenarios: guidance, events, statistics, hashing and recording with every step."""
+"""Whole runs of steered scenarios: each step with guidance, events, statistics, hashing and recording."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from crowdsim.recording.writer import RecordingWriter
 from crowdsim.scenario.loader import parse_scenario
 
 STEPS = 60
-"""Steps that are timed, after as many that are not: everyone has set out by then."""
+"""Number of timed steps, after as many that are not timed, in which all characters set out."""
 
 _SCENARIO = """\
 crowdsim: 1
@@ -38,7 +38,7 @@ _GROUP = """\
 
 
 def square_scenario(agents: int, density: float, seed: int = 1) -> str:
-    """Agents all over a square of that many agents/m2, a fourth in each quarter, who walk to and fro for ever."""
+    """Return agents all over a square at ``density`` [1/m2], a quarter per quadrant, walking to and fro endlessly."""
     side = math.sqrt(agents / density)
     deep, far = max(0.05 * side, 2.0), side - 0.5
     west, east = [0.5, 0.5, deep, far], [side - deep, 0.5, far, far]
@@ -59,10 +59,10 @@ def square_scenario(agents: int, density: float, seed: int = 1) -> str:
 
 
 def run_row(agents: int, density: float, folder: Path) -> dict[str, Any]:
-    """Microseconds of an agent's step of a whole run on one thread, and what it keeps and writes.
+    """Return microseconds per agent and step of a whole run on one thread, and its sizes in memory and on disk.
 
-    core_at_10_hz: share of a core that the run takes as fast as time goes by. state_bytes: of an agent in the world;
-    place_mb: walls, ground and fields; recorded_bytes: of an agent's step in the file.
+    core_at_10_hz: share of a core that the run needs in real time. state_bytes: per present agent. place_mb: walls,
+    ground and fields. recorded_bytes: per agent and step in the file.
     """
     scenario = parse_scenario(square_scenario(agents, density))
     begin = time.perf_counter()
@@ -85,7 +85,7 @@ def run_row(agents: int, density: float, folder: Path) -> dict[str, Any]:
                 crowd.end_step()
                 stages.append(np.diff(marks))
             writer.finish(crowd.summary())
-        # Now and then a field is made anew, or a chunk is written: means, not medians.
+        # The first half of the steps warms up. Means, not medians: some steps recompute a field or write a chunk.
         advance, record, measured = np.mean(stages[STEPS:], axis=0) / agents * 1e6
         whole = float(advance + record + measured)
         return {

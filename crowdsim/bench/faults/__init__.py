@@ -1,1 +1,1 @@
-"""Bad luck on purpose: edits, files and runs that break, and what comes of them."""
+"""Fault injection: random edits, damaged files and killed runs, and how crowdsim handles them."""

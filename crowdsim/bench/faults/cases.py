@@ -1,7 +1,7 @@
-"""Cases by number, each a word on what became of it.
+"""Fault cases by number; each returns a word for its outcome.
 
-"fine"; "refused", by an error with a remedy; "anew", of what was kept and is damaged; or a failure
-(:data:`crowdsim.bench.faults.watched.FAILURES`), of which untyped errors, crashes and hangs are seen from outside.
+"fine"; "refused": an error with a remedy; "anew": damaged cached data was made again; or a failure
+(:data:`crowdsim.bench.faults.watched.FAILURES`). Untyped errors, crashes and hangs are detected from outside.
 """
 
 from __future__ import annotations
@@ -31,18 +31,19 @@ from crowdsim.recording.recovery import recover
 from crowdsim.recording.writer import part_path
 
 RECORDINGS = "CROWDSIM_FAULT_RECORDINGS"
-"""Environment variable: a folder of recordings to mutate."""
+"""Environment variable: a folder of recordings to damage."""
 
 FINE, REFUSED, ANEW, FAKE = "fine", "refused", "anew", "fake"
 
 
 def edited_mesh(number: int) -> str:
-    """A random sequence of edits."""
+    """Apply a random sequence of edits to a mesh."""
     return REFUSED if edit_at_random(number) else FINE
 
 
 def mutated_scenario(number: int) -> str:
-    """A built-in scenario with faults, loaded."""
+    """Load and check a built-in scenario with random faults."""
+    from crowdsim.scenario.check import check_scenario
     from crowdsim.scenario.loader import load_scenario
 
     files = sorted(library_folder("scenarios").glob("*.yaml"))
@@ -52,14 +53,14 @@ def mutated_scenario(number: int) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            load_scenario(str(path))
+            check_scenario(load_scenario(str(path)))
         except CrowdSimError:
             return REFUSED
     return FINE
 
 
 def mutated_clip(number: int) -> str:
-    """A clip with faults, read."""
+    """Read a clip with random faults."""
     from crowdsim.motion.captures.reader import read_capture
 
     path = _folder() / "clip.bvh"
@@ -72,7 +73,7 @@ def mutated_clip(number: int) -> str:
 
 
 def mutated_recording(number: int) -> str:
-    """A recording with faults, of which everything is read: odd numbers in its bytes, even ones in its datasets."""
+    """Read all of a recording with random faults: odd numbers damage its bytes, even ones its datasets."""
     rng = np.random.default_rng(number)
     content = _recordings()[number // 2 % len(_recordings())]
     path = _folder() / "recording.h5"
@@ -89,14 +90,14 @@ def mutated_recording(number: int) -> str:
 
 
 def damaged_map(number: int) -> str:
-    """Motion maps that were kept, with faults, asked for again."""
+    """Request cached motion maps whose file has random faults."""
     from crowdsim.following.maps.map_file import maps_in_file
 
     graph, folder = _graph(), _folder() / "maps"
     right: tuple[NDArray[Any], ...] = tuple(maps_in_file(folder, graph, depth=1).arrays)
     (file,) = folder.iterdir()
     content = mutated(file.read_bytes(), np.random.default_rng(number))
-    file.unlink()  # it is mapped into memory
+    file.unlink()  # the old file is mapped into memory: write a new one instead of changing it
     file.write_bytes(content)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
@@ -107,7 +108,7 @@ def damaged_map(number: int) -> str:
 
 
 def damaged_kernel(number: int) -> str:
-    """A compiled kernel that was kept, with faults, called in a new process."""
+    """Call a cached kernel whose file has random faults, in a new process."""
     kept = _folder() / "kernels"
     if not kept.exists():
         _call_kernel(kept)
@@ -128,7 +129,7 @@ def damaged_kernel(number: int) -> str:
 
 
 def killed_run(number: int) -> str:
-    """A run that is killed at a random moment, recovered: every step that it had told about must be there."""
+    """Kill a run at a random moment and recover it: every step that it reported must be in the recording."""
     rng = np.random.default_rng(number)
     changes = [f"agents.0.locomotion={('steered', 'captured')[number % 2]}", "agents.0.count=2", "duration=8"]
     file = _folder() / "killed.h5"
@@ -185,7 +186,7 @@ def _graph() -> GraphArrays:
 
 @cache
 def _recordings() -> list[bytes]:
-    """Those in the folder RECORDINGS; or short ones of real runs, which hold together all that a recording may."""
+    """Return the recordings in the folder RECORDINGS, or short real ones that together use every part of the format."""
     given = os.environ.get(RECORDINGS)
     if given:
         return [path.read_bytes() for path in sorted(Path(given).glob("*.h5"))]
@@ -193,7 +194,8 @@ def _recordings() -> list[bytes]:
     from crowdsim.scenario.loader import load_scenario, parse_scenario
 
     few = ["agents.0.count=2", "duration=6"]
-    scenarios = [load_scenario("corridor", [f"agents.0.locomotion={each}", *few]) for each in ("captured", "auto")]
+    levels = ("captured", "steered", "auto")
+    scenarios = [load_scenario("corridor", [f"agents.0.locomotion={each}", *few]) for each in levels]
     scenarios += [load_scenario("counterflow", ["agents.1.count=3", *few]), parse_scenario(_PLACE)]
     made = []
     for number, scenario in enumerate(scenarios):
@@ -218,7 +220,7 @@ obstacles:
 agents:
   - {name: auto, count: 2, start: {rectangle: [0.5, 0.5, 2, 5]}, goal: {rectangle: [8.5, 0.5, 9.5, 3]}}
   - {name: steered, locomotion: steered, count: 3, start: {rectangle: [2.5, 0.5, 4, 5]},
-     goal: {rectangle: [6.5, 2.2, 9.6, 4.4]}, on_arrival: stay}
+     goal: {rectangle: [6.5, 2.2, 9.6, 4.4]}, on_arrival: stay, together: 3}
 events:
   - {at: 1, move: {name: crate, by: [0.5, -0.3], rotation: 30}}
   - {at: 2, insert: {name: barrel, cylinder: {center: [7, 1], radius: 0.3}, top: 1.1}}
@@ -232,7 +234,7 @@ areas:
 
 
 def _read_all(path: Path) -> None:
-    """Read everything of a recording that a film, a picture or a measurement may ask for."""
+    """Read everything of a recording that a film, a picture or a measurement may use."""
     with Recording.open(path) as recording:
         for time in np.linspace(0.0, recording.duration, 8).tolist():
             recording.at_time(time)

@@ -1,4 +1,4 @@
-"""Random edits of meshes, with shapes that are as awkward as the grid allows."""
+"""Random edits of meshes, with shapes that are as degenerate as the grid allows."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from crowdsim.navmesh.navmesh import NavMesh
 
 GROUNDS = ("lattice", "random", "apartment")
 STEPS = 20
-"""Edits in a sequence."""
+"""Number of edits in a sequence."""
 
 _LATTICE = 8
 _ROOM = 12.0
 
 
 def edit_at_random(seed: int, steps: int = STEPS) -> int:
-    """Insert, move and remove shapes on one of :data:`GROUNDS`, by ``seed``; how many of the edits were refused.
+    """Insert, move and remove shapes on one of :data:`GROUNDS`, by ``seed``; return the number of refused edits.
 
-    At the end all are taken out, in another order. Raises whatever an edit raises but GeometryError.
+    At the end all shapes are removed in another order. All exceptions of edits except GeometryError are raised.
     """
     rng = np.random.default_rng(seed)
     mesh = NavMesh(_ground(GROUNDS[seed % len(GROUNDS)], rng))
@@ -68,7 +68,7 @@ def _ground(kind: str, rng: np.random.Generator) -> shapely.Polygon | shapely.Mu
 
 @cache
 def _apartment() -> shapely.Polygon | shapely.MultiPolygon:
-    """The lowest layer of the built-in scenario of that name."""
+    """Return the lowest layer of the built-in scenario of that name."""
     from crowdsim.scenario.loader import load_scenario
 
     return load_scenario("apartment").environment.layers[0].free
@@ -80,7 +80,7 @@ def _shape(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry | NDArray[np
 
 
 def _places(mesh: NavMesh, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Places (count, 2): anywhere, on the lattice, at vertices of the mesh, beside them by few cells, or on sides."""
+    """Return places (count, 2): anywhere, on the lattice, at vertices of the mesh, some cells beside, or on edges."""
     frame = mesh.arrays.frame
     cell = float(frame["cell"][0])
     low = np.array([frame["x0"][0], frame["y0"][0]])
@@ -110,7 +110,7 @@ def _point(mesh: NavMesh, rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 def _points(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry:
-    """Two to five points, most of them a few cells from each other."""
+    """Return two to five points, most of them a few grid cells apart."""
     around = _places(mesh, rng, 1) + float(mesh.arrays.frame["cell"][0]) * rng.integers(-3, 4, (5, 2))
     return shapely.multipoints(around[: int(rng.integers(2, 6))])
 
@@ -120,7 +120,7 @@ def _line(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry:
 
 
 def _sliver(mesh: NavMesh, rng: np.random.Generator) -> NDArray[np.float64]:
-    """A triangle, or a quadrangle, whose other side is a few cells from the long one."""
+    """Return a triangle or quadrangle that is only a few grid cells thick."""
     cell = float(mesh.arrays.frame["cell"][0])
     one, other = _places(mesh, rng, 2)
     middle = one + rng.random() * (other - one) + cell * rng.integers(-3, 4, 2)
@@ -130,7 +130,7 @@ def _sliver(mesh: NavMesh, rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 def _polygon(mesh: NavMesh, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Three to six corners, in whatever order."""
+    """Return three to six corners in any order."""
     return _places(mesh, rng, int(rng.integers(3, 7)))
 
 

@@ -1,4 +1,4 @@
-"""Files cut and mutated at random."""
+"""Damage files at random."""
 
 from __future__ import annotations
 
@@ -8,14 +8,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+_NUMBERS = (b"nan", b"-inf", b"1e999", b"1e9", b"-1", b"0", b"99999999999999999999", b"1e-9", b"3", b"0.37")
 _TOKENS = (
-    b"nan",
-    b"-inf",
-    b"1e999",
-    b"1e9",
-    b"-1",
-    b"0",
-    b"99999999999999999999",
+    *_NUMBERS,
     b"",
     b"{",
     b"}",
@@ -29,12 +24,14 @@ _TOKENS = (
 
 
 def mutated(content: bytes, rng: np.random.Generator, text: bool = False) -> bytes:
-    """``content`` with one to four faults: bytes changed, parts lost, doubled or zeroed, the end cut off.
+    """Return ``content`` with one to four faults: bytes changed, parts lost, doubled or zeroed, the end cut off.
 
-    In ``text`` numbers and words are replaced, too.
+    In ``text``, numbers and words are replaced, too. Every other text gets one other number alone, so that only its
+    meaning can be refused, not its syntax.
     """
-    for _ in range(int(rng.integers(1, 5))):
-        kind = int(rng.integers(7 if text else 5))
+    numbers = text and rng.random() < 0.5
+    for _ in range(1 if numbers else int(rng.integers(1, 5))):
+        kind = 6 if numbers else int(rng.integers(7 if text else 5))
         at = int(rng.integers(max(len(content), 1)))
         size = int(rng.integers(1, 65))
         if kind == 0:
@@ -54,12 +51,16 @@ def mutated(content: bytes, rng: np.random.Generator, text: bool = False) -> byt
             words = [word.span() for word in re.finditer(rb"[\w.+-]+" if kind == 5 else rb"\d[\d.eE+-]*", content)]
             if words:
                 begin, end = words[int(rng.integers(len(words)))]
-                content = content[:begin] + _TOKENS[int(rng.integers(len(_TOKENS)))] + content[end:]
+                tokens = _NUMBERS if numbers else _TOKENS
+                token = tokens[int(rng.integers(len(tokens)))]
+                if numbers and rng.random() < 0.5:
+                    token = b"%.3f" % (float(content[begin : begin + 1]) + rng.uniform(-1.0, 1.0))
+                content = content[:begin] + token + content[end:]
     return content
 
 
 def mutate_parts(path: Path, rng: np.random.Generator) -> None:
-    """Give one to three datasets of an HDF5 file another type or shape, or values of all sizes."""
+    """Give one to three datasets of an HDF5 file another type, another shape, or values of any size."""
     with h5py.File(path, "r+", locking=False) as file:
         names: list[str] = []
         file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)

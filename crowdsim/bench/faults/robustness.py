@@ -1,4 +1,4 @@
-"""Files, caches and meshes with random faults, counted: what was read, refused or made anew, and what failed."""
+"""Files, caches and meshes with random faults, counted by outcome: read, refused, made again, failed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from crowdsim.bench.registry import Measurement
 from crowdsim.errors import CrowdSimError
 
 SHARE = "CROWDSIM_FAULT_SHARE"
-"""Environment variable: the share of all cases that is run, 1 by default."""
+"""Environment variable: the share of all cases to run, 1 by default."""
 
 _CASES = {
     "edits of meshes": ("edited_mesh", 31_250),
@@ -21,11 +21,11 @@ _CASES = {
     "kernels": ("damaged_kernel", 250),
     "killed runs": ("killed_run", 100),
 }
-"""What -> (case, how many); a sequence of edits has 32 on average."""
+"""Subject -> (case, number of cases); a sequence of edits has 32 edits on average."""
 
 
 def measure() -> Measurement:
-    """Run all cases in processes that are watched; every ``failed`` must be 0."""
+    """Run all cases in watched processes; every ``failed`` must be 0."""
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
     for what, (case, count) in _CASES.items():

@@ -1,4 +1,4 @@
-"""Cases that may hang or crash, run in a child process that is watched."""
+"""Run cases that may hang or crash in a watched child process."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ for number in json.load(sys.stdin):
     print(json.dumps([number, outcome]), flush=True)
 """
 _START = 600.0
-"""Seconds until a child is ready, which may have to compile kernels in its first case, too."""
+"""Time allowed until the first outcome of a child [s]: it may have to compile kernels."""
 
 
 @dataclass
 class Tally:
-    """What became of cases: how many had which outcome, and the first that hung, crashed or raised what it must not."""
+    """Outcomes of cases: the number of each, and the first ones that hung, crashed or raised a wrong exception."""
 
     outcomes: dict[str, int] = field(default_factory=dict)
     failures: list[tuple[int, str]] = field(default_factory=list)
 
     def add(self, number: int, outcome: str) -> None:
+        """Count an outcome; keep the first failures."""
         kind = outcome.partition(":")[0]
         self.outcomes[kind] = self.outcomes.get(kind, 0) + 1
         if kind in FAILURES and len(self.failures) < 20:
@@ -40,17 +41,19 @@ class Tally:
 
     @property
     def failed(self) -> int:
+        """Return the number of failures."""
         return sum(self.outcomes.get(kind, 0) for kind in FAILURES)
 
 
 FAILURES = ("untyped", "crashed", "hung", "fake")
-"""Outcomes that must not be. ``fake``: a file that looks whole, but is not."""
+"""Outcomes that must not occur. ``fake``: a file looks complete but is not."""
 
 
 def run_cases(case: str, numbers: Sequence[int], seconds: float = 60.0) -> Tally:
-    """Run ``case``, "module:function", for each of ``numbers``, for ``seconds`` at most.
+    """Run ``case``, "module:function", for each of ``numbers``, for at most ``seconds`` each.
 
-    The function returns an outcome, a word, or words after a colon for details; a process that ends in it has crashed.
+    The function returns its outcome, a word, optionally with details after a colon. If the process ends, it has
+    crashed.
     """
     module, _, name = case.partition(":")
     tally = Tally()
@@ -61,7 +64,7 @@ def run_cases(case: str, numbers: Sequence[int], seconds: float = 60.0) -> Tally
 
 
 def _run_child(module: str, name: str, numbers: list[int], seconds: float, tally: Tally) -> int:
-    """Run cases until one hangs or crashes; how many were run."""
+    """Run cases until one hangs or crashes; return how many were run."""
     child = subprocess.Popen(
         [sys.executable, "-c", _CHILD, module, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )

@@ -1,7 +1,7 @@
-"""Every drill of steered crowds, walked steered and auto by the same people: what came of both, beside the bar.
+"""The drills of steered crowds, walked by the same people as steered and as auto: both results, and the bar.
 
-Corridors without ends, in which agents are copied from end to end, are not among them: nobody can own a reserved way
-beyond an end. Tests of RiMEA are walked in auto by ``crowdsim validate``, but for the large corner.
+Endless corridors are left out: they copy agents from end to end, and nobody can reserve a way beyond an end. ``crowdsim
+validate`` runs the tests of RiMEA with auto characters, except the large corner.
 """
 
 from __future__ import annotations
@@ -40,23 +40,24 @@ from crowdsim.bench.mixed.walks import MixedResult, Watch, cast_of, scenario_of,
 from crowdsim.bench.registry import Measurement
 
 SEEDS = (501, 502, 503)
-"""Of those that steered drills are held to."""
+"""Seeds of the runs, of those of the steered drills."""
 
 WALKED = ((door(3, 1.0), 20.0), *DRILLS)
-"""Drills, and the time after which all have to have arrived [s]."""
+"""Drills, and the time by which all must have arrived [s]."""
 
 AROUND = 500
-"""People around a corner, 20 m wide (RiMEA 15)."""
+"""Number of people around the corner, 20 m wide (RiMEA 15)."""
 
 KEYS = ("case", "bar", "steered", "auto", "failed", "missing", "captured", "stood", "least_gap")
-"""Columns: the worst of all seeds, steered and auto; runs of auto ones that fail; who of them did not arrive; shares of
-their way that was captured, and of their time that they stood; the least gap between two bodies [m]."""
+"""Columns: the worst result of all seeds, steered and auto; auto runs that fail; auto characters that did not
+arrive; the share of their way that was captured, and of their time that they stood; the smallest gap between two
+bodies [m]."""
 
 Floats = NDArray[np.float64]
 
 
 def walk_auto(drill: Drill, state: Any, watch: Watch | None = None) -> MixedResult:
-    """The people of a state through a drill, auto; a row's goal is the number of its group."""
+    """Walk the people of a state through a drill as auto characters; a row's goal is the index of its group."""
     scenario = scenario_of(drill)
     return walk_mixed(scenario, cast_of(scenario, state), watch)
 
@@ -78,7 +79,7 @@ def _row(
 
 
 def _last(arrived: Floats) -> float:
-    """When the last one of those arrived that did [s]."""
+    """Return when the last one arrived, ignoring those that did not [s]."""
     return float(np.max(arrived, where=np.isfinite(arrived), initial=0.0))
 
 
@@ -87,7 +88,7 @@ def _late(arrived: Floats, seconds: float) -> bool:
 
 
 def walked(drill: Drill, seconds: float) -> dict[str, Any]:
-    """A drill in which all have to have arrived by some time [s]."""
+    """Return the row of a drill in which all must have arrived by some time [s]."""
     results = [walk_auto(drill, draw_agents(drill, seed)) for seed in SEEDS]
     steered = max(_last(run_drill(drill, seed).arrived) for seed in SEEDS)
     auto = max(_last(result.arrived) for result in results)
@@ -96,7 +97,7 @@ def walked(drill: Drill, seconds: float) -> dict[str, Any]:
 
 
 def neck(drill: Drill, width: float) -> dict[str, Any]:
-    """A bottleneck, whose flow counts."""
+    """Return the row of a bottleneck, whose flow is measured."""
     results = [walk_auto(drill, draw_agents(drill, seed)) for seed in SEEDS]
     flows = [DrillResult(result.arrived, 0.0).flow() / width for result in results]
     failed = [bool(np.isnan(r.arrived).any()) or flow < LEAST_FLOW for r, flow in zip(results, flows, strict=True)]
@@ -105,7 +106,7 @@ def neck(drill: Drill, width: float) -> dict[str, Any]:
 
 
 def circle(count: int, most: float) -> dict[str, Any]:
-    """All change sides, and may take so many times as long as one who is alone."""
+    """Return the row of a circle on which all change sides, in at most ``most`` times the time of a single agent."""
     results, steered, free = [], [], 0.0
     for seed in SEEDS:
         there, free = run_circle(count, seed)
@@ -114,7 +115,7 @@ def circle(count: int, most: float) -> dict[str, Any]:
         state["goal"] = np.arange(count)
         edge = CIRCLE_SPACING * count / (2.0 * math.pi) + 3.0
         square = box(-edge, -edge, edge, edge)
-        # The groups only count: ``state`` has the starts, ``goals`` the goals.
+        # Only the number of groups matters: ``state`` has the starts, ``goals`` the goals.
         groups = (Group(1, square.bounds, square),) * count
         drill = Drill(f"circle of {count}", square, groups, 4.0 * free + 20.0)
         goals = [f"{{point: [{-row['x']}, {-row['y']}]}}" for row in state]
@@ -133,7 +134,7 @@ def circle(count: int, most: float) -> dict[str, Any]:
 
 
 def large_corner(seed: int = SEEDS[0]) -> dict[str, Any]:
-    """RiMEA 15, one seed, as it has three corridors of many."""
+    """Return the row of RiMEA 15, with one seed, because it has three corridors with many people."""
     state = draw_crowd(seed, AROUND)
     results = [walk_auto(drill, state) for drill in (straight(INNER), around_corner(), straight(OUTER))]
     auto = AroundResult(*(DrillResult(result.arrived, 0.0) for result in results))
@@ -144,7 +145,7 @@ def large_corner(seed: int = SEEDS[0]) -> dict[str, Any]:
 
 
 def measure() -> Measurement:
-    """Walk all cases with all seeds."""
+    """Run all cases with all seeds."""
     rows = [walked(drill, seconds) for drill, seconds in WALKED]
     rows += [neck(drill, width) for drill, width in BOTTLENECKS]
     rows += [circle(count, most) for count, most in CIRCLES.items()]

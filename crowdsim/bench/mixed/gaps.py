@@ -1,4 +1,4 @@
-"""How near bodies of both levels come to each other, at several times in every step."""
+"""Smallest gaps between bodies of both levels, at several times in every step."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from crowdsim.crowd.state.components import CORE, RADIUS, SLOT_FRAMES
 from crowdsim.geometry.planar import wrap_angle
 
 TIMES = (0.2, 0.4, 0.6, 0.8, 1.0)
-"""Parts of a step at which bodies are looked at."""
+"""Times within a step at which gaps are measured, as parts of the step."""
 
 FAR = 1.0
-"""Gap beyond which pairs are not looked at [m]; what nobody comes nearer to is told as this."""
+"""Gap beyond which pairs are ignored [m]; also the result if all pairs are farther apart."""
 
 KINDS = ("steered_steered", "steered_captured", "captured_captured")
 
@@ -26,12 +26,18 @@ Floats = NDArray[np.float64]
 
 
 class LeastGaps:
-    """Least gaps so far.
+    """Smallest gaps so far.
 
-    gaps: [m] by kind of pair, as bodies are: capsules of steered ones, those of their behaviors of captured ones.
-    reserved: [m] least gap between two captured bodies as they have reserved their ways, which goes straight from one
-    sample to the next. ahead: [m] least gap between a steered body and all that is left of a reserved way.
-    agent_steps: how many bodies were looked at, each step once; captured_steps: those that were captured.
+    Attributes
+    ----------
+    gaps : dict
+        By kind of pair [m]. Steered bodies are capsules, captured ones those of their behaviors.
+    reserved : float
+        Smallest gap between two captured bodies on their reserved ways, which are straight between samples [m].
+    ahead : float
+        Smallest gap between a steered body and the rest of any reserved way [m].
+    agent_steps, captured_steps : int
+        Number of bodies measured, each step once, and of captured ones among them.
     """
 
     def __init__(self) -> None:
@@ -42,7 +48,7 @@ class LeastGaps:
         self._late: dict[int, tuple[int, float]] = {}
 
     def watch(self, _: float, crowd: MixedCrowd) -> None:
-        """Take in one step, after which this is called."""
+        """Add one step; called after it."""
         others = crowd.captured_as_seen()
         rows, captured = crowd.everybody(), len(others.rows)
         kind = np.repeat([0, 1], [len(rows) - captured, captured])
@@ -58,7 +64,7 @@ class LeastGaps:
         self._before = rows
 
     def _bodies(self, rows: NDArray[Any], kind: NDArray[np.int64]) -> None:
-        """All pairs of bodies that are near each other."""
+        """Measure all pairs of bodies that are near each other."""
         pairs = _near(np.column_stack((rows["x"], rows["y"])))
         begin, end = _cores(rows)
         radii = rows["radius"]
@@ -68,7 +74,7 @@ class LeastGaps:
             self.gaps[name] = min(self.gaps[name], float(gap.min(initial=FAR)))
 
     def _ways(self, crowd: MixedCrowd) -> None:
-        """Captured bodies as reserved in the step taken, or in one before."""
+        """Measure captured bodies on their ways as reserved in this step, or in one before."""
         view, step = crowd.captured.world.view(), crowd.step_count - 1
         frames = CAPTURE_RATE // STEERING_RATE
         late = (step * frames) % SLOT_FRAMES / SLOT_FRAMES
@@ -85,7 +91,7 @@ class LeastGaps:
             here = np.clip(np.floor(at).astype(np.int64), 0, last)
             there = np.minimum(here + 1, last)
             rows = np.arange(len(here))
-            # What was reserved within a slot begins where its body was then, not where the slot began.
+            # A way reserved in the middle of a time slot begins at the body's position then, not at the slot's start.
             begun = np.where(here == 0, first_late, 0.0)
             share = np.clip((at - here - begun) / (1.0 - begun), 0.0, 1.0)[:, None]
             sample = view.timeline[rows, here] * (1.0 - share) + view.timeline[rows, there] * share
@@ -96,7 +102,7 @@ class LeastGaps:
             self.reserved = min(self.reserved, float(gap.min(initial=FAR)))
 
     def _ahead(self, steered: NDArray[Any], segments: Floats) -> None:
-        """Steered bodies against all pieces of reserved ways from now on."""
+        """Measure steered bodies against all later pieces of reserved ways."""
         middles = 0.5 * (segments[:, :2] + segments[:, 2:4])
         longest = 0.5 * float(np.hypot(*(segments[:, 2:4] - segments[:, :2]).T).max())
         reach = longest + 2.0 * FAR
@@ -110,7 +116,7 @@ class LeastGaps:
 
 
 def _between(before: NDArray[Any] | None, rows: NDArray[Any], part: float) -> NDArray[Any]:
-    """Bodies on their way from one step to the next, of those who were there before; each in the shape of the later."""
+    """Return bodies interpolated from one step to the next, with the later step's shapes; without new ones."""
     if before is None:
         return rows[:0]
     _, old, new = np.intersect1d(before["id"], rows["id"], return_indices=True)
@@ -121,13 +127,14 @@ def _between(before: NDArray[Any] | None, rows: NDArray[Any], part: float) -> ND
         now[name] = (1.0 - part) * before[name][old] + part * now[name]
     heading = before["heading"][old] + part * wrap_angle(now["heading"] - before["heading"][old])
     now["hx"], now["hy"] = np.cos(heading), np.sin(heading)
+    # A body that has just changed its level has another radius, and at once its new breadth.
     same = before["radius"][old] == now["radius"]
     now["half"] = np.where(same, (1.0 - part) * before["half"][old] + part * now["half"], now["half"])
     return now
 
 
 def _near(places: Floats) -> NDArray[np.int64]:
-    """Pairs of places that are near each other."""
+    """Return the pairs of places that are near each other."""
     return cKDTree(places).query_pairs(FAR, output_type="ndarray").astype(np.int64) if len(places) else _NO_PAIRS
 
 
@@ -135,14 +142,14 @@ _NO_PAIRS = np.zeros((0, 2), np.int64)
 
 
 def _cores(rows: NDArray[Any]) -> tuple[Floats, Floats]:
-    """Both ends of the cores of bodies, which lie across their headings."""
+    """Return both ends of the core segments of capsules, which lie across their headings."""
     middles = np.column_stack((rows["x"], rows["y"]))
     across = np.column_stack((-rows["hy"], rows["hx"])) * rows["half"][:, None]
     return middles - across, middles + across
 
 
 def core_gaps(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
-    """Distances between segments from ``a`` to ``b`` and from ``c`` to ``d``, each (k, 2) [m]."""
+    """Return distances (k,) between segments from ``a`` to ``b`` and from ``c`` to ``d``, each (k, 2) [m]."""
     ends = [_off(a, c, d), _off(b, c, d), _off(c, a, b), _off(d, a, b)]
     apart = np.minimum.reduce(ends)
     crosses = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
@@ -150,7 +157,7 @@ def core_gaps(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
 
 
 def _off(point: Floats, begin: Floats, end: Floats) -> Floats:
-    """Distances of points from segments."""
+    """Return distances of points from segments [m]."""
     along = end - begin
     square = np.maximum((along * along).sum(axis=1), 1e-300)
     share = np.clip(((point - begin) * along).sum(axis=1) / square, 0.0, 1.0)
@@ -158,6 +165,6 @@ def _off(point: Floats, begin: Floats, end: Floats) -> Floats:
 
 
 def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
-    """Twice the areas of triangles, positive where a point lies to the left of a line."""
+    """Return twice the signed areas of triangles, positive if a point lies to the left of a line."""
     u, v = end - begin, point - begin
     return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])

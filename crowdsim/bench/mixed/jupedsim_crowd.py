@@ -1,4 +1,4 @@
-"""The anticipation velocity model of JuPedSim, which an extra installs, on the same starts and goals."""
+"""JuPedSim's anticipation velocity model (an optional package) with the same starts and goals."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from crowdsim.bench.crowds.drills import State
 from crowdsim.errors import CrowdSimError
 
 RADIUS = 0.2
-"""Of its agents, by default [m]; starts have to be twice as far apart."""
+"""Default radius of its agents [m]; starts must be twice as far apart."""
 
 STEP = 0.01
-"""Its own default [s]."""
+"""Its default time step [s]."""
 
 
 def require_jupedsim() -> Any:
-    """The package.
+    """Return the package.
 
     Raises
     ------
     CrowdSimError
-        Where it is not installed.
+        If it is not installed.
     """
     try:
         return importlib.import_module("jupedsim")
@@ -39,9 +39,9 @@ def require_jupedsim() -> Any:
 def walk_anticipating(
     state: State, area: Polygon, goals: tuple[Polygon, ...], seconds: float, seed: int = 1
 ) -> NDArray[np.float64]:
-    """When each agent of ``state`` arrives in the region of its goal [s], nan for those who have not by ``seconds``.
+    """Return when each agent of ``state`` reaches its goal region [s], nan if not by ``seconds``.
 
-    They walk as fast as told; all else is as the model has it by default. It heads for the middle of a region.
+    Agents walk at their own speeds; everything else is the model's default. They head for the middle of a region.
     """
     jupedsim = require_jupedsim()
     model = jupedsim.AnticipationVelocityModel(rng_seed=seed)

@@ -1,4 +1,4 @@
-"""Built-in scenarios with several seeds: how much of the way is walked captured, who stands, and what company costs."""
+"""Built-in scenarios with several seeds: share of captured motion, time spent standing, and delay by others."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from crowdsim.bench.mixed.walks import MixedResult, walk_mixed
 from crowdsim.bench.registry import Measurement
 from crowdsim.constants import STEERING_RATE
 from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
-from crowdsim.scenario.crowd_placement import place_crowd
+from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.loader import load_scenario
 from crowdsim.scenario.scenario import Scenario
 
 SEEDS = (1, 2, 3, 4, 5)
 
 ALONE_SECONDS = 40.0
-"""Time between two who come in one after the other [s]: more than anybody takes alone."""
+"""Time between two characters that walk alone [s]: longer than any of them needs."""
 
 
 @dataclass(frozen=True)
 class Bar:
-    """What a scenario is held to; None where it is not."""
+    """Requirements of a scenario; None for no requirement."""
 
     captured: float | None = None
     """Least share of the way that is captured."""
     stood: float | None = None
-    """Largest share of the time on the way that people stand."""
+    """Largest share of the time on the way that characters stand."""
     times_alone: float | None = None
-    """How many times as long as alone they may take, in the mean."""
+    """Largest mean time, as a multiple of the time when alone."""
 
 
 BARS = {
@@ -41,11 +41,11 @@ BARS = {
     "corridor": Bar(captured=0.95),
     "apartment": Bar(captured=0.95),
 }
-"""By name of the scenario."""
+"""Requirements by name of scenario."""
 
 
 def times_alone(scenario: Scenario) -> MixedResult:
-    """The same people from and to the same places, each in the world alone."""
+    """Walk the same people from and to the same places, each alone in the world."""
     cast = place_crowd(scenario)
     steps = round(ALONE_SECONDS * STEERING_RATE)
     alone = cast._replace(start_steps=np.arange(cast.head_count, dtype=np.int64) * steps)
@@ -62,7 +62,7 @@ def times_alone(scenario: Scenario) -> MixedResult:
 
 
 def share_row(name: str, seed: int) -> dict[str, Any]:
-    """What came of a scenario with a seed."""
+    """Return the results of a scenario with a seed."""
     scenario = load_scenario(name, (f"seed={seed}", f"steps_per_second={STEERING_RATE}"))
     bar = BARS[name]
     result = walk_mixed(scenario)

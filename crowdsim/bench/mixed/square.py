@@ -1,4 +1,4 @@
-"""A thousand auto characters on a square: whether all arrive, how long it takes beside JuPedSim, how near they come."""
+"""A thousand auto characters on a square: arrivals and times compared with JuPedSim, and smallest gaps."""
 
 from __future__ import annotations
 
@@ -16,46 +16,46 @@ from crowdsim.bench.mixed.walks import cast_of, scenario_of, walk_mixed
 from crowdsim.bench.registry import Measurement
 
 COUNT = 1000
-"""People on the square."""
+"""Number of people on the square."""
 
 DENSITIES = (0.1, 0.3, 0.6, 1.0)
-"""People/m2."""
+"""Densities [1/m2]."""
 
 SEEDS = (1,)
 
 SLOWER = 1.5
-"""Times as long as in JuPedSim that the last one may take, where all arrive there."""
+"""Largest arrival time of the last character, as a multiple of JuPedSim's, if all arrive there."""
 
 PIECES = 8
-"""Parts of each side, each a goal: JuPedSim heads for the middle of one, people here for its nearest point."""
+"""Number of goals along each side: JuPedSim heads for the middle of a goal, characters here for its nearest point."""
 
 APART = 0.6
-"""Distance of two at the start, at least [m]."""
+"""Least distance of two at the start [m]."""
 
 OFF_EDGE = 0.35
 """Distance from the edge at the start [m]."""
 
 SLOWEST = 0.5
-"""Of all speeds that are drawn [m/s]."""
+"""Least speed that is drawn [m/s]."""
 
 
 @dataclass(frozen=True)
 class Square:
-    """A square of people who want to its four sides, as a drill; its groups are those of one goal."""
+    """A square of people who want to its four sides, as a drill with one group per goal."""
 
     drill: Drill
     state: State
 
     @property
     def goals(self) -> tuple[Polygon, ...]:
-        """By group."""
+        """Return the goals by group."""
         return tuple(group.goal for group in self.drill.groups)
 
 
 def draw_square(count: int, density: float, seed: int) -> Square:
-    """People all over a square, a quarter of them on the way to each side, to the part of it that is straight ahead.
+    """Return people all over a square, a quarter of them heading for the part of each side straight ahead.
 
-    Nobody begins in the strip of its side.
+    No one begins in the strip of its goal side.
     """
     rng = np.random.default_rng(seed)
     side = math.sqrt(count / density)
@@ -63,7 +63,7 @@ def draw_square(count: int, density: float, seed: int) -> Square:
     places = scatter(rng, count, (OFF_EDGE, OFF_EDGE, side - OFF_EDGE, side - OFF_EDGE), APART)
     ways = np.arange(count) % 4  # east, west, north, south
     ahead = np.where(ways % 2 == 0, side - places[np.arange(count), ways // 2], places[np.arange(count), ways // 2])
-    # Who stands in the strip of its side wants to the other one.
+    # A character in the strip of its goal side gets the opposite side.
     ways = np.where(ahead < deep + 1.0, ways ^ 1, ways)
     along = np.where(ways < 2, places[:, 1], places[:, 0])
     number = ways * PIECES + np.clip((along / side * PIECES).astype(np.int64), 0, PIECES - 1)
@@ -81,7 +81,7 @@ def draw_square(count: int, density: float, seed: int) -> Square:
 
 
 def _strip(piece: int, side: float, deep: float) -> Polygon:
-    """Part of the strip along a side, the strips numbered as ways."""
+    """Return a part of the strip along a side; sides are numbered as directions."""
     way, part = divmod(piece, PIECES)
     low, high = part * side / PIECES, (part + 1) * side / PIECES
     near, far = ((side - deep, side - 0.1), (0.1, deep))[way % 2]
@@ -90,7 +90,7 @@ def _strip(piece: int, side: float, deep: float) -> Polygon:
 
 
 def square_row(count: int, density: float, seed: int) -> tuple[dict[str, Any], LeastGaps]:
-    """Who arrives when, here and in JuPedSim, and how near bodies come."""
+    """Return arrivals here and in JuPedSim, and the smallest gaps between bodies."""
     square = draw_square(count, density, seed)
     scenario = scenario_of(square.drill, seed)
     gaps = LeastGaps()
@@ -125,7 +125,7 @@ def _last(arrived: Any) -> float:
 
 
 def measure() -> Measurement:
-    """Walk all squares with all seeds."""
+    """Run all squares with all seeds."""
     require_jupedsim()
     rows, figures = [], {"agent_steps": 0.0}
     least: dict[str, float] = {}

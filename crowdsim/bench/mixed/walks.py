@@ -1,4 +1,4 @@
-"""Drills of steered crowds walked by auto characters: the same people at the same places, on both levels."""
+"""Drills of steered crowds, walked by auto characters: the same people at the same places."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from crowdsim.constants import STEERING_RATE
 from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
 from crowdsim.crowd.report.steered_statistics import CENTER_LIMIT
 from crowdsim.recording.header import AgentState
-from crowdsim.scenario.crowd_placement import CrowdPlacement, place_crowd
+from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.people.crowd_placement import CrowdPlacement
+from crowdsim.scenario.people.walkers import Walkers
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.scenario.walkers import Walkers
 
 Watch: TypeAlias = Callable[[float, MixedCrowd], None]
-"""Is shown the time [s] and the crowd after each step."""
+"""Function that is called with the time [s] and the crowd after each step."""
 
 _SCENARIO = """\
 crowdsim: 1
@@ -38,11 +39,22 @@ _GROUP = "  - {{name: g{number}, count: {count}, start: {{rectangle: {start}}}, 
 
 @dataclass(frozen=True)
 class MixedResult:
-    """What came of a walk.
+    """Results of a walk of n characters.
 
-    arrived: (n,) when each arrived [s], nan for those who did not. times: (n,) the same from coming in on. captured:
-    share of the way walked captured. stood: share of the time in the world in which people on their way walked slower
-    than 0.1 m/s. gap: least between bodies [m], CENTER_LIMIT if none is less. agent_steps: steps that people took.
+    Attributes
+    ----------
+    arrived : (n,) float64
+        Arrival times [s]; nan for those that did not arrive.
+    times : (n,) float64
+        The same, counted from the appearance of the character [s].
+    captured : float
+        Share of the way that was walked captured.
+    stood : float
+        Share of the time on the way in which characters were slower than 0.1 m/s.
+    gap : float
+        Smallest gap between bodies [m], at most CENTER_LIMIT.
+    agent_steps : int
+        Number of steps, summed over characters.
     """
 
     arrived: NDArray[np.float64]
@@ -54,7 +66,7 @@ class MixedResult:
 
 
 def scenario_of(drill: Drill, seed: int = 1, goals: list[str] | None = None) -> Scenario:
-    """A drill as a scenario of auto characters; ``goals``: those of its groups as text, where they are no polygons."""
+    """Return a drill as a scenario of auto characters; ``goals`` gives goals as text if they are not polygons."""
     texts = [_polygon(group.goal) for group in drill.groups] if goals is None else goals
     groups = "".join(
         _GROUP.format(number=number, count=group.count, start=list(group.start), goal=text)
@@ -69,7 +81,7 @@ def _polygon(region: Any) -> str:
 
 
 def cast_of(scenario: Scenario, state: State) -> CrowdPlacement:
-    """The people of ``state``, in the order of the groups of the scenario, with spots at its goals."""
+    """Return the people of ``state``, in the order of the scenario's groups, with places in their goals."""
     drawn = place_crowd(scenario)
     walkers = Walkers(
         state["speed"].copy(), 2.0 * (state["half"] + state["radius"]), np.zeros(len(state)), state["share"].copy()
@@ -81,7 +93,7 @@ def cast_of(scenario: Scenario, state: State) -> CrowdPlacement:
 def walk_mixed(
     scenario: Scenario, cast: CrowdPlacement | None = None, watch: Watch | None = None, seconds: float | None = None
 ) -> MixedResult:
-    """Walk to the end of a scenario; ``seconds``: the time after which that is, if not its own."""
+    """Run a scenario to its end, or to ``seconds``."""
     crowd = MixedCrowd(scenario, 2, None, cast)
     slow = present = 0
     try:

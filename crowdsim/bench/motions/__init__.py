@@ -1,1 +1,1 @@
-"""Motions: graphs of them, searches over these, and maps that follow paths."""
+"""Benchmarks of motions: motion graphs, searches on them, and motion maps that follow paths."""

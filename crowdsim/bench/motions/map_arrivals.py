@@ -1,4 +1,4 @@
-"""How motions end that are to stand at the goal, to be turned as asked, or both, with branch kinematics and without."""
+"""Accuracy of motions that must end standing, with a heading, or both; with and without branch kinematics."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from crowdsim.geometry.planar import compose, wrap_angle
 Floats = NDArray[np.float64]
 
 ARRIVAL = 0.01
-"""Meters within which branch kinematics is to end."""
+"""Distance from the goal within which a motion with branch kinematics must end [m]."""
 
 EXCESS = 0.02
-"""Meters by which a joint may leave its section."""
+"""Largest distance by which a joint may leave its section [m]."""
 
 _KEYS = {
     "standing": "to a stand",
@@ -33,7 +33,17 @@ _KEYS = {
 
 
 class Arrival(NamedTuple):
-    """The end of a motion that was found: meters off, degrees off (0 where none are asked), and a joint's excess."""
+    """End of a motion that was found.
+
+    Attributes
+    ----------
+    off : float
+        Distance from the goal [m].
+    degrees : float
+        Difference from the required heading [degrees], 0 if there is none.
+    excess : float
+        Largest distance by which a joint leaves its section [m].
+    """
 
     off: float
     degrees: float
@@ -43,10 +53,11 @@ class Arrival(NamedTuple):
 def measure_arrivals(
     motions: MotionSet, maps: MotionMaps, ground: Ground, name: str
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
-    """Rows and figures: of all trials how many are found, and of these how many hold what was asked for.
+    """Return rows and figures: how many of the trials are solved, and how many of these meet their requirements.
 
-    Headings asked for are any for the built-in set, in which there are turns on the spot, and within 30 degrees of the
-    path's end for captured walks. Only what ends with a heading need not stand, unless it is bent.
+    Required headings are arbitrary for the built-in set, which has turns on the spot, and within 30 degrees of the
+    path's end for captured walks. Motions that need only a heading do not have to stand, unless branch kinematics is
+    used.
     """
     spread = np.pi if motions.name == "default" else np.radians(30.0)
     turns = np.random.default_rng(1).uniform(-spread, spread, len(ground.trials))
@@ -99,7 +110,7 @@ def _arrivals(
     wanted: list[FollowOptions],
     how: Callable[[Trial, FollowOptions], FollowResult],
 ) -> tuple[list[Arrival], Floats]:
-    """How the motions end that are found, and milliseconds of all trials."""
+    """Return the ends of the motions that are found, and the times of all trials [ms]."""
     how(ground.trials[0], wanted[0])
     arrivals, ms = [], []
     for trial, options in zip(ground.trials, wanted, strict=True):

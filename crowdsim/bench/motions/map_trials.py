@@ -1,6 +1,6 @@
-"""Random paths through a room of obstacles like that of figure 8 of the 2012 paper, and what follows them.
+"""Random paths through a room of obstacles like that of figure 8 of the 2012 paper, and functions that follow them.
 
-Paths are 10 to 18 m long, have a clearance of 0.5 m and are walked from standing to within 10 cm of the end.
+Paths are 10 to 18 m long, have a clearance of 0.5 m, and are walked from standing to within 10 cm of the end.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from crowdsim.behaviors.behavior import facings_of
 from crowdsim.behaviors.library import BehaviorSet, load_behavior_set
 from crowdsim.bench.places.random_ground import GroundKind, random_ground
-from crowdsim.constants import NONE
+from crowdsim.constants import CAPTURE_PATTERNS, NONE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.following.follower.body_reach import BodyReach, body_reach
 from crowdsim.following.follower.path_follower import Character, FollowOptions, FollowResult, FollowStatus, follow_path
@@ -41,13 +42,13 @@ Floats = NDArray[np.float64]
 FOUND = FollowStatus.FOUND
 
 SIDE = 30.0
-"""Meters, side of the room."""
+"""Side of the square room [m]."""
 
 DENSITY = 0.08
-"""Share of the floor that obstacles take."""
+"""Share of the floor that obstacles cover."""
 
 SIZES = (0.5, 2.0)
-"""Meters, least and greatest extent of an obstacle."""
+"""Least and greatest extent of an obstacle [m]."""
 
 CLEARANCE = 0.5
 LENGTHS = (10.0, 18.0)
@@ -56,11 +57,11 @@ TOLERANCE = 0.1
 PASSES = 3
 
 CAPTURED = ("16_1*.bvh", "16_31*", "16_33*", "16_47*", "16_58*")
-"""Captured walks, straight ones and turns of one person."""
+"""Captured walks, straight and turning, of one person."""
 
 
 class Trial(NamedTuple):
-    """A path to be walked: its points, its samples, and the pose to set out from, standing."""
+    """A path to walk: its points, its samples, and the standing pose at the start."""
 
     points: Floats
     samples: PathSamples
@@ -69,9 +70,22 @@ class Trial(NamedTuple):
 
 @dataclass(frozen=True)
 class MotionSet:
-    """A motion graph with what follows paths with it: body radii (B, 2), facings (B, F), the node that waits.
+    """A motion graph with what following paths needs.
 
-    reach: where its joints are, to keep all of them within the clearance that paths have; None where they may leave it.
+    Attributes
+    ----------
+    name : str
+        Name in the table.
+    motion : MotionGraph
+        The graph.
+    radii : (B, 2) float64
+        Body radii of the behaviors, legs and torso [m].
+    facings : (B, F) float64
+        Facings of the behaviors [rad].
+    waiting : int
+        Node in which a body waits; NONE without one.
+    reach : BodyReach or None
+        Extent of its joints, which all stay within the clearance of the path; None if they may leave it.
     """
 
     name: str
@@ -83,44 +97,52 @@ class MotionSet:
 
     @property
     def graph(self) -> GraphArrays:
+        """Return the arrays of the graph."""
         return self.motion.arrays
 
     def character(self, maps: MotionMaps) -> Character:
+        """Return a character that follows paths with ``maps``."""
         return Character(self.graph, maps, self.radii, self.facings, self.reach)
 
 
 @dataclass(frozen=True)
 class Ground:
-    """Meshes of legs and torso, and trials on them."""
+    """Meshes for legs and torso, and trials on them."""
 
     meshes: tuple[NavMesh, NavMesh]
     trials: list[Trial]
 
     @property
     def arrays(self) -> tuple[Any, Any]:
+        """Return the arrays of both meshes."""
         return self.meshes[0].arrays, self.meshes[1].arrays
 
 
-def load_behaviors(captures: Path | None, patterns: Sequence[str] = CAPTURED) -> BehaviorSet:
-    """The built-in behaviors, or frontal walking made of the walks in ``captures``."""
+def captured_walks(captures: Path) -> Sequence[str]:
+    """Return patterns of the walks in a folder: CAPTURED if it has some of each, else all captures."""
+    return CAPTURED if all(any(captures.glob(pattern)) for pattern in CAPTURED) else CAPTURE_PATTERNS
+
+
+def load_behaviors(captures: Path | None, patterns: Sequence[str] | None = None) -> BehaviorSet:
+    """Return the built-in behaviors, or frontal walking made of the walks in ``captures``."""
     bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
     if captures is None:
         return load_behavior_set(["lateral", "arm_constrained", "frontal"], bands)
-    return load_behavior_set(["frontal"], bands, captures=captures, capture_patterns=patterns)
+    return load_behavior_set(
+        ["frontal"], bands, captures=captures, capture_patterns=patterns or captured_walks(captures)
+    )
 
 
 def waiting_node(graph: GraphArrays) -> int:
-    """The node in which a body of the preferred behavior waits for a search to begin; NONE if there is none."""
+    """Return the node in which a body of the preferred behavior waits for a search; NONE if there is none."""
     waits = np.flatnonzero(graph.node_idle & (graph.node_behavior == graph.node_behavior.max()))
     return int(waits[0]) if len(waits) else NONE
 
 
 def load_set(name: str, captures: Path | None) -> MotionSet:
-    """The behaviors of :func:`load_behaviors` with what follows paths with them."""
+    """Return the behaviors of :func:`load_behaviors` with what following paths needs."""
     loaded = load_behaviors(captures)
-    facings = np.full((len(loaded.behaviors), max(len(b.facings) for b in loaded.behaviors)), np.nan)
-    for row, behavior in zip(facings, loaded.behaviors, strict=True):
-        row[: len(behavior.facings)] = behavior.facings
+    facings = facings_of(loaded.behaviors)
     graph = loaded.graph.arrays
     radii = np.array([behavior.radii for behavior in loaded.behaviors])
     reach = body_reach(graph, loaded.graph.poses, np.full(len(radii), CLEARANCE))
@@ -128,24 +150,28 @@ def load_set(name: str, captures: Path | None) -> MotionSet:
 
 
 def load_standard(name: str, captures: Path | None, features: MotionSet) -> MotionSet:
-    """The standard graph of the clips of ``features``, a feature-based one; nobody waits in it.
+    """Return the standard graph of the clips that ``features``, a feature-based graph, is made of.
 
-    These are those in ``captures``, or the built-in ones, all of one behavior.
+    The clips are those in ``captures``, or the built-in ones, all as one behavior. The graph has no node to wait in.
     """
-    clips = motion_database(MANNERS["default"]) if captures is None else read_clips(capture_paths(captures, CAPTURED))
+    clips = (
+        motion_database(MANNERS["default"])
+        if captures is None
+        else read_clips(capture_paths(captures, captured_walks(captures)))
+    )
     graph = build_standard_graph(as_sources(clips))
     reach = body_reach(graph.arrays, graph.poses, np.full(len(features.radii), CLEARANCE))
     return MotionSet(name, graph, features.radii, features.facings, NONE, reach)
 
 
 def make_ground(behavior: int, trials: int, seed: int = 0) -> Ground:
-    """A room of obstacles like that of the paper's figure 8, and random paths in it for ``behavior``."""
+    """Return a room of obstacles like that of the paper's figure 8, and random paths in it for ``behavior``."""
     ground = random_ground(GroundKind(SIDE, SIZES, CLEARANCE, LENGTHS), DENSITY, trials, seed)
     return Ground((ground.legs, ground.torso), [as_trial(points, behavior) for points in ground.paths])
 
 
 def as_trial(points: Floats, behavior: int) -> Trial:
-    """The path through ``points`` (n, 2), all of it in one behavior."""
+    """Return the path through ``points`` (n, 2) with one behavior."""
     arc = arc_lengths(points)
     samples = AnnotatedPath(points, arc, (Section(behavior, 0.0, float(arc[-1])),), 0.0).sample()
     return Trial(points, samples, samples.pose[0].copy())
@@ -154,19 +180,20 @@ def as_trial(points: Floats, behavior: int) -> Trial:
 def follow_trial(
     motions: MotionSet, maps: MotionMaps, ground: Ground, trial: Trial, options: FollowOptions
 ) -> FollowResult:
+    """Follow the path of a trial."""
     character = motions.character(maps)
     return follow_path(character, trial.samples, ground.arrays, trial.start, motions.waiting, options)
 
 
 def follow_all(motions: MotionSet, maps: MotionMaps, ground: Ground) -> list[tuple[FollowResult, float]]:
-    """What the follower finds in each trial, and milliseconds."""
+    """Return the result of the follower for each trial, and its time [ms]."""
     options = FollowOptions(goal_tolerance=TOLERANCE, budget=2_000)
     follow_trial(motions, maps, ground, ground.trials[0], options)
     return [best_of(partial(follow_trial, motions, maps, ground, trial, options)) for trial in ground.trials]
 
 
 def best_of(search: Callable[[], Any], passes: int = PASSES) -> tuple[Any, float]:
-    """What ``search`` gives, and the least milliseconds it takes."""
+    """Return the result of ``search``, and its shortest time [ms]."""
     seconds = []
     for _ in range(passes):
         begin = time.perf_counter()
@@ -176,7 +203,7 @@ def best_of(search: Callable[[], Any], passes: int = PASSES) -> tuple[Any, float
 
 
 def walked(graph: GraphArrays, found: FollowResult | SearchResult, goal: Floats) -> float:
-    """Meters of track to where the motion is nearest to ``goal`` in its last node."""
+    """Return the length of the track up to where its last node is nearest to ``goal`` [m]."""
     node = int(found.nodes[-1])
     rows = int(graph.node_track[node]) + np.arange(int(graph.node_frames[node]) + 1)
     track = compose(found.origins[-1], graph.tracks[rows])[:, :2]
@@ -187,9 +214,10 @@ def walked(graph: GraphArrays, found: FollowResult | SearchResult, goal: Floats)
 
 
 def most_excess(motions: MotionSet, trial: Trial, found: FollowResult) -> float:
-    """Meters by which a joint leaves the clearance of the path, projected on the floor, over all frames that are shown.
+    """Return by how much a joint leaves the clearance of the path on the floor, over all frames that are shown [m].
 
-    Seams fade out as in a recording. Frames in which no joint comes near the edge are left out: -0.05 where all are.
+    Blend offsets fade out as in a recording. Frames in which no joint can come near the edge are skipped; if all are,
+    the result is -0.05.
     """
     graph, poses = motions.graph, motions.motion.poses
     tracks: list[Floats] = []
@@ -210,7 +238,7 @@ def most_excess(motions: MotionSet, trial: Trial, found: FollowResult) -> float:
         nodes.append(np.full(len(frame), node, np.int32))
         before.append(np.full(len(frame), found.nodes[k - 1] if k else NONE, np.int32))
         frames.append(frame.astype(np.float64))
-    # The motion is over where it passes the goal.
+    # The motion ends at the frame nearest to the goal.
     last = int(np.argmin(np.hypot(*(tracks[-1][:, :2] - trial.points[-1]).T)))
     count = sum(len(track) for track in tracks[:-1]) + last + 1
     pose = np.concatenate(tracks)[:count]

@@ -1,8 +1,7 @@
-"""Standard against feature-based motion graphs (2011 paper, table 1): time to build, size, branching, drift of feet, as
-sets grow.
+"""Standard and feature-based motion graphs as sets grow (2011 paper, table 1): build time, size, branching, foot drift.
 
-Times are seconds from clips in memory to the finished graph, the median of :data:`REPEATS`. Both graphs are built with
-one threshold.
+Times are seconds from clips in memory to the finished graph, the median of :data:`REPEATS`. Both graphs use the same
+threshold.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from crowdsim.motion.synthesis.library import motion_database
 from crowdsim.motion.synthesis.styles import MANNERS
 
 FRAMES = (693, 1185, 1660, 2329, 3347, 6887)
-"""The sizes of the paper's sets."""
+"""Sizes of the paper's sets [frames]."""
 
 REPEATS = 3
 
@@ -51,10 +50,10 @@ _PAPER_SECONDS = {
 
 
 def measure(captures: Path | None = None, sizes: Sequence[int] = FRAMES) -> Measurement:
-    """Table 1 over the captures in the folder ``captures``, by default over each of the built-in motion sets.
+    """Measure table 1 on the captures in the folder ``captures``, by default on each of the built-in motion sets.
 
-    A size beyond what a set has stands for all of it. As everywhere, transitions between captures are left out where
-    they let planted feet slide.
+    A size beyond that of a set means all of it. As elsewhere, transitions between captures that let planted feet slide
+    are left out.
     """
     most_drift = None if captures is None else CAPTURED_DRIFT
     rows: list[dict[str, Any]] = []
@@ -93,7 +92,7 @@ def _row(name: str, size: int, kind: str, seconds: float, report: GraphReport) -
 
 
 def _drift_cm(graph: MotionGraph, clips: list[Clip]) -> dict[str, float]:
-    """How far a planted foot drifts at most: in a clip of the graph, across a transition, and more than on its own."""
+    """Return how far a planted foot drifts at most [cm]: in clips, across transitions, and the excess over clips."""
     used = {clip_frames(name)[0] for name in graph.node_names}
     own = [stance.drift for clip in clips if clip.name in used for stance in clip_stances(clip)]
     across = transition_drifts(graph, clips)
@@ -113,18 +112,18 @@ def _timed(
 
 
 def _sets(captures: Path | None) -> dict[str, list[Clip]]:
-    """Clips on one skeleton by the name of their set."""
+    """Return clips on one skeleton by the name of their set."""
     if captures is not None:
         sets = {"captures": read_clips(capture_paths(captures))}
     else:
         sets = {name: motion_database(manner) for name, manner in MANNERS.items()}
     for clip in (clip for clips in sets.values() for clip in clips):
-        clip.joint_positions  # noqa: B018  (cached: reading a clip is no part of building a graph)
+        clip.joint_positions  # noqa: B018  (fills a cache: reading a clip is not part of building a graph)
     return sets
 
 
 def _first_frames(clips: Sequence[Clip], count: int) -> list[Clip]:
-    """The first ``count`` frames of ``clips``, the last of them cut where it must be."""
+    """Return the first ``count`` frames of ``clips``; the last clip is cut if necessary."""
     chosen: list[Clip] = []
     for clip in clips:
         rest = count - sum(c.frame_count for c in chosen)

@@ -1,7 +1,7 @@
-"""Precomputed motion maps (2012 paper, tables 1 to 6): what maps cost, how often they lead along a path, and how soon.
+"""Precomputed motion maps (2012 paper, tables 1 to 6): cost of maps, success along paths, and search time.
 
 Trials are those of :mod:`crowdsim.bench.motions.map_trials`. Times are milliseconds of one thread, the best of three
-for each trial. Bodies keep within the clearance of the path with every joint, but for the rows that say otherwise.
+for each trial. All joints keep within the clearance of the path, except in rows that say otherwise.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ from crowdsim.following.maps.map_file import maps_in_file
 from crowdsim.following.maps.motion_maps import MotionMaps
 
 PAPER_ENTRIES = 70_117
-"""Entries of all maps together in the paper, at its depth 12."""
+"""Entries of all maps together in the paper, at its depth of 12."""
 
 ENTRIES = (2_000, 20_000, PAPER_ENTRIES, 200_000, 1_000_000, 10_000_000)
-"""Entries of all maps together that are tried."""
+"""Sizes to measure: entries of all maps together."""
 
 STANDARD_ENTRIES = (PAPER_ENTRIES, 1_000_000, 10_000_000)
-"""The same for standard graphs, whose nodes are many and short."""
+"""Sizes for standard graphs, whose nodes are many and short."""
 
 ASTAR_BUDGET = 20_000
-"""Nodes that A* may expand."""
+"""Largest number of nodes that A* expands."""
 
 _COLUMNS = tuple(
     (
@@ -70,11 +70,22 @@ def measure(
     astar_budget: int = ASTAR_BUDGET,
     depth: dict[str, Any] | None = None,
 ) -> Measurement:
-    """All tables for the built-in set, and for the walks of the folder ``captures`` if it is given.
+    """Measure all tables for the built-in set, and for the walks in the folder ``captures`` if given.
 
-    ``entries`` are the sizes of maps that are tried with a fifth of the trials; the runs' own maps, tried with all,
-    come last. ``depth`` are sizes as of :meth:`MotionMaps.build`, tried alone in their place. ``beside`` of the trials
-    are searched with A*, too. A standard graph of the same clips is followed by a tenth of the trials.
+    Parameters
+    ----------
+    captures : Path or None
+        Folder of captures.
+    trials : int
+        Number of paths; a tenth of them for standard graphs.
+    entries : sequence of int
+        Sizes of maps to try with a fifth of the trials; maps as in runs come last, with all trials.
+    beside : int
+        Number of trials that are also searched with A*.
+    astar_budget : int
+        Largest number of nodes that A* expands.
+    depth : dict or None
+        Size arguments of :meth:`MotionMaps.build`, measured instead of ``entries`` and the maps of runs.
     """
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
@@ -116,7 +127,7 @@ def _measure_standard(
     rows: list[dict[str, Any]],
     figures: dict[str, float],
 ) -> None:
-    """Rows and figures of the standard graph of the clips of a set."""
+    """Add rows and figures of the standard graph of a set's clips."""
     standard = load_standard(f"{features.name}, standard graph", captures, features)
     ground = make_ground(0, trials)
     for count in sizes:
@@ -138,7 +149,7 @@ def _measure_set(
     rows: list[dict[str, Any]],
     figures: dict[str, float],
 ) -> None:
-    """Rows and figures of one set."""
+    """Add rows and figures of one set."""
     name = motions.name
     fewer = Ground(ground.meshes, ground.trials[: max(len(ground.trials) // 5, 1)])
     for count in entries:
@@ -176,7 +187,7 @@ def _costs(row: dict[str, Any], name: str) -> dict[str, float]:
 def _built(
     motions: MotionSet, entries: int | None, depth: dict[str, Any] | None = None
 ) -> tuple[MotionMaps, dict[str, Any]]:
-    """Maps of that many entries, or with None as deep as is asked, by default as runs have them; and what they cost."""
+    """Return maps with ``entries`` entries, or of ``depth``, or as in runs if both are None; and their cost."""
     graph = motions.graph
     sizes = depth or {}
     if entries is not None:
@@ -207,9 +218,9 @@ def _built(
 def _summary(
     motions: MotionSet, ground: Ground, found: Sequence[tuple[Any, float]], compared: Sequence[int] | None = None
 ) -> dict[str, Any]:
-    """Success over all trials, times, and the length of motions beside that of their paths.
+    """Return success over all trials, times, and lengths of motions relative to their paths.
 
-    Times are those of the trials ``compared`` and lengths too, by default of all and of all that were found.
+    Times are those of the trials ``compared``, by default all; lengths those of the solved ones among them.
     """
     good = [i for i, (result, _) in enumerate(found) if result.status == FOUND]
     timed, gone = (range(len(found)), good) if compared is None else (compared, compared)
@@ -231,7 +242,7 @@ def _summary(
 def _of_bodies(
     motions: MotionSet, ground: Ground, found: Sequence[tuple[FollowResult, float]], name: str
 ) -> dict[str, float]:
-    """How far joints, projected on the floor, leave the clearance of the path, over all motions found (meters)."""
+    """Return how far joints leave the clearance of the path on the floor, over all motions found [m]."""
     excess = [
         most_excess(motions, trial, result)
         for trial, (result, _) in zip(ground.trials, found, strict=True)
@@ -245,7 +256,7 @@ def _of_bodies(
 
 
 def _first_movement(motions: MotionSet, maps: MotionMaps, ground: Ground) -> float:
-    """Median milliseconds from a start and a goal to a motion that can be played: path, samples, search."""
+    """Return the median time from a start and a goal to a playable motion (path, samples, search) [ms]."""
     options = FollowOptions(goal_tolerance=TOLERANCE, budget=2_000)
     behavior = len(motions.radii) - 1
 
@@ -259,7 +270,7 @@ def _first_movement(motions: MotionSet, maps: MotionMaps, ground: Ground) -> flo
 def _beside_astar(
     motions: MotionSet, ground: Ground, found: Sequence[tuple[FollowResult, float]], beside: int, budget: int
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
-    """Tables 5 and 6: A* and A* in the channel, each beside maps on the same trials."""
+    """Return tables 5 and 6: A*, and A* in the channel, each compared with maps on the same trials."""
     probes = body_probes(motions.graph, motions.radii)
     options = SearchOptions(goal_tolerance=TOLERANCE, on_the_way=True, branch_kinematics=False, budget=budget)
     chosen = range(min(beside, len(found)))
@@ -284,8 +295,8 @@ def _beside_astar(
             for s in (name, "maps")
         ]
         figures[f"solved_by_{key}_and_maps_{motions.name}"] = float(len(both))
-        # What it does not solve within its budget would take longer still, so with these the ratio is a lower bound.
-        # Where it finds that there is nothing left to search there is nothing to compare.
+        # Trials that exceed the budget of A* would take even longer, so with them the ratio is a lower bound. Trials
+        # that A* proves to be unsolvable are not compared.
         tried = [i for i in chosen if searches[name][i][0].status != FollowStatus.BLOCKED]
         for label, those in (("", tried), ("_solved", both)):
             if those:

@@ -1,9 +1,9 @@
-"""A* on a motion graph among obstacles (2011 paper, tables 2 and 3): collision tests against the channel of a path, and
-what inverse branch kinematics takes off the search; in the feature-based graph with all its edges, with as few as the
-paper's, and where captures are given in their standard graph.
+"""A* on a motion graph among obstacles (2011 paper, tables 2 and 3).
 
-Times are milliseconds of one thread, the best of :data:`PASSES` for each query. Means are over the queries that were
-solved with and without bending.
+Compares collision tests with the channel of a path, and searches with and without inverse branch kinematics: in the
+feature-based graph with all its edges, with as few as the paper's, and for captures also in their standard graph. Times
+are milliseconds of one thread, the best of :data:`PASSES` for each query. Means are over the queries that are solved
+both with and without bending.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ from crowdsim.motion.captures.reader import capture_paths
 from crowdsim.motion.graph.arrays import GraphArrays
 
 ROOMS = GroundKind(side=20.0, sizes=(0.4, 1.2), clearance=0.6, lengths=(5.0, 14.0))
-"""What the environments are; the clearance of their paths is the radius of the channels."""
+"""The environments; the clearance of their paths is the radius of the channels."""
 
 DENSITIES = (0.02, 0.04, 0.08, 0.12)
-"""Shares of the floor that the obstacles of the four environments take."""
+"""Share of the floor that obstacles cover in each environment."""
 
 FEW_EDGES = 3
-"""Edges out of a node of the sparse graph, which gives about the paper's branching factor (1.66)."""
+"""Edges per node of the sparse graph, which gives about the paper's branching factor (1.66)."""
 
 STANDARD_BUDGET = 40
-"""How many times as many nodes a search of the standard graph may expand: its segments last a frame or two."""
+"""Factor on the number of nodes to expand in a standard graph, whose segments last only a frame or two."""
 
 _SEARCHES = ("collision tests", "collision tests, bent", "channel", "channel, bent", "channel, to 1 cm")
 _COMPARED = _SEARCHES[:4]
 _Found = dict[str, list[tuple[SearchResult, float]]]
-"""What each search gives for each query, and milliseconds."""
+"""Results by search: for each query the result and its time [ms]."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def measure(
     queries: int = 16,
     budget: int = 5_000,
 ) -> Measurement:
-    """Tables 2 and 3 over the graph of the built-in behaviors, or of the walks of the folder ``captures``."""
+    """Measure tables 2 and 3 on the graph of the built-in behaviors, or of the walks in the folder ``captures``."""
     radii, graphs = _graphs(captures)
     places = [_environment(density, queries, number) for number, density in enumerate(densities)]
     rows: list[dict[str, Any]] = []
@@ -93,10 +93,9 @@ def measure(
 def _standard(
     graph: GraphArrays, radii: NDArray[np.float64], places: Sequence[_Environment], features: _Found, budget: int
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
-    """Rows of plain searches of the standard graph, and what they take over those of the feature-based one.
+    """Return rows of plain searches of the standard graph, and their time relative to the feature-based graph.
 
-    ``features`` holds what the same searches gave there. Rows compare with themselves; figures are over the queries
-    solved in both graphs.
+    ``features`` holds the results of the same searches there. Figures are over the queries solved in both graphs.
     """
     probes = body_probes(graph, radii)
     rows: list[dict[str, Any]] = []
@@ -118,7 +117,7 @@ def _standard(
 
 
 def _graphs(captures: Path | None) -> tuple[NDArray[np.float64], dict[str, GraphArrays]]:
-    """Radii of the behaviors (B, layers), and the graphs to compare: of captures the standard one, too."""
+    """Return radii of the behaviors (B, layers), and the graphs to compare, for captures with the standard one."""
     names = () if captures is None else _capture_names(captures)
     loaded, standard = load_behaviors(captures, names), {}
     if captures is not None:
@@ -130,13 +129,13 @@ def _graphs(captures: Path | None) -> tuple[NDArray[np.float64], dict[str, Graph
 
 
 def _capture_names(captures: Path) -> list[str]:
-    """The walks of one person among the curated captures, and all files of any other folder."""
+    """Return the walks of one person among the curated captures, or all files of any other folder."""
     walks = [path for pattern in CAPTURED for path in captures.glob(pattern)]
     return sorted(path.name for path in walks or capture_paths(captures, ["*.bvh"]))
 
 
 def _solved(searches: Sequence[list[tuple[SearchResult, float]]]) -> list[int]:
-    """The queries that all of ``searches`` solved."""
+    """Return the queries that all of ``searches`` solved."""
     return [i for i, results in enumerate(zip(*searches, strict=True)) if all(r.status == FOUND for r, _ in results)]
 
 
@@ -149,7 +148,7 @@ def _environment(density: float, count: int, seed: int) -> _Environment:
 def _search_all(
     name: str, graph: GraphArrays, probes: Probes, place: _Environment, budget: int, passes: int = PASSES
 ) -> list[tuple[SearchResult, float]]:
-    """What each query of an environment gives, and the least milliseconds it took."""
+    """Return the result of each query of an environment, and its shortest time [ms]."""
     options = SearchOptions(branch_kinematics="bent" in name, budget=budget)
     if "1 cm" in name:
         options = replace(options, goal_tolerance=0.01)
@@ -194,7 +193,7 @@ def _means(found: list[tuple[SearchResult, float]]) -> dict[str, float]:
 
 
 def _figures(solved: _Found, tried: _Found) -> dict[str, float]:
-    """Over all environments: how much the channel and bending take off, in percent of the search without."""
+    """Return over all environments how much time the channel and bending save, in percent."""
     mean = {name: _means(found) for name, found in solved.items()}
     figures = {"compared": float(len(solved["channel"])), "queries": float(len(tried["channel"]))}
     if solved["channel"]:
@@ -202,7 +201,7 @@ def _figures(solved: _Found, tried: _Found) -> dict[str, float]:
         figures["collision_tests_ratio"] = tests[0] / max(tests[1], 1.0)
         figures["ratio_tests_over_channel_ms"] = mean["collision tests"]["ms"] / max(mean["channel"]["ms"], 1e-9)
     for name in ("channel", "collision tests"):
-        # Of this way to test alone: in a sparse graph few queries are solved in a channel.
+        # Compare within one kind of test only: in a sparse graph, few queries are solved in a channel.
         both = _solved([tried[name], tried[f"{name}, bent"]])
         if not both:
             continue

@@ -1,4 +1,4 @@
-"""A motion graph with few edges, to search as sparse a graph as that of the 2011 paper."""
+"""Remove edges from a motion graph, to search as sparse a graph as that of the 2011 paper."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _OF_EDGES = ("edge_transform", "edge_pivot", "edge_low", "edge_high")
 
 
 def thinned(graph: GraphArrays, edges: int) -> GraphArrays:
-    """The largest strongly connected part of ``graph`` with ``edges`` of the edges out of each node.
+    """Return the largest strongly connected part of ``graph`` with ``edges`` of the edges out of each node.
 
-    Those that may turn farthest are kept, which are those of the smallest distance; of equals the first. Without stop
-    edges, which only the crowd asks for.
+    The edges with the largest range of rotation are kept, which are those with the smallest distance; the first of
+    equals. Stop edges, which only the crowd uses, are removed.
     """
     count = len(graph.node_frames)
     source = np.repeat(np.arange(count), np.diff(graph.edge_start))

@@ -1,1 +1,1 @@
-"""Places: triangulating them, paths through them, and making them from files."""
+"""Benchmarks of environments: triangulation, paths, and import of files."""

@@ -1,7 +1,7 @@
-"""What becomes of 3D worlds: how long until there are layers and meshes, how well they fit, and what is left free.
+"""Import of 3D worlds: time to layers and meshes, agreement with laser maps, and free area.
 
-Reached is where the center of a disc can be on the given floor without the disc meeting an obstacle of the legs layer;
-the floor's own outline is no obstacle there. Pieces below :data:`LEAST_PIECE` are not counted.
+The reached area is where the center of a disc can be on the given floor without meeting an obstacle of the legs layer;
+the outline of the floor is no obstacle for it. Pieces below :data:`LEAST_PIECE` are ignored.
 """
 
 from __future__ import annotations
@@ -32,27 +32,27 @@ from crowdsim.navmesh.navmesh import NavMesh
 PASSES = 5
 
 LEAST_PIECE = 0.5
-"""Square meters."""
+"""Least area of a piece that counts [m2]."""
 
 NEAR = 0.20
-"""Meters from an occupied cell to an obstacle's outline."""
+"""Largest distance of an occupied cell from an obstacle's outline [m]."""
 
 LASER = Band("laser", 0.20, 0.30)
-"""What the robot's laser sees of a place, about."""
+"""Approximate height band in which the robot's laser scans."""
 
 SHARE = 0.03
-"""By which an area may miss its bar."""
+"""Relative tolerance of an area."""
 
 REACHED: dict[str, dict[float, tuple[float, ...]]] = {
     "small_house": {0.15: (124.0,), 0.25: (109.0,), 0.30: (102.0,), 0.35: (95.0,)},
     "tb3_house": {0.30: (100.0,), 0.35: (47.0, 46.0)},
 }
-"""Square meters of each piece, largest first, by world and radius."""
+"""Required area of each piece, largest first [m2], by world and radius [m]."""
 
 _SECONDS = {"small_house": 1.5}
 _MEGABYTES = 500.0
 
-# Not getrusage, whose peak begins with that of the process this one was forked from.
+# The peak of getrusage would include that of the parent process before the fork, so /proc is read instead.
 _CHILD = """
 import sys
 from pathlib import Path
@@ -64,7 +64,7 @@ print(int(status[status.index("VmHWM:") + 1]) / 1024.0)
 
 
 class Prepared(NamedTuple):
-    """A world on its floor."""
+    """A world on its floor, with layers and meshes."""
 
     place: SolidsOnFloor
     layers: tuple[ClearanceLayer, ...]
@@ -72,14 +72,14 @@ class Prepared(NamedTuple):
 
 
 class _Table:
-    """Rows as they are measured."""
+    """Collects rows."""
 
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
         self.figures: dict[str, float] = {}
 
     def add(self, world: str, what: str, value: float, unit: str, bar: str = "", held: bool | None = None) -> None:
-        """A row; ``bar`` says what was wanted, ``held`` whether it was reached."""
+        """Add a row; ``bar`` is the requirement in words, ``held`` whether it is met."""
         verdict = None if held is None else "yes" if held else "NO"
         self.rows.append(
             {"world": world, "what": what, "value": round(value, 4), "unit": unit, "bar": bar, "held": verdict}
@@ -105,7 +105,7 @@ def measure(worlds: Path | None = None) -> Measurement:
 
 
 def prepare(world: Path, seconds: dict[str, float]) -> Prepared:
-    """A world, with the floor in the .wkt beside it, to layers and meshes; ``seconds`` gets those of each step."""
+    """Turn a world, with the floor in the .wkt beside it, into layers and meshes; ``seconds`` gets step times."""
 
     def timed(step: str, call: Callable[[], Any]) -> Any:
         begin = time.perf_counter()
@@ -122,8 +122,8 @@ def prepare(world: Path, seconds: dict[str, float]) -> Prepared:
 
 
 def measure_times(table: _Table, world: Path) -> Prepared:
-    """Seconds from the file to both meshes, and the memory of a process that does nothing else."""
-    prepared = prepare(world, {})  # compiles kernels that are not compiled yet
+    """Measure the time from the file to both meshes [s], and the memory of a process that does nothing else."""
+    prepared = prepare(world, {})  # not timed: compiles kernels
     samples: list[dict[str, float]] = [{} for _ in range(PASSES)]
     processor = []
     for sample in samples:
@@ -135,10 +135,10 @@ def measure_times(table: _Table, world: Path) -> Prepared:
     total = statistics.median(sum(sample.values()) for sample in samples)
     bar = _SECONDS.get(world.stem)
     table.add(world.stem, "file to both meshes", total, "s", f"< {bar}" if bar else "", total < bar if bar else None)
-    # Which a busy machine changes less.
+    # Processor time depends less on other load of the machine.
     table.add(world.stem, "file to both meshes, processor time", statistics.median(processor), "s")
     if not Path("/proc/self/status").is_file():
-        return prepared  # only Linux tells the peak of a process
+        return prepared  # only Linux has /proc with the peak of a process
     child = subprocess.run([sys.executable, "-c", _CHILD, str(world)], capture_output=True, text=True)
     if child.returncode:
         last = (child.stderr.strip().splitlines() or ["no message"])[-1]
@@ -149,7 +149,7 @@ def measure_times(table: _Table, world: Path) -> Prepared:
 
 
 def measure_layers(table: _Table, name: str, prepared: Prepared) -> None:
-    """How much there is, and whether the torso is free wherever the legs are; the floor found without the given one."""
+    """Measure sizes, whether the torso is free wherever the legs are, and the floor derived without the given one."""
     legs, torso = prepared.layers
     table.add(name, "solids", len(prepared.place.solids), "")
     table.add(name, "corners of the legs layer", int(shapely.get_num_coordinates(legs.free)), "")
@@ -160,7 +160,7 @@ def measure_layers(table: _Table, name: str, prepared: Prepared) -> None:
 
 
 def measure_reach(table: _Table, name: str, prepared: Prepared) -> None:
-    """Areas reached by radius, and whether the mesh joins and separates places as these do."""
+    """Measure reached areas by radius, and whether the mesh joins and separates places as they do."""
     floor, obstacles = prepared.place.floor, prepared.layers[0].obstacles
     for radius, expected in REACHED[name].items():
         pieces = pieces_reached(floor, obstacles, radius)
@@ -180,17 +180,17 @@ def measure_reach(table: _Table, name: str, prepared: Prepared) -> None:
 
 
 def pieces_reached(floor: BaseGeometry, obstacles: BaseGeometry, radius: float) -> list[BaseGeometry]:
-    """Where the center of a disc can be, largest piece first."""
+    """Return where the center of a disc can be, largest piece first."""
     reached = polygons_only(floor.difference(obstacles.buffer(radius)))
     pieces = [piece for piece in reached.geoms if piece.area >= LEAST_PIECE]
     return sorted(pieces, key=lambda piece: -piece.area)
 
 
 def _labels(mesh: NavMesh, pieces: list[BaseGeometry], radius: float) -> list[set[int]]:
-    """The mesh's components of places all over each piece."""
+    """Return, for each piece, the mesh components of places all over it."""
     labels = []
     for piece in pieces:
-        # A little inside, as the buffer's arcs are polygons inside the true arcs.
+        # Shrink a little, because the buffer replaces arcs by polygons.
         inner = piece.buffer(-0.02 * radius)
         x0, y0, x1, y1 = inner.bounds
         x, y = (grid.ravel() for grid in np.meshgrid(np.arange(x0, x1, 0.1), np.arange(y0, y1, 0.1)))
@@ -200,10 +200,10 @@ def _labels(mesh: NavMesh, pieces: list[BaseGeometry], radius: float) -> list[se
 
 
 def measure_fit(table: _Table, name: str, prepared: Prepared, laser: LaserMap) -> None:
-    """Layers against a robot's laser map of the same place.
+    """Compare layers with a robot's laser map of the same place.
 
-    The gate is on what a laser sees, the band :data:`LASER`. The legs layer differs from that by right: it holds tops
-    of tables and lamps that the laser passes below, whose legs stand far inside of its outlines.
+    The requirement is on the band :data:`LASER` that a laser sees. The legs layer rightly differs from it: it contains
+    tops of tables and lamps that the laser passes below, whose legs stand far inside their outlines.
     """
     (seen,) = clearance_layers(prepared.place.floor, prepared.place.solids, [LASER])
     for layer, gate in ((seen, True), (prepared.layers[0], False)):

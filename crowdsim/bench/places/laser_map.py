@@ -1,4 +1,4 @@
-"""Occupancy maps as robots write them: an image and a .yaml that says where it lies."""
+"""Read occupancy maps of robots: an image, and a .yaml with its position."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from crowdsim.errors import CrowdSimError
 
 
 class LaserMap(NamedTuple):
-    """Centers (n, 2) of cells, meters; unknown ones are in none."""
+    """Centers (n, 2) of cells [m]; unknown cells are left out."""
 
     occupied: NDArray[np.float64]
     free: NDArray[np.float64]
     seen: NDArray[np.float64]
-    """The free ones of the largest connected area: others, such as those inside of walls, no robot can have seen."""
+    """Free cells of the largest connected area. Others, such as those inside walls, no robot can have seen."""
 
 
 def read_laser_map(file: Path) -> LaserMap:
-    """Read the .yaml and the binary .pgm beside it; raises CrowdSimError where they have another form."""
+    """Read the .yaml and the binary .pgm beside it; raise CrowdSimError if they have another format."""
     try:
         said = dict(re.findall(r"^(\w+):\s*(.*?)\s*$", file.read_text(encoding="utf-8"), re.MULTILINE))
         content = (file.parent / said["image"]).read_bytes()
@@ -36,7 +36,7 @@ def read_laser_map(file: Path) -> LaserMap:
         cell = float(said["resolution"])
         x0, y0 = (float(number) for number in said["origin"].strip("[]").split(",")[:2])
         x = x0 + (np.arange(columns) + 0.5) * cell
-        y = y0 + (rows - 0.5 - np.arange(rows)) * cell  # the image begins at the top
+        y = y0 + (rows - 0.5 - np.arange(rows)) * cell  # row 0 of the image is at the top
         centers = np.stack(np.meshgrid(x, y), axis=-1)
         occupied = occupancy > float(said["occupied_thresh"])
         free = occupancy < float(said["free_thresh"])

@@ -1,7 +1,7 @@
-"""What a navigation mesh costs: to build, to search, to ask and to edit; how long its paths are, and what they violate.
+"""Navigation meshes: time to build, search, query and edit; lengths and violations of paths.
 
-Times are microseconds of one thread, the best of :data:`PASSES` for each query; the rows give their median and 95th
-percentile. A search is timed by what it adds to a batch that holds the one before it.
+Times are microseconds of one thread, the best of :data:`PASSES` for each query; the rows give their median and 95 %
+quantile. A search is timed as the difference between batches with and without it.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ Floats = NDArray[np.float64]
 
 PASSES = 3
 LARGE = (18_000, 150.0)
-"""Polygons and side in meters of a map of about 110,000 corners."""
+"""Number of polygons, and side [m], of a map with about 110,000 corners."""
 
 _RANDOM = 10_000
-"""Random queries of a map, for violations that are rare."""
+"""Number of random queries of a map, because violations are rare."""
 
 _EDITS = 300
 _FIRST_EDITS = 20
-"""Edits that are not counted: the first ones make room for more."""
+"""Number of first edits that are not timed: they enlarge arrays."""
 
 _CLOSE = 1e-5
-"""Meters by which a path may come closer than its radius before that counts as a violation."""
+"""Distance by which a path may come closer than its radius before it counts as a violation [m]."""
 
 _COLUMNS = {"median_us": 1, "p95_us": 1, "ratio": 5, "found": None, "violations": None}
-"""What a row tells, and to how many digits; ``ratio`` is the mean length over the shortest."""
+"""Columns of a row, and their digits; ``ratio`` is the mean length relative to the shortest path."""
 
 
 class _Table:
-    """Rows as they are measured."""
+    """Collects rows."""
 
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = []
         self.figures: dict[str, float] = {}
 
     def add(self, where: BenchMap, what: str, seconds: Floats, **more: float) -> None:
-        """A row for the ``seconds`` of one query each."""
+        """Add a row for the times ``seconds`` of single queries."""
         figures = {"median_us": float(np.median(seconds) * 1e6)}
         if len(seconds) > PASSES:
             figures["p95_us"] = float(np.quantile(seconds, 0.95) * 1e6)
@@ -74,7 +74,7 @@ def measure(maps: Path | None = None) -> Measurement:
 
 
 def measure_map(table: _Table, where: BenchMap) -> None:
-    """Everything on one map."""
+    """Measure everything on one map."""
     measure_builds(table, where)
     mesh = NavMesh(where.area)
     for optimality in OPTIMALITIES:
@@ -85,13 +85,13 @@ def measure_map(table: _Table, where: BenchMap) -> None:
 
 
 def measure_builds(table: _Table, where: BenchMap) -> None:
-    """The mesh of a whole area, refinement and widths included, by either builder."""
+    """Time building the mesh of a whole area, with refinement and widths, by either builder."""
     for builder in ("own", "triangle"):
         table.add(where, f"build, {builder}", best_of([partial(NavMesh, where.area, builder)]))
 
 
 def measure_paths(table: _Table, where: BenchMap, mesh: NavMesh, optimality: str) -> None:
-    """All queries of a map, one by one and in a batch with one and two threads."""
+    """Time all queries of a map, one by one and in a batch with one and two threads."""
     starts, goals = (np.ascontiguousarray(where.queries[:, part]) for part in (slice(0, 2), slice(2, 4)))
 
     def find(first: int, last: int, workers: int = 1) -> Paths:
@@ -103,7 +103,7 @@ def measure_paths(table: _Table, where: BenchMap, mesh: NavMesh, optimality: str
     ratios = (paths.lengths / where.optimum)[np.isfinite(paths.lengths) & np.isfinite(where.optimum)]
     if len(ratios):
         more["ratio"] = float(ratios.mean())
-    # What a query adds to a batch that holds the one before it: no call from Python, and caches as they are in a batch.
+    # Time of a query: batch of it and the one before, minus batch of the one before; without call overhead from Python.
     calls = [partial(find, i, last) for i in range(len(starts) - 1) for last in (i + 1, i + 2)]
     alone, both = best_of(calls).reshape(-1, 2).T
     seconds = np.maximum(both - alone, 0.0)
@@ -114,7 +114,7 @@ def measure_paths(table: _Table, where: BenchMap, mesh: NavMesh, optimality: str
 
 
 def measure_random(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
-    """Many paths between random places where the disc is free, all checked for violations."""
+    """Time many paths between random free places, and check all for violations."""
     rng = np.random.default_rng(1)
     x0, y0, x1, y1 = where.area.bounds
     places = rng.uniform((x0, y0), (x1, y1), (8 * _RANDOM, 2))
@@ -129,7 +129,7 @@ def measure_random(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
 
 
 def measure_queries(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
-    """Single calls from Python, at the starts of the map's queries."""
+    """Time single calls from Python, at the starts of the map's queries."""
     radius, starts = where.radius, where.queries[:, :2]
     ends = list(zip(starts, where.queries[:, 2:], strict=True))
     narrow = [point for point in starts if not mesh.is_free(point, 2.0 * radius)]
@@ -146,12 +146,12 @@ def measure_queries(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
         if calls:
             table.add(where, what, best_of(calls))
     table.add(where, "clearance, mean of a batch", best_of([partial(mesh.clearances, starts)]) / len(starts))
-    fresh = radius * (1.0 + 1e-3 * np.arange(1, 21))  # radii that were not asked for yet
+    fresh = radius * (1.0 + 1e-3 * np.arange(1, 21))  # radii that are not cached yet
     table.add(where, "components of a new radius", _seconds([partial(mesh.components, starts[:1], r) for r in fresh]))
 
 
 def measure_edits(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
-    """Insert and remove polygons of the map at other places, and points."""
+    """Time inserting and removing polygons of the map at other places, and points."""
     rng = np.random.default_rng(7)
     x0, y0, x1, y1 = where.area.bounds
     for what in ("polygon", "point"):
@@ -176,7 +176,7 @@ def measure_edits(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
 
 
 def best_of(calls: Sequence[Callable[[], Any]]) -> Floats:
-    """Least seconds (n,) of each of ``calls`` over :data:`PASSES` passes through all of them."""
+    """Return the shortest time (n,) of each of ``calls`` over :data:`PASSES` passes through all of them [s]."""
     least: NDArray[np.float64] = np.min([_seconds(calls) for _ in range(PASSES)], axis=0)
     return least
 
@@ -203,7 +203,7 @@ def _found(mesh: NavMesh, start: Floats, goal: Floats, radius: float) -> Any:
 
 
 def _violations(where: BenchMap, paths: Paths, found: NDArray[np.int64]) -> int:
-    """How many paths come closer than the radius to an obstacle, as shapely sees it."""
+    """Return the number of paths that come closer than the radius to an obstacle, computed with shapely."""
     boundary = where.area.boundary
     shapely.prepare(boundary)
     lines = [shapely.LineString(paths[int(i)].points) for i in found]

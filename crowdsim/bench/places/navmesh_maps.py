@@ -1,4 +1,4 @@
-"""Maps with queries for the benchmark of navigation meshes: from files, or made up from a seed."""
+"""Maps with queries for the benchmark of navigation meshes, from files or generated from a seed."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from crowdsim.errors import CrowdSimError
 Floats = NDArray[np.float64]
 
 FILES = ("clutter_200", "clutter_2000", "apartment_24")
-"""Names of the maps in a folder of such files (name.json)."""
+"""Names of the maps in a folder (name.json)."""
 
 
 @dataclass(frozen=True)
 class BenchMap:
-    """An area, and where to go in it."""
+    """An area with queries."""
 
     name: str
     area: Any
-    """The walkable area (shapely)."""
+    """Walkable area (shapely)."""
     obstacles: list[Any]
-    """What was taken from it, a polygon each (shapely)."""
+    """Polygons that were removed from it (shapely)."""
     radius: float
-    """Radius of the queries, meters."""
+    """Radius of the queries [m]."""
     queries: Floats
-    """(n, 4) start and goal of each, meters."""
+    """(n, 4) start and goal of each query [m]."""
     optimum: Floats
-    """(n,) lengths of the shortest paths, meters; nan where there is none or where it is not known."""
+    """(n,) lengths of the shortest paths [m]; nan if there is none or it is unknown."""
 
 
 def read_maps(folder: Path) -> list[BenchMap]:
-    """The maps of ``folder``; raises CrowdSimError where one is missing or has another form."""
+    """Return the maps of ``folder``; raise CrowdSimError if one is missing or has another format."""
     return [read_map(folder / f"{name}.json") for name in FILES]
 
 
 def read_map(file: Path) -> BenchMap:
-    """The map of one file; raises CrowdSimError where it is missing or has another form."""
+    """Return the map of one file; raise CrowdSimError if it is missing or has another format."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
         obstacles = [shapely.Polygon(obstacle["polygon"]) for obstacle in content["obstacles"]]
@@ -63,9 +63,9 @@ def read_map(file: Path) -> BenchMap:
 
 
 def clutter(count: int, size: float, radius: float, queries: int, seed: int = 1) -> BenchMap:
-    """``count`` random convex polygons in a square room of ``size`` meters, off its walls, and random ``queries``."""
+    """Return ``count`` random convex polygons in a square room of ``size`` [m], and random ``queries``."""
     rng = np.random.default_rng(seed)
-    reach = 0.3 * size / math.sqrt(count)  # of the largest polygon, so that about a tenth of the floor is taken
+    reach = 0.3 * size / math.sqrt(count)  # radius of the largest polygon: about a tenth of the floor is covered
     centers = rng.uniform(reach, size - reach, (count, 2))
     reaches = reach * rng.uniform(0.3, 1.0, count)
     obstacles = []
@@ -83,7 +83,7 @@ def _free_area(room: Any, obstacles: list[Any]) -> Any:
 
 
 def _free_points(rng: np.random.Generator, area: Any, size: float, radius: float, count: int) -> Floats:
-    """Points (count, 2) at least ``radius`` off the boundary of ``area``."""
+    """Return points (count, 2) at least ``radius`` away from the boundary of ``area`` [m]."""
     boundary = area.boundary
     shapely.prepare(area)
     shapely.prepare(boundary)

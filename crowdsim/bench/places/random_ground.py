@@ -1,4 +1,4 @@
-"""Cluttered rooms and random paths in them, on which motion searches and motion maps are measured."""
+"""Cluttered rooms and random paths in them, for benchmarks of motion searches and motion maps."""
 
 from __future__ import annotations
 
@@ -15,8 +15,19 @@ from crowdsim.navmesh.navmesh import NavMesh
 
 
 class GroundKind(NamedTuple):
-    """How to draw a room and paths. side: meters of the square room. sizes: meters, least and greatest extent of an
-    obstacle. clearance: meters that paths keep from obstacles. lengths: meters between which the paths are long."""
+    """Parameters of a random room and its paths.
+
+    Attributes
+    ----------
+    side : float
+        Side of the square room [m].
+    sizes : (float, float)
+        Least and greatest extent of an obstacle [m].
+    clearance : float
+        Distance of paths from obstacles [m].
+    lengths : (float, float)
+        Least and greatest length of paths [m].
+    """
 
     side: float
     sizes: tuple[float, float]
@@ -25,7 +36,7 @@ class GroundKind(NamedTuple):
 
 
 class RandomGround(NamedTuple):
-    """A room of ``obstacles`` of varied height, the meshes of its layers, and paths (n, 2) among them."""
+    """A room with ``obstacles`` obstacles of various heights, the meshes of its layers, and paths (n, 2) among them."""
 
     obstacles: int
     legs: NavMesh
@@ -34,7 +45,7 @@ class RandomGround(NamedTuple):
 
 
 def random_ground(kind: GroundKind, density: float, paths: int, seed: int) -> RandomGround:
-    """A room whose obstacles cover the share ``density`` of it, and so many ``paths`` between random places."""
+    """Return a room whose obstacles cover the share ``density`` of it, with ``paths`` paths between random places."""
     rng = np.random.default_rng(seed)
     floor = shapely.box(0.0, 0.0, kind.side, kind.side)
     solids = draw_clutter("clutter", floor.buffer(-0.5), density, kind.sizes, rng)

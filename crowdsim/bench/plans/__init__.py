@@ -1,1 +1,1 @@
-"""Plans: what they cost and take, and whether bodies pass along them."""
+"""Benchmarks of plans: their time and cost, and whether bodies fit along them."""

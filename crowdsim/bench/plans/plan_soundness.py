@@ -1,4 +1,4 @@
-"""How far plans are from what they promise: clearances of sections in the layers, bodies posed in 3D along them."""
+"""Correctness of plans: clearance of their sections in the layers, and collisions of 3D bodies along them."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ PLANNERS = ("layered", "greedy_literal")
 SECTIONS = 10_000
 
 DEEP = 0.02
-"""Meters that a body may reach into an obstacle."""
+"""Depth to which a body may reach into an obstacle [m]."""
 
 _EVERY = 10
-"""Of so many paths, one is also walked with stiff legs."""
+"""Every how many paths one is also walked with stiff legs."""
 
 
 def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement:
-    """Of ``sections`` sections, as many in each of the places of :mod:`crowdsim.bench.plans.planner_comparison`.
+    """Check ``sections`` sections in each of the places of :mod:`crowdsim.bench.plans.planner_comparison`.
 
-    A world that is not in the folder ``worlds`` is left out. "stiff" is for every tenth path, with legs as on a
-    straight way.
+    A world that is not in the folder ``worlds`` is skipped. "stiff" is for every tenth path, with legs as on a straight
+    path.
     """
     rows: list[dict[str, Any]] = []
     for name in PLACES:
@@ -66,13 +66,14 @@ def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement
 
 
 def needs_of(ground: Ground) -> Requirements:
-    """The clearances that plans there keep."""
+    """Return the clearances that plans there keep."""
     return Requirements.of(ground.behaviors, len(ground.meshes), TRACKING_MARGIN)
 
 
 def random_paths(ground: Ground, count: int, seed: int, least: float = 2.0) -> list[AnnotatedPath]:
-    """Paths with ``count`` sections or a few more: ends where some behavior that needs no turn fits, planners by turns,
-    with slack and without.
+    """Return random paths with ``count`` sections or a few more, at least ``least`` meters long.
+
+    An upright behavior fits at both ends; planners alternate, as do plans with and without the margin for motions.
     """
     need = needs_of(ground)
     rng = np.random.default_rng(seed)
@@ -97,9 +98,9 @@ def random_paths(ground: Ground, count: int, seed: int, least: float = 2.0) -> l
 
 
 def worst_clearance(layers: Sequence[shapely.Geometry], need: Requirements, paths: Sequence[AnnotatedPath]) -> float:
-    """Meters by which a disc swept along a section reaches into what a layer's free area leaves; negative for not.
+    """Return how far a disc swept along a section leaves a layer's free area at most [m]; negative if none does.
 
-    By shapely alone, from the polygons that meshes were made of.
+    Computed with shapely only, from the polygons that the meshes were made of.
     """
     worst = -np.inf
     boundaries = [layer.boundary for layer in layers]
@@ -115,6 +116,6 @@ def worst_clearance(layers: Sequence[shapely.Geometry], need: Requirements, path
 
 
 def section_line(path: AnnotatedPath, start: float, end: float) -> shapely.LineString:
-    """The polyline between two arc lengths."""
+    """Return the polyline between two arc lengths."""
     inner = path.arc[(path.arc > start) & (path.arc < end)]
     return shapely.LineString(path.at(np.concatenate([[start], inner, [end]])))

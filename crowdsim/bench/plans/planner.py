@@ -1,9 +1,9 @@
-"""What a plan costs: time, cost and proven gap of each planner, in cluttered places (2018 paper, table 1 and figure 7).
+"""Plans of each planner in cluttered places: time, cost and proven gap (2018 paper, table 1 and figure 7).
 
 A step is :data:`STEP` meters, so that 20 of them are 14 m. Goals lie at that distance from the start in a straight
-line, both where the widest behavior fits. Times are the best of :data:`PASSES`, in milliseconds, without slack for
-the motions, which is the same for the paths of all planners; the roadmap of a place is made before. Plans with whole
-bodies tested in 3D take so long that they are made once, and to every fifth goal only.
+line; the widest behavior fits at both. Times are the best of :data:`PASSES`, in milliseconds, without the margin for
+motions, which is the same for all planners; the roadmap of a place is built before. Plans with whole bodies tested in
+3D take so long that they are made once, and to every fifth goal only.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ PASSES = 3
 PLANNERS = ("layered", "greedy_literal", "collision3d")
 
 _EVERY = 5
-"""Of so many goals, one is also planned to in 3D."""
+"""Every how many goals one is also planned to in 3D."""
 
 
 def measure(
@@ -49,9 +49,9 @@ def measure(
     worlds: Path | None = None,
     queries: int = planner_comparison.QUERIES,
 ) -> Measurement:
-    """All planners on all places and distances; ``picture`` is written with their times.
+    """Measure all planners on all places and distances; draw their times to ``picture``.
 
-    Then costs side by side, of ``queries`` in each of the places of :mod:`crowdsim.bench.plans.planner_comparison`.
+    Then compare costs of ``queries`` plans in each of the places of :mod:`crowdsim.bench.plans.planner_comparison`.
     """
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
@@ -91,13 +91,13 @@ def measure(
 
 
 def cluttered_place(density: str) -> EnvironmentState:
-    """The place of the scenario ``clutter`` with obstacles as dense, ready for all planners."""
+    """Return the environment of the scenario ``clutter`` with this density, ready for all planners."""
     scenario = load_scenario("clutter", [f"clutter.density={density}", "planner=collision3d"])
     return EnvironmentState(prepare(scenario))
 
 
 def place_queries(place: EnvironmentState, count: int, distance: float, seed: int) -> list[Floats]:
-    """Pairs (2, 2) of places where the widest behavior fits, ``distance`` meters apart."""
+    """Return pairs (2, 2) of places at which the widest behavior fits, ``distance`` apart [m]."""
     need = place.assets.need
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = place.assets.layers[0].free.bounds
@@ -117,7 +117,7 @@ def place_queries(place: EnvironmentState, count: int, distance: float, seed: in
 def run(
     place: EnvironmentState, planner: str, queries: Sequence[Floats], passes: int = PASSES
 ) -> tuple[Floats, Floats, list[AnnotatedPath | None]]:
-    """Seconds (n,), costs (n,), infinite where nothing is found, and paths."""
+    """Return times (n,) [s], costs (n,), infinite if no path is found, and paths."""
     assets = place.assets
     prepared = Planner(place.meshes, assets.behaviors, areas=place.areas, planner=planner, bodies=assets.bodies)
     paths: list[AnnotatedPath | None] = []
@@ -136,7 +136,7 @@ def run(
 
 
 def draw_times(times: Mapping[tuple[str, int, str], Floats]) -> Figure:
-    """Milliseconds (n,) by place, steps and planner: quartiles, whiskers and outliers (2018 paper, figure 7)."""
+    """Draw times [ms] by place, steps and planner: quartiles, whiskers and outliers (2018 paper, figure 7)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 4.5), dpi=110, layout="constrained")
@@ -155,7 +155,7 @@ def draw_times(times: Mapping[tuple[str, int, str], Floats]) -> Figure:
 
 
 def _row(density: str, steps: int, name: str, ms: Floats, costs: Floats) -> dict[str, Any]:
-    """Mean, median, deviation and outliers (beyond 1.5 quartile ranges) as in the paper's figure 7."""
+    """Return mean, median, deviation and outliers (beyond 1.5 quartile ranges) as in the paper's figure 7."""
     low, middle, high = np.quantile(ms, [0.25, 0.5, 0.75]) if len(ms) else (0.0, 0.0, 0.0)
     outliers = int((ms > high + 1.5 * (high - low)).sum())
     found = np.isfinite(costs)

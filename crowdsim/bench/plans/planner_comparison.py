@@ -1,8 +1,8 @@
-"""What plans cost, planner beside planner: any start and any goal where the narrowest behavior fits, in four places.
+"""Costs of plans by planner, for any start and goal at which the narrowest behavior fits, in four places.
 
-``layered`` is compared with the published planner. In places where most plans
-are straight the mean ratio is near one whatever the planner does; so it is also given without the queries that the
-published planner answers with the widest behavior alone.
+``layered`` is compared with the published planner. In places where most plans are straight, the mean ratio is near one
+for any planner; it is therefore also given without the queries that the published planner answers with the widest
+behavior alone.
 """
 
 from __future__ import annotations
@@ -34,13 +34,27 @@ Floats = NDArray[np.float64]
 QUERIES = 250
 PLACES = ("normal", "dense", "small_house", "apartment")
 ALIKE = 1e-6
-"""Share by which a cost may be above another and count as the same."""
+"""Relative difference up to which costs count as equal."""
 
 _WORLD = "small_house"
 
 
 class Ground(NamedTuple):
-    """Meshes of layers and areas, the behaviors that go there, free areas of the layers, and all obstacles."""
+    """A place for plans.
+
+    Attributes
+    ----------
+    meshes : tuple of NavMesh
+        Mesh of each layer.
+    areas : tuple of NavMesh or None
+        Mesh of the area of each behavior.
+    behaviors : tuple of Behavior
+        Behaviors to plan with.
+    layers : tuple of shapely geometry
+        Free area of each layer [m].
+    solids : tuple of solids
+        All obstacles.
+    """
 
     meshes: tuple[NavMesh, ...]
     areas: tuple[NavMesh | None, ...]
@@ -50,16 +64,16 @@ class Ground(NamedTuple):
 
     @property
     def bounds(self) -> tuple[float, ...]:
-        """The box (x0, y0, x1, y1) around it."""
+        """Return its bounding box (x0, y0, x1, y1) [m]."""
         return tuple(self.layers[0].bounds)
 
     def planner(self, name: str = "layered") -> Planner:
-        """A planner of that name for the place as it is."""
+        """Return a planner of this name for the place."""
         return Planner(self.meshes, self.behaviors, areas=self.areas, planner=name)
 
 
 def measure(queries: int = QUERIES, worlds: Path | None = None) -> tuple[dict[str, str], dict[str, float]]:
-    """What was found of each place, in words, and figures; a world that is not in the folder ``worlds`` is left out."""
+    """Return a sentence on each place, and figures; a world that is not in the folder ``worlds`` is skipped."""
     words: dict[str, str] = {}
     figures: dict[str, float] = {}
     ratios = []
@@ -91,7 +105,7 @@ def measure(queries: int = QUERIES, worlds: Path | None = None) -> tuple[dict[st
 
 
 def ground_of(name: str, worlds: Path | None = None) -> Ground | None:
-    """The clutter as dense as ``name`` says, a scenario, or a world of the folder; None where that is not there."""
+    """Return the clutter with density ``name``, a scenario, or a world of the folder; None if that is missing."""
     if name != _WORLD:
         clutter = name in ("normal", "dense")
         scenario = load_scenario("clutter", [f"clutter.density={name}"]) if clutter else load_scenario(name)
@@ -109,7 +123,7 @@ def ground_of(name: str, worlds: Path | None = None) -> Ground | None:
 
 
 def random_queries(ground: Ground, count: int, seed: int) -> list[Floats]:
-    """Pairs (2, 2) of places where the narrowest behavior fits, joined or not."""
+    """Return pairs (2, 2) of places where the narrowest behavior fits, connected or not."""
     need = Requirements.of(ground.behaviors, len(ground.meshes), TRACKING_MARGIN)
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = ground.bounds
@@ -123,9 +137,9 @@ def random_queries(ground: Ground, count: int, seed: int) -> list[Floats]:
 
 
 def compare(ground: Ground, count: int, seed: int = 1) -> tuple[Floats, NDArray[np.bool_]]:
-    """Costs (n, 2) of layered and greedy_literal for ``count`` queries that the second answers, or fewer.
+    """Return costs (n, 2) of layered and greedy_literal for up to ``count`` queries that the second answers.
 
-    And whether (n,) that answer has the widest behavior alone.
+    Also return (n,) whether that answer uses the widest behavior alone.
     """
     costs, wide = [], []
     layered_planner, literal_planner = ground.planner(), ground.planner("greedy_literal")

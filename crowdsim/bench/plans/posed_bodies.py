@@ -1,10 +1,10 @@
 """Bodies posed in 3D along plans, and how far they reach into obstacles.
 
-A walker's feet land where its way leads: in a bend, the foot ahead is already around it. So legs are bent along the
-path, each of their points to where the path is as many meters on, and held at its ends, where somebody stands; what
-is above the hips stays as it is and faces as followers make it, along the path smoothed over its corners. Clips begin
-and end standing, and so do paths, with hanging arms. Before a section for which a body turns off its way, and behind
-it, where it turns back, it is posed as in the clips that turn, in the middle of the room that plans leave for that.
+In a bend, the front foot lands around it already. Legs are therefore bent along the path: each of their points moves to
+where the path is as many meters ahead, or stays at an end of the path. The body above the hips keeps its shape and the
+heading that followers give it, along the path smoothed over its corners. Clips begin and end standing with hanging
+arms, as do paths. Before and after a section for which the body turns off its path, it is posed as in the clips that
+turn, in the middle of the room that plans leave for that.
 """
 
 from __future__ import annotations
@@ -30,32 +30,40 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 SPACING = 0.05
-"""Meters along a path between two poses."""
+"""Distance along a path between two poses [m]."""
 
 LOWEST = 0.1
-"""Meters: what ends below is walked over."""
+"""Height below which obstacles are ignored [m]."""
 
 SLICE = 0.02
-"""Meters of height of the upright prisms that stand for a solid of triangles."""
+"""Height of the upright prisms that approximate a solid of triangles [m]."""
 
 ENDS = 0.6
-"""Meters at both ends of a path in which bodies are posed as they set out and come to rest."""
+"""Length at both ends of a path along which bodies are posed as they set out and come to rest [m]."""
 
 AT_REST = 0.1
-"""Meters from there within which arms hang again that were held."""
+"""Distance from the ends within which arms hang that are held elsewhere [m]."""
 
 _ON_AXIS = np.linspace(0.0, 1.0, 5)
-"""Places on the axis of a capsule that are tested."""
+"""Positions on the axis of a capsule that are tested, from 0 to 1."""
 
 _TURNED = 0.2
-"""Radians from the heading that a clip turns to, or from, within which it is there."""
+"""Angle from the start or the end of a turn within which the turn is complete [rad]."""
 
 
 class Walk(NamedTuple):
-    """A clip from stand to stand, with what of it goes on steadily.
+    """A clip from stand to stand.
 
-    arc: (F,) meters up to each frame. steady: arc lengths (from, to) between which it repeats. facing: radians off the
-    way.
+    Attributes
+    ----------
+    body : Capsules
+        Poses.
+    arc : (F,) float64
+        Distance walked up to each frame [m].
+    steady : (float, float)
+        Distances between which it is repeated [m].
+    facing : float
+        Heading relative to the direction of motion [rad].
     """
 
     body: Capsules
@@ -65,9 +73,16 @@ class Walk(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A clip that turns off the way or back, on the way as far as it turns.
+    """The part of a clip in which the body turns off its path or back.
 
-    arc: (F,) meters up to each of its frames, ascending, from where it begins to turn. facing: (F,) radians off it.
+    Attributes
+    ----------
+    body : Capsules
+        Poses.
+    arc : (F,) float64
+        Distance up to each frame, from where the turn begins [m].
+    facing : (F,) float64
+        Heading relative to the path [rad].
     """
 
     body: Capsules
@@ -76,16 +91,23 @@ class Turn(NamedTuple):
 
 
 class Motions(NamedTuple):
-    """What is posed: the walk of each behavior, and by behavior the turns into it and out of it, if there are."""
+    """Clips to pose: the walk of each behavior, and by behavior the turns into it and out of it, if there are any."""
 
     walks: tuple[Walk, ...]
     turns: dict[int, tuple[Turn, Turn]]
 
 
 class Posed(NamedTuple):
-    """Places on the bones of all poses along a path.
+    """Points on the bones of all poses along a path.
 
-    places: (n, 3). reach: (n,) meters of flesh about them. arc: (n,) meters along the path where the body is.
+    Attributes
+    ----------
+    places : (n, 3) float64
+        Points [m].
+    reach : (n,) float64
+        Radius of the body around each point [m].
+    arc : (n,) float64
+        Position of the body along the path [m].
     """
 
     places: Floats
@@ -94,9 +116,9 @@ class Posed(NamedTuple):
 
 
 def motions_of(behaviors: Sequence[Behavior]) -> Motions:
-    """Of each behavior of a library its first clip, to its first side.
+    """Return the first clip of each behavior of a library, to its first side.
 
-    And the first clips that lead from the last behavior to those that are turned, and back.
+    Also the first clips that lead from the last behavior to those that face sideways, and back.
     """
     walks, turns = [], {}
     for k, behavior in enumerate(behaviors):
@@ -115,24 +137,24 @@ def motions_of(behaviors: Sequence[Behavior]) -> Motions:
 
 
 def walk_of(clip: Clip, facing: float) -> Walk:
-    """A clip, whose middle half goes on steadily."""
+    """Return a clip as a walk; its middle half is repeated."""
     arc = _arc_of(clip)
     count = len(arc)
     return Walk(body_capsules(clip, 0, count), arc, (float(arc[count // 4]), float(arc[3 * count // 4])), facing)
 
 
 def _arc_of(clip: Clip) -> Floats:
-    """(F,) meters that the track leads up to each frame."""
+    """Return (F,) the length of the track up to each frame [m]."""
     return np.append(0.0, np.cumsum(np.hypot(*np.diff(track_of(clip)[:, :2], axis=0).T)))
 
 
 def _turned_by(clip: Clip) -> float:
-    """Radians from the first frame to the last."""
+    """Return the change of heading from the first frame to the last [rad]."""
     return float(np.diff(np.unwrap(track_of(clip)[:, 2])[[0, -1]])[0])
 
 
 def turn_of(clip: Clip, facing: float, back: bool) -> Turn:
-    """The frames of a clip in which it turns from its way to ``facing`` radians off it, or ``back``."""
+    """Return the frames of a clip in which it turns from its path to ``facing`` [rad], or ``back``."""
     track = track_of(clip)
     heading = np.unwrap(track[:, 2])
     off = heading - heading[-1] if back else heading - heading[0]
@@ -143,7 +165,7 @@ def turn_of(clip: Clip, facing: float, back: bool) -> Turn:
 
 
 def posed_along(path: AnnotatedPath, motions: Motions, stiff: bool = False) -> Posed:
-    """Bodies every :data:`SPACING` meters; ``stiff``: with legs as on a straight way."""
+    """Return bodies every :data:`SPACING` along a path; ``stiff`` keeps legs as on a straight path."""
     samples = path.sample(SPACING)
     arc, labels = samples.arc, samples.behavior.copy()
     parts = []
@@ -169,8 +191,10 @@ def posed_along(path: AnnotatedPath, motions: Motions, stiff: bool = False) -> P
 
 
 def turns_along(path: AnnotatedPath, motions: Motions) -> list[tuple[int, Turn, float, tuple[float, float]]]:
-    """The turns of a path: the turned behavior, the turn, where it begins, and from where to where (meters) the body
-    is turned outside of the section it is turned for.
+    """Return the turns of a path.
+
+    Each is (turned behavior, turn, arc length at which it begins, range of arc lengths outside of its section over
+    which the body stays turned) [m].
     """
     found = []
     for before, after in zip(path.sections[:-1], path.sections[1:], strict=True):
@@ -188,7 +212,7 @@ def turns_along(path: AnnotatedPath, motions: Motions) -> list[tuple[int, Turn, 
 def _posed(
     path: AnnotatedPath, body: Capsules, frames: Integers, arc: Floats, facing: Floats, stiff: bool
 ) -> tuple[Floats, Floats, Floats]:
-    """A body in ``frames`` (s,) at arc lengths (s,), facing off its way by (s,) radians."""
+    """Return a body in ``frames`` (s,) at arc lengths (s,) [m], with headings (s,) off the path [rad]."""
     ends = body.ends[frames]
     points = ends[:, :, 0, None] + _ON_AXIS[:, None] * (ends[:, :, 1] - ends[:, :, 0])[:, :, None]
     cos, sin = np.cos(facing)[:, None, None], np.sin(facing)[:, None, None]
@@ -196,7 +220,7 @@ def _posed(
     aside = sin * points[..., 0] + cos * points[..., 1]
     at = np.broadcast_to(arc[:, None, None], along.shape)
     bent = np.broadcast_to(body.legs[:, None] & (not stiff), along.shape)
-    # How far on the path each point is taken to, and how far ahead of there it stays.
+    # Points of bent legs move along the path (onward) and keep nothing ahead; other points keep their offset ahead.
     onward = np.where(bent, np.clip(at + along, 0.0, path.length), at)
     ahead = np.where(bent, 0.0, along)
     bearing = _bearings(path, onward)
@@ -209,13 +233,13 @@ def _posed(
 
 
 def _bearings(path: AnnotatedPath, arc: Floats) -> Floats:
-    """Direction of motion at arc lengths of any shape, as :meth:`AnnotatedPath.sample` smooths it."""
+    """Return the direction of motion at arc lengths of any shape, smoothed as in :meth:`AnnotatedPath.sample` [rad]."""
     chord = path.at((arc + TANGENT_REACH).ravel()) - path.at((arc - TANGENT_REACH).ravel())
     return np.arctan2(chord[:, 1], chord[:, 0]).reshape(arc.shape)
 
 
 class Obstacles:
-    """Solids of a place as upright prisms, those of triangles in slices, to be asked how deep something is in them."""
+    """Solids as upright prisms, those of triangles in slices, which answer how deep points are inside."""
 
     def __init__(self, solids: Sequence[AnySolid]) -> None:
         solids = [solid for solid in solids if solid.top > LOWEST]
@@ -230,11 +254,11 @@ class Obstacles:
         self._tree = shapely.STRtree([solid.footprint for solid in solids])
 
     def depths(self, posed: Posed) -> Floats:
-        """Meters (n,) by which the flesh about each place reaches into a solid; negative infinity where it is clear."""
+        """Return how far the body around each point reaches into a solid (n,) [m]; -inf if it is clear of all."""
         depths = np.full(len(posed.reach), -np.inf)
         points = shapely.points(posed.places[:, :2])
         row, solid = self._tree.query(points, predicate="dwithin", distance=posed.reach)
-        # Prisms of the solid that are near enough in height.
+        # Only prisms of the solid that are near enough in height.
         up = posed.places[row, 2] - self._bottoms[solid]
         reach, height = posed.reach[row], self._heights[solid]
         low = np.maximum(np.floor((up - reach) / height), 0).astype(np.int64)
@@ -252,10 +276,16 @@ class Obstacles:
 
 
 def prism_distances(footprints: Floats, rims: Floats, points: Floats, above: Floats) -> Floats:
-    """Distances (n,) of places from upright prisms, negative inside.
+    """Return distances (n,) of points from upright prisms [m], negative inside.
 
-    footprints, rims: (n,) polygons and their boundaries. points: (n,) where a place is on the floor. above: (n,) how
-    far above or below the prism it is, negative between top and bottom.
+    Parameters
+    ----------
+    footprints, rims : (n,) shapely geometries
+        Polygons and their boundaries.
+    points : (n,) shapely points
+        Points projected on the floor.
+    above : (n,) float64
+        Height above or below the prism [m], negative between bottom and top.
     """
     rim = shapely.distance(rims, points)
     beside = np.where(shapely.contains(footprints, points), -rim, rim)
@@ -265,7 +295,7 @@ def prism_distances(footprints: Floats, rims: Floats, points: Floats, above: Flo
 
 
 def _prisms(solid: AnySolid) -> list[shapely.Geometry]:
-    """Footprints of the equally high prisms that stand for a solid from bottom to top; those too low are empty."""
+    """Return footprints of the equally high prisms that approximate a solid, from bottom to top; low ones are empty."""
     if isinstance(solid, Solid):
         return [solid.footprint]
     heights = np.linspace(solid.bottom, solid.top, max(int(np.ceil((solid.top - solid.bottom) / SLICE)), 1) + 1)
