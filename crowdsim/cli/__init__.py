@@ -1,1 +1,1 @@
-"""The command line: one file a group of commands; nothing heavy is imported before a command runs."""
+"""The command line, one file per group of commands. Heavy modules are imported only when a command runs."""

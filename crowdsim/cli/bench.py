@@ -12,14 +12,14 @@ from crowdsim.cli.options import Debug, Json, MapDepth, read_map_depth
 
 
 def bench(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Benchmark to run; none lists them.")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Benchmark to run; omit it to list all.")] = None,
     maps: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="For navmesh: a folder of maps with known shortest lengths.")
     ] = None,
     worlds: Annotated[
         Path | None,
         typer.Option(
-            metavar="FOLDER", help="For environment and planner: the folder of small_house.glb and the others."
+            metavar="FOLDER", help="For environment and planner: the folder with small_house.glb and the other worlds."
         ),
     ] = None,
     picture: Annotated[
@@ -30,22 +30,29 @@ def bench(
         typer.Option(metavar="FOLDER", help="For motion-graph, motion-search and motion-maps: a folder of captures."),
     ] = None,
     rvo2: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="For steering: the sources of RVO2, to be timed beside.")
+        Path | None, typer.Option(metavar="FOLDER", help="For crowd: the sources of RVO2, to compare its times.")
     ] = None,
     minutes: Annotated[
         float | None, typer.Option(metavar="MIN", help="For soak: simulated minutes to run [default: 60].")
     ] = None,
     depth: MapDepth = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Add the figures, with the commit, to the file of this machine in FOLDER."),
+    ] = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
     """Run a named benchmark; without a name, list them."""
     from dataclasses import asdict
 
+    from crowdsim.bench.kept_figures import keep_figures
     from crowdsim.bench.registry import bench_names, run_bench
     from crowdsim.cli.tables import print_rows, print_table
 
     if name is None:
+        if keep is not None:
+            raise typer.BadParameter("name the benchmark whose figures are to be kept", param_hint="--keep")
         if as_json:
             typer.echo(json.dumps(bench_names()))
         else:
@@ -62,6 +69,7 @@ def bench(
         rvo2=rvo2,
         minutes=minutes,
     )
+    kept = None if keep is None else keep_figures(result, keep)
     if as_json:
         typer.echo(json.dumps(asdict(result)))
         return
@@ -69,4 +77,6 @@ def bench(
     if result.headline:
         typer.echo()
         print_table([(figure, f"{result.figures[figure]:g}") for figure in result.headline])
+    if kept is not None:
+        typer.echo(f"\n{len(result.figures)} figures kept in {kept}")
     typer.echo(f"\n{result.machine['processor']}, {result.machine['cores']} cores")

@@ -29,7 +29,7 @@ def doctor(as_json: Json = False, debug: Debug = False) -> None:
 
 
 def examine() -> dict[str, Any]:
-    """Machine, versions, numba's threads, the kernel cache and what can draw."""
+    """Return machine, versions, numba's threads, the kernel cache and the drawing backend."""
     from crowdsim import jit
     from crowdsim.bench.machine import describe_machine, describe_versions
 
@@ -44,7 +44,7 @@ def examine() -> dict[str, Any]:
 
 def _threads() -> dict[str, Any]:
     import numba
-    from numba.np.ufunc.parallel import _launch_threads  # the layer is chosen when threads start, not before
+    from numba.np.ufunc.parallel import _launch_threads  # numba chooses the layer only when threads start
 
     _launch_threads()
     return {"threads": numba.get_num_threads(), "threading_layer": numba.threading_layer()}

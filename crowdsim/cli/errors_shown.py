@@ -1,7 +1,7 @@
-"""What the user sees when a command fails: the one place that turns exceptions into a message and an exit code.
+"""Turn exceptions into a message and an exit code: the only place that does.
 
-0 done, 2 bad input or usage, 3 nothing here can draw, 4 nobody could arrive, 130 interrupted, 143 terminated, 1 a bug.
-A traceback only with ``--debug``.
+Exit codes: 0 done, 2 bad input or usage, 3 no drawing backend, 4 no character could arrive or a test failed, 130
+interrupted, 143 terminated, 1 a bug. A traceback is printed only with ``--debug``.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _DEBUG = "crowdsim.debug"
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM: whatever a command does ends as it does by Ctrl-C, but for the exit code."""
+    """Raised on SIGTERM: commands end as on Ctrl-C, with another exit code."""
 
 
 def _terminate_as_interrupted() -> None:
@@ -47,7 +47,7 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """A line for the warnings of crowdsim, which are meant for users; the others as ever."""
+    """Print crowdsim's own warnings as one line; leave all others to Python."""
     if issubclass(category, CacheWarning | GeometryWarning):
         typer.echo(f"warning: {message}", err=True)
     else:
@@ -58,16 +58,17 @@ _usual_warning = warnings.showwarning
 
 
 def remember_debug(context: typer.Context, wanted: bool) -> bool:
-    """Keep the value of ``--debug``, given before or after the command's name, for when the command fails."""
+    """Store ``--debug``, given before or after the command's name, in case the command fails."""
     if wanted:
         context.meta[_DEBUG] = True
     return wanted
 
 
 class Commands(TyperGroup):
-    """The group of all commands; shows what they raise."""
+    """The group of all commands; prints the errors that they raise."""
 
     def invoke(self, ctx: Any) -> Any:
+        """Run a command; turn its exceptions into a message and an exit code."""
         _terminate_as_interrupted()
         warnings.showwarning = _show_warning
         try:
@@ -79,7 +80,7 @@ class Commands(TyperGroup):
             raise typer.Exit(0) from None
         except (KeyboardInterrupt, Exception) as error:
             typers_own = isinstance(error, typer.Exit | typer.Abort) or hasattr(error, "format_message")
-            if typers_own:  # leaving, or a usage error that typer prints
+            if typers_own:  # a regular exit, or a usage error that typer prints
                 raise
             if ctx.meta.get(_DEBUG):
                 import traceback
@@ -91,7 +92,7 @@ class Commands(TyperGroup):
 
 
 def describe(error: BaseException) -> tuple[str, int]:
-    """Message and exit code of an error."""
+    """Return the message and the exit code of an error."""
     if isinstance(error, Terminated):
         return str(error) or "terminated", TERMINATED
     if isinstance(error, KeyboardInterrupt):
@@ -106,6 +107,6 @@ def describe(error: BaseException) -> tuple[str, int]:
 
 
 def _discard_stdout() -> None:
-    """Whoever read our output has gone (``| head``): leave quietly, and let the interpreter's last flush succeed."""
+    """Discard further output, because its reader is gone (``| head``), so that Python's last flush succeeds."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""``crowdsim scenarios`` and ``crowdsim behaviors``."""
+"""``crowdsim scenarios``, ``crowdsim behaviors`` and ``crowdsim schema``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def scenarios(as_json: Json = False, debug: Debug = False) -> None:
 
 def behaviors(
     picture: Annotated[
-        Path | None, typer.Option(metavar="OUT.png", help="Draw how wide each is at each height above the floor.")
+        Path | None, typer.Option(metavar="OUT.png", help="Draw the width of each behavior over height.")
     ] = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -70,3 +70,18 @@ def behaviors(
             for row in rows
         ]
     )
+
+
+def schema(
+    output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write it to a file.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Print the JSON schema of a scenario file, with which editors complete, check and explain its keys."""
+    from crowdsim.scenario.schema.schema import json_schema_text
+    from crowdsim.whole_files import whole_file
+
+    if output is None:
+        typer.echo(json_schema_text(), nl=False)
+        return
+    with whole_file(output, (".json",), "schemas") as part:
+        part.write_text(json_schema_text(), encoding="utf-8")

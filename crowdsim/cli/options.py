@@ -1,4 +1,4 @@
-"""Options that several commands share, and the reading of their values."""
+"""Options that several commands share, and functions that parse their values."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MapDepth = Annotated[
 
 
 def read_point(text: str, option: str) -> tuple[float, float]:
-    """``"X,Y"`` in meters; a usage error otherwise."""
+    """Return (x, y) [m] from ``"X,Y"``; raise a usage error otherwise."""
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
@@ -41,7 +41,7 @@ def read_point(text: str, option: str) -> tuple[float, float]:
 
 
 def read_size(text: str) -> tuple[int, int]:
-    """``"WxH"`` in pixels; a usage error otherwise."""
+    """Return width and height in pixels from ``"WxH"``; raise a usage error otherwise."""
     try:
         width, height = (int(part) for part in text.lower().split("x"))
     except ValueError:
@@ -52,7 +52,7 @@ def read_size(text: str) -> tuple[int, int]:
 
 
 def read_map_depth(text: str | None) -> dict[str, Any]:
-    """Sizes of maps as of ``MotionMaps.build``: as they are by default, or so deep."""
+    """Return size arguments of ``MotionMaps.build``: none by default, else a depth in nodes or meters."""
     if text is None:
         return {}
     meters = text.endswith("m")

@@ -29,7 +29,7 @@ def plan(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Plan one path through the place as it is at the start, and show which behavior it uses where."""
+    """Plan one path through the environment at the start of the run, and show its behaviors section by section."""
     ends = read_point(start, "--from"), read_point(goal, "--to")
 
     from crowdsim.cli.tables import print_rows
@@ -44,7 +44,7 @@ def plan(
     assets = prepare(loaded)
     environment = EnvironmentState(assets)
     path = environment.route(*ends)
-    # Again, for the first plan in a place makes what later ones share.
+    # Time a second plan: the first one builds the roadmap that later ones share.
     begin = time.perf_counter()
     environment.route(*ends)
     milliseconds = 1e3 * (time.perf_counter() - begin)
@@ -77,12 +77,12 @@ def plan(
     for end, missing in zip(("start", "goal"), path.missing, strict=True):
         if missing > 0.0:
             typer.echo(
-                f"the {end} is nearer to obstacles than plans go: up to {missing:.3f} m of clearance are missing"
+                f"the {end} is nearer to obstacles than plans allow: up to {missing:.3f} m of clearance are missing"
             )
 
 
 def _sections(path: AnnotatedPath, behaviors: Sequence[Behavior]) -> list[dict[str, Any]]:
-    """The sections of a path, by the name of their behavior, with what each costs."""
+    """Return the sections of a path with behavior, extent and cost."""
     return [
         {
             "behavior": behaviors[section.behavior].name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +10,7 @@ import typer
 
 from crowdsim.cli.options import Debug, RecordingFile, read_size
 from crowdsim.cli.run import require_writable
+from crowdsim.errors import DrawingUnavailable
 
 if TYPE_CHECKING:
     from crowdsim.recording.reader import Recording
@@ -22,14 +24,26 @@ def play(
     film: Annotated[
         str | None, typer.Option("--film", metavar="OUT.mp4", help="Write a film instead of a window.")
     ] = None,
+    browser: Annotated[
+        bool,
+        typer.Option("--browser", help="Show it in the browser instead of a window, as a temporary page."),
+    ] = False,
     time: Annotated[
-        float | None,
-        typer.Option("--time", min=0.0, metavar="S", help="Second of the picture [default: a telling moment]."),
+        list[float] | None,
+        typer.Option(
+            "--time",
+            min=0.0,
+            metavar="S",
+            help="Time of the picture in seconds [default: a busy moment]; repeat it for several, OUT-12.5.png.",
+        ),
     ] = None,
     view: Annotated[str, typer.Option("--view", help="overview, top, or follow, which needs --agent.")] = "overview",
     agent: Annotated[int | None, typer.Option("--agent", min=0, help="Character to follow.")] = None,
     color: Annotated[
-        str, typer.Option("--color", help="What shirts show: behavior, agent, level, or an attribute of the scenario.")
+        str,
+        typer.Option(
+            "--color", help="Meaning of shirt colors: behavior, agent, level, or an attribute of the scenario."
+        ),
     ] = "behavior",
     size: Annotated[
         str | None,
@@ -38,9 +52,10 @@ def play(
     debug: Debug = False,
 ) -> None:
     """Show a recording in a window, or make a picture or a film of it."""
-    if shot is not None and film is not None:
-        raise typer.BadParameter("choose one of --shot and --film")
-    if time is not None and shot is None:
+    if (shot is not None) + (film is not None) + browser > 1:
+        raise typer.BadParameter("choose one of --shot, --film and --browser")
+    times = list(dict.fromkeys(time or ()))
+    if times and shot is None:
         raise typer.BadParameter("only --shot takes a time", param_hint="--time")
     camera: dict[str, Any] = {"view": view, "agent": agent, "color_by": color}
     if size is not None:
@@ -52,21 +67,51 @@ def play(
     from crowdsim.recording.reader import Recording
 
     with Recording.open(file) as recording:
-        if shot is not None:
+        if browser:
+            _open_page(recording, view, agent)
+        elif shot is not None:
             from crowdsim.playback.shot import shot as take_shot
+            from crowdsim.playback.shot import shots
 
-            take_shot(recording, shot, time=time, **camera)
+            if len(times) > 1:
+                written = shots(recording, shot, times, **camera)
+            else:
+                written = [take_shot(recording, shot, time=times[0] if times else None, **camera)]
+            typer.echo("\n".join(map(str, written)))
         elif film is not None:
             _make_film(recording, film, camera)
         else:
-            from crowdsim.playback.window import window
+            _open_window(recording, camera)
+    if film is not None:
+        typer.echo(film)
 
-            window(recording, **camera)
-    if out is not None:
-        typer.echo(out)
+
+def _open_window(recording: Recording, camera: dict[str, Any]) -> None:
+    """Play the recording in a window; without a display, say how to play it in a browser instead."""
+    from crowdsim.playback.window import window
+
+    try:
+        window(recording, **camera)
+    except DrawingUnavailable as error:
+        page = recording.path.with_suffix(".html")
+        raise DrawingUnavailable(
+            f"no display; 'crowdsim export {recording.path} -o {page}' makes a page that any browser plays\n{error}"
+        ) from None
+
+
+def _open_page(recording: Recording, view: str, agent: int | None) -> None:
+    """Write a page to a temporary folder, which stays for the browser, and open it."""
+    from crowdsim.export.page.page import write_page
+
+    page = Path(tempfile.mkdtemp(prefix="crowdsim-")) / f"{recording.path.stem}.html"
+    write_page(recording, page)
+    link = [f"view={view}"] if agent is None else [f"agent={agent}", f"view={view}"]
+    typer.launch(f"{page.as_uri()}#{'&'.join(link)}")
+    typer.echo(page)
 
 
 def _make_film(recording: Recording, out: str, camera: dict[str, Any]) -> None:
+    """Write the film ``out`` with a progress bar; Ctrl-C ends it between two pictures."""
     from crowdsim.cli.progress import Interruption, progress_bar
     from crowdsim.playback.film import film
 

@@ -1,4 +1,4 @@
-"""Progress lines on stderr: what is being prepared, compiled, simulated, drawn; nothing where it is no terminal."""
+"""Progress on stderr: preparation, compilation, simulation, drawing; silent unless stderr is a terminal."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 LOOK_SECONDS = 0.3
-"""Time between looks at which kernels are compiled [s]."""
+"""Time between counts of compiled kernels [s]."""
 
 
 def progress_bar() -> Progress:
-    """A bar that vanishes when it is done."""
+    """Return a bar that vanishes when it is done."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
@@ -38,17 +38,24 @@ def progress_bar() -> Progress:
 
 
 class Interruption:
-    """Context manager in which Ctrl-C and SIGTERM wait until :meth:`heed`, which raises what they ask for.
+    """Context manager that holds back Ctrl-C and SIGTERM until :meth:`heed` raises them.
 
-    A KeyboardInterrupt amid callbacks of other libraries, such as those that draw, can be lost. A second Ctrl-C does
-    not wait.
+    A KeyboardInterrupt inside a lock, or in a callback of another library, can be lost or leave the lock closed. A
+    second Ctrl-C raises at once, as do all signals while ``waits`` is False. Signals that this process ignores, or that
+    have other handlers, are not touched. ``asked`` is what has come, or None.
     """
 
-    def __init__(self) -> None:
-        self._asked: KeyboardInterrupt | None = None
+    def __init__(self, waits: bool = True) -> None:
+        self.waits = waits
+        self.asked: KeyboardInterrupt | None = None
+        self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
-        self._before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            self._before[signal.SIGINT] = signal.signal(signal.SIGINT, self._note)
+        present = signal.getsignal(signal.SIGTERM)
+        if present is signal.SIG_DFL or callable(present):
+            self._before[signal.SIGTERM] = signal.signal(signal.SIGTERM, self._note)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -56,20 +63,23 @@ class Interruption:
             signal.signal(number, handler)
 
     def heed(self) -> None:
-        """Raise KeyboardInterrupt, or Terminated, if it was asked for."""
-        if self._asked is not None:
-            raise self._asked
+        """Raise KeyboardInterrupt or Terminated if such a signal has come."""
+        if self.asked is not None:
+            raise self.asked
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if number == signal.SIGINT and self._asked is not None:
-            raise KeyboardInterrupt
-        self._asked = Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
+        again = number == signal.SIGINT and self.asked is not None
+        asked = Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
+        if again or not self.waits:
+            raise asked
+        self.asked = asked
 
 
 class FirstRun:
-    """How much of what a first run compiles is left, by ``first_run.txt``, which ``tools/time_kernels.py`` writes.
+    """Progress of the compilation in a first run, estimated from the times in ``first_run.txt``.
 
-    It counts kernels that appear in the cache, whichever process compiled them.
+    ``tools/time_kernels.py`` writes that file. Kernels count when they appear in the cache, whichever process compiled
+    them.
     """
 
     def __init__(self) -> None:
@@ -84,13 +94,13 @@ class FirstRun:
         self._state = (0, 0, "")
 
     def state(self) -> tuple[int, int, str]:
-        """Kernels that are compiled, of how many, and about how long the rest takes in words: empty if unknown."""
+        """Return the number of compiled kernels, that of all, and the time left in words, empty if it is unknown."""
         now = time.monotonic()
         if now - self._looked >= LOOK_SECONDS:
             kept = self._compiled_kernels()
             rest = sum(taken for name, taken in self._seconds.items() if name not in kept)
             done = sum(self._seconds.values()) - rest
-            # At first, as fast as where the file was written; later as fast as it went.
+            # Begin with the pace of the machine that wrote the file; later use the pace measured here.
             pace = (now - self._begin) / done if done > 5.0 else 1.0
             left = f"about {max(round(pace * rest), 1)} s left" if rest > 0.0 else ""
             self._state = sum(name in kept for name in self._seconds), len(self._seconds), left
@@ -99,11 +109,10 @@ class FirstRun:
 
 
 class RunProgress:
-    """A bar where stderr is a terminal; elsewhere nothing but one line when kernels have to be compiled.
+    """A progress bar on a terminal; elsewhere only one line if kernels have to be compiled.
 
-    Used as a context manager. ``step`` has the form ``Simulation.run`` calls back. After ``begin_steps`` a first Ctrl-C
-    or SIGTERM ends the run at the end of its step: a KeyboardInterrupt in the midst of locks and callbacks can be lost
-    or leave them shut.
+    Use it as a context manager. ``step`` is the callback of ``Simulation.run``. After ``begin_steps``, a first Ctrl-C
+    or SIGTERM ends the run at the end of its step, see :class:`Interruption`.
     """
 
     def __init__(self, title: str) -> None:
@@ -112,11 +121,11 @@ class RunProgress:
         self._compiled: list[str] = []
         self._maps = (0, 0)
         self._steps = (0, 0)
-        self._interrupted: KeyboardInterrupt | None = None
-        self._stepping = False
+        self._interruption = Interruption(waits=False)
 
     @property
     def steps_done(self) -> int:
+        """Return the number of steps done."""
         return self._steps[0]
 
     def __enter__(self) -> Self:
@@ -130,52 +139,33 @@ class RunProgress:
         self._watcher = type("Watcher", (event.Listener,), {name: staticmethod(call) for name, call in calls.items()})()
         event.register("numba:compile", self._watcher)
         self._bar.start()
-        self._heeds_interrupts = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-        if self._heeds_interrupts:
-            signal.signal(signal.SIGINT, self._interrupt)
-        self._terminates = signal.getsignal(signal.SIGTERM)
-        if callable(self._terminates):
-            signal.signal(signal.SIGTERM, self._terminate)
+        self._interruption.__enter__()
         return self
 
     def __exit__(self, *_: object) -> None:
         from numba.core import event
 
-        if self._heeds_interrupts:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-        if callable(self._terminates):
-            signal.signal(signal.SIGTERM, self._terminates)
+        self._interruption.__exit__()
         event.unregister("numba:compile", self._watcher)
         self._bar.stop()
 
     def maps(self, done: int, nodes: int) -> None:
-        """Show for how many of the motion graph's nodes the map is built."""
+        """Show for how many nodes of the motion graph the map is built."""
         self._maps = (done, nodes) if done < nodes else (0, 0)
         self._show()
 
     def begin_steps(self) -> None:
-        """From now on ``step`` is called again and again."""
-        self._stepping = True
+        """Hold signals back from now on, because ``step`` is called regularly and raises them."""
+        self._interruption.waits = True
 
     def step(self, step: int, steps: int, simulation: Any) -> None:
-        """Show that ``step`` of ``steps`` is done; KeyboardInterrupt where Ctrl-C asked for it."""
-        if self._interrupted:
-            raise self._interrupted
+        """Show that ``step`` of ``steps`` is done; raise KeyboardInterrupt after Ctrl-C."""
+        self._interruption.heed()
         self._steps = (step, steps)
         self._show()
 
-    def _interrupt(self, number: int, frame: FrameType | None) -> None:
-        if self._interrupted or not self._stepping:
-            raise KeyboardInterrupt
-        self._interrupted = KeyboardInterrupt()
-
-    def _terminate(self, number: int, frame: FrameType | None) -> None:
-        if not self._stepping:
-            raise Terminated
-        self._interrupted = Terminated()
-
     def _compiling(self, event: Any) -> None:
-        """numba calls this when the cache does not hold a kernel, and for each helper that it is the first to need."""
+        """Note a kernel that is compiled; numba calls this for kernels missing in the cache, and for their helpers."""
         self._compiled.append(event.data["dispatcher"].py_func.__name__)
         if self._first_run is None:
             self._first_run = FirstRun()
@@ -190,7 +180,7 @@ class RunProgress:
         self._show()
 
     def _show(self) -> None:
-        """Show the kernel that is compiled, else the maps that are built, else the steps that are done."""
+        """Show the kernel that is being compiled, else the maps being built, else the steps done."""
         (done, total), title = self._steps, self._title if self.steps_done else f"{self._title}: preparing"
         if self._compiled and self._first_run is not None:
             done, total, left = self._first_run.state()

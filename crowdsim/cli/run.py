@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,9 @@ from crowdsim.errors import CrowdSimError
 if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario as LoadedScenario
 
+_MOST_NOTES = 4
+"""Largest number of notes about captures that a run prints."""
+
 
 def run(
     scenario: Scenario,
@@ -26,11 +30,14 @@ def run(
     workers: Annotated[
         int, typer.Option("--workers", min=1, help="Threads that search motion; the result never depends on it.")
     ] = 2,
+    page: Annotated[
+        bool, typer.Option("--page", help="Also write a page that plays the recording in any browser.")
+    ] = False,
     overrides: Overrides = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Simulate a scenario, record it and sum it up."""
+    """Simulate a scenario, record it, and print a summary."""
     from crowdsim.cli.progress import RunProgress
     from crowdsim.cli.summary import nobody_arrived, summary_rows
     from crowdsim.cli.tables import print_table
@@ -42,15 +49,24 @@ def run(
     loaded = load_scenario(scenario, changes)
     file = Path(output if output is not None else f"{_file_name(loaded.name)}.h5")
     require_writable(file)
+    page_file = file.with_suffix(".html")
+    if page:
+        require_writable(page_file)
 
     with RunProgress(loaded.name) as progress:
         from crowdsim.crowd.simulation import Simulation
 
         try:
             simulation = Simulation(loaded, workers=workers, preparing=progress.maps)
+            _tell(simulation.notes)
             progress.begin_steps()
             with simulation.run(file, progress=progress.step) as recording:
                 summary = {**recording.summary, "recording": str(file)}
+                if page:
+                    from crowdsim.export.page.page import write_page
+
+                    write_page(recording, page_file)
+                    summary["page"] = str(page_file)
         except KeyboardInterrupt as stop:
             what = "terminated" if isinstance(stop, Terminated) else "interrupted"
             raise type(stop)(f"{what} at step {progress.steps_done}; {file} was not written") from None
@@ -65,13 +81,22 @@ def run(
         raise typer.Exit(NOBODY_ARRIVED)
 
 
+def _tell(notes: Sequence[str]) -> None:
+    """Print notes on captures: what was made of them and left out; ``motion info`` prints the rest."""
+    first = sorted(notes, key=lambda note: not note.startswith("made"))
+    for note in first[:_MOST_NOTES]:
+        typer.echo(f"note: {note}", err=True)
+    if len(notes) > _MOST_NOTES:
+        typer.echo(f"note: {len(notes) - _MOST_NOTES} more; see all with: crowdsim motion info FOLDER", err=True)
+
+
 def _file_name(name: str) -> str:
-    """A scenario's name without what would lead to another folder."""
+    """Return a scenario's name without characters that lead to another folder."""
     return name.replace("/", "-").replace("\\", "-")
 
 
 def require_writable(file: Path) -> None:
-    """Refuse an output place now rather than after the work is done."""
+    """Refuse an output file before the work is done, not after it."""
     folder = file.parent
     if file.is_dir():
         raise CrowdSimError(f"cannot write {file}: it is a folder; name a file in it")
@@ -87,7 +112,7 @@ def check(
     scenario: Scenario,
     picture: Annotated[
         Path | None,
-        typer.Option(metavar="OUT.png", help="Draw each layer with starts, goals and what each behavior reaches."),
+        typer.Option(metavar="OUT.png", help="Draw each layer with starts, goals and the area each behavior reaches."),
     ] = None,
     overrides: Overrides = None,
     as_json: Json = False,
@@ -102,9 +127,9 @@ def check(
 
     try:
         with progress_bar() as bar:
-            bar.add_task(f"{scenario}: reading", total=None)  # files of thousands of parts take a while
+            bar.add_task(f"{scenario}: reading", total=None)  # meshes of thousands of parts take a while
             loaded = load_scenario(scenario, overrides or [])
-            warnings, notes = check_scenario(loaded), loaded.environment.report
+            warnings, notes = check_scenario(loaded), [*loaded.environment.report, *_own_behaviors(loaded)]
     except CrowdSimError as error:
         if not as_json:
             raise
@@ -123,6 +148,17 @@ def check(
     typer.echo(f"{loaded.name}: ok")
 
 
+def _own_behaviors(scenario: LoadedScenario) -> tuple[str, ...]:
+    """Return notes on the captures of own behaviors, and their widths; CrowdSimError if one cannot be used."""
+    from crowdsim.behaviors.behavior import is_own
+
+    if not any(is_own(entry) for entry in scenario.behaviors):
+        return ()
+    from crowdsim.crowd.state.assets import load_behaviors
+
+    return load_behaviors(scenario).notes
+
+
 def _draw(scenario: LoadedScenario, file: Path) -> None:
     from crowdsim.crowd.state.assets import load_behaviors
     from crowdsim.figures import write_figure
@@ -132,13 +168,13 @@ def _draw(scenario: LoadedScenario, file: Path) -> None:
 
 
 def recover(
-    part: Annotated[Path, typer.Argument(metavar="FILE.part", help="What a killed run left.")],
+    part: Annotated[Path, typer.Argument(metavar="FILE.part", help="File that a killed run left.")],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Recording to write [default: FILE].")
     ] = None,
     debug: Debug = False,
 ) -> None:
-    """Make a recording of what a killed run left; it says that it is not complete."""
+    """Make a recording from the file that a killed run left, and mark it as incomplete."""
     from crowdsim.recording.recovery import recover as recover_part
 
     with recover_part(part, output) as recording:

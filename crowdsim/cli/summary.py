@@ -1,4 +1,4 @@
-"""The table that closes a run."""
+"""The summary table of a run."""
 
 from __future__ import annotations
 
@@ -6,34 +6,37 @@ from collections.abc import Mapping
 from typing import Any
 
 _ON_TIME = 0.1
-"""Seconds that an event may be late without a word: it waits for the next step at least."""
+"""Delay of an event that is not reported [s]: it waits for the next step anyway."""
 
 
 _NEVER = {
-    "waiting": "never: somebody was in the way to the end",
-    "overtaken": "never: somebody was in the way until the next event",
+    "waiting": "never: an agent was in the way until the end",
+    "overtaken": "never: an agent was in the way until the next event",
 }
 
 
 def nobody_arrived(summary: Mapping[str, Any]) -> str | None:
-    """The reason if nobody arrived and a longer run would not help; None if anybody arrived or was still walking."""
-    count, lost, waiting = summary["characters"], summary["unreachable"], summary["waiting"] or 0
+    """Return why no character arrived, if a longer run would not help; None if one arrived or was still walking."""
+    count = summary["characters"] - summary["removed"] - summary["not_added"]
+    lost, waiting = summary["unreachable"], summary["waiting"] or 0
     if summary["arrived"] or any(summary["laps"].values()):
         return None
     if lost and len(lost) + waiting >= count:
         return f"no way for {len(lost)} of {count} characters, {waiting} still waited; {next(iter(lost.values()))}"
     if summary["lowest_foot"] is None:
-        return f"no character came in within {summary['steps']} steps; see their times, and who stands where they start"
+        return f"no character appeared within {summary['steps']} steps; check start times and start places"
     return None
 
 
 def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Rows (label, value) of a run's summary."""
+    """Return rows (label, value) of a run's summary."""
     areas = summary["behavior_share_by_area"]
     margins = summary["obstacle_margin"]
     return [
         ("characters", str(summary["characters"])),
         ("arrived", str(summary["arrived"])),
+        *([("  removed", str(summary["removed"]))] if summary.get("removed") else []),
+        *([("  on call, never added", str(summary["not_added"]))] if summary.get("not_added") else []),
         *([("  still waiting at the end", str(summary["waiting"]))] if summary["waiting"] else []),
         *((f"  no way for character {agent}", reason) for agent, reason in summary["unreachable"].items()),
         *((f"rounds of {group}", str(count)) for group, count in summary["laps"].items()),
@@ -55,11 +58,15 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("real-time factor", _quantity(summary["real_time_factor"], "{:.1f}")),
         ("state hash", summary["state_hash"]),
         ("recording", summary["recording"]),
+        *([("page", summary["page"])] if "page" in summary else []),
     ]
 
 
 def _level_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """How much of the way was walked on which level, and how often characters changed theirs."""
+    """Return rows (label, text): the share of the way on each level, and the number of switches between levels.
+
+    There are none for a crowd of one level, whose summary has no ``level_share``.
+    """
     if "level_share" not in summary:
         return []
     switches = summary["switches"]
@@ -71,12 +78,12 @@ def _level_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _left(exit_: Mapping[str, Any]) -> str:
-    """How many left through an exit, and until when."""
+    """Return how many characters left through an exit, and until when."""
     return str(exit_["left"]) if exit_["last"] is None else f"{exit_['left']}, the last one at {exit_['last']:.1f} s"
 
 
 def _measured_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Density and speed in the areas, passages and flow at the lines."""
+    """Return density and speed in the areas, passages and flow at the lines."""
     rows = []
     for name, area in summary["areas"].items():
         density, most = (_quantity(area[key], "{:.2f}") for key in ("density", "density_most"))
@@ -90,7 +97,7 @@ def _measured_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """How many events happened, which ones late or never, and how many characters planned anew because of them."""
+    """Return how many events happened, which ones late or never, and how many paths were planned again for them."""
     events = summary["events"]
     if not events:
         return []
@@ -101,12 +108,12 @@ def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         if event["outcome"] != "happened":
             rows.append((label, _NEVER[event["outcome"]]))
         elif event["late"] > _ON_TIME:
-            rows.append((label, f"{event['late']:.1f} s late: somebody was in the way"))
+            rows.append((label, f"{event['late']:.1f} s late: an agent was in the way"))
     return [*rows, ("plans made anew for them", str(summary["replans"]))]
 
 
 def _stand_rows(stands: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """How far off their goals, and the headings asked for, those stood who were to stand there."""
+    """Return how far from goals and required headings those characters stood that had to stand there."""
     if not stands["stood"]:
         return []
     text = f"{stands['stood']}, {100.0 * stands['off_goal_most']:.1f} cm off at most"
@@ -116,7 +123,7 @@ def _stand_rows(stands: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _search_row(searches: Mapping[str, Any]) -> tuple[str, str]:
-    """How many searches for motion there were, and what became of those that took longer than others."""
+    """Return the number of motion searches, and what happened to those that took long."""
     text = str(searches["asked"])
     if searches["sliced"]:
         text += f", {searches['sliced']} went on while their motion was walked"
@@ -132,4 +139,4 @@ def _quantity(value: float | None, form: str) -> str:
 
 def _shares(shares: Mapping[str, float]) -> str:
     present = [f"{name} {share:.0%}" for name, share in shares.items() if share > 0]
-    return ", ".join(present) or "nobody went here"
+    return ", ".join(present) or "no character went here"

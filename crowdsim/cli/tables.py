@@ -1,4 +1,4 @@
-"""Plain tables on stdout: colored and folded on a terminal, one line a row elsewhere."""
+"""Plain tables on stdout: colored and wrapped on a terminal, one line per row elsewhere."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def print_table(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print mappings of the same keys under a header line; None shows as nothing."""
+    """Print mappings with the same keys under a header line; None is shown as nothing."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="cyan")
@@ -37,6 +37,7 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _print(table: Table) -> None:
+    """Print a table, as wide as it is if the output goes to a file or a pipe."""
     from rich.console import Console
 
     console = Console(markup=False, highlight=False)
@@ -44,5 +45,5 @@ def _print(table: Table) -> None:
         console.width = 10_000
     with console.capture() as text:
         console.print(table)
-    # rich pads every line, and would end the process itself if the reader has gone
+    # Not printed by rich, which pads every line, and ends the process if the reader is gone.
     typer.echo("\n".join(line.rstrip() for line in text.get().splitlines()))

@@ -17,9 +17,11 @@ FAILED = 4
 
 
 def validate(
-    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Tests to run; none runs all.")] = None,
-    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs of every scenario, with seeds from 1 on.")] = 1,
-    jobs: Annotated[int, typer.Option(min=1, max=256, help="Runs at once, each in a process of its own.")] = 2,
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Tests to run [default: all].")] = None,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=1000, help="Number of runs of every scenario, with seeds from 1 on.")
+    ] = 1,
+    jobs: Annotated[int, typer.Option(min=1, max=256, help="Number of runs at a time, each in its own process.")] = 2,
     locomotion: Annotated[
         Literal["auto", "steered"], typer.Option(help="How the characters of all groups move.")
     ] = "auto",
@@ -32,9 +34,7 @@ def validate(
             metavar="OUT.md", help="Write the tables as a page of Markdown, and its pictures to images/OUT beside it."
         ),
     ] = None,
-    listed: Annotated[
-        bool, typer.Option("--list", help="List the tests, and those that are not run, and why.")
-    ] = False,
+    listed: Annotated[bool, typer.Option("--list", help="List the tests, and why others are not run.")] = False,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -60,7 +60,7 @@ def validate(
         if name not in known:
             raise CrowdSimError(f"there is no test '{name}'; {nearest(name, known, 'the tests are')}")
 
-    # What cannot be written is refused before all is run.
+    # Refuse output files that cannot be written before running all tests.
     for file, suffix in ((page, ".html"), (markdown, ".md")):
         if file is not None:
             require_writable(file)

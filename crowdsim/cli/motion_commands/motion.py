@@ -1,4 +1,4 @@
-"""``crowdsim motion``: what captures give, and clips that need none."""
+"""``crowdsim motion``: inspect captures, build their graph, write built-in motion sets."""
 
 from __future__ import annotations
 
@@ -11,26 +11,83 @@ import typer
 
 from crowdsim.cli.options import Debug, Json
 
-motion = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="What a folder of captures gives.")
+motion = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Inspect motion captures and motion graphs.")
 
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A folder of captures: BVH, or AMC with ASF files.")]
 
 
 @motion.command()
-def info(folder: Folder, as_json: Json = False, debug: Debug = False) -> None:
-    """Table of the captures: what was assumed of each, what was cut out of it, and what is in it."""
+def info(
+    folder: Folder,
+    unit: Annotated[
+        str | None,
+        typer.Option("--unit", metavar="UNIT", help="m, cm, mm, ft, inch or 'CMU unit', if leg lengths are ambiguous."),
+    ] = None,
+    joint: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--joint", metavar="ROLE=NAME", help="Name of the joint with a role, as in left_hip=BoneA7; repeatable."
+        ),
+    ] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Show a table of the captures: assumptions, parts that were cut out, and contents."""
     from crowdsim.cli.tables import print_rows
     from crowdsim.errors import MotionError
     from crowdsim.motion.analysis.capture_summary import summarize_all
     from crowdsim.motion.captures.reader import capture_paths
 
-    rows = summarize_all(capture_paths(folder))
+    meters, joints = _read_unit(unit), _read_joints(joint or [])
+    rows = summarize_all(capture_paths(folder), meters, joints)
     if all(row["frames"] is None for row in rows):
         raise MotionError("\n".join(f"{row['file']}: {row['problem']}" for row in rows))
+    notes = _walking(folder, meters, joints)
     if as_json:
         typer.echo(json.dumps(rows))
-        return
-    print_rows([{name: value for name, value in row.items() if any(r[name] is not None for r in rows)} for row in rows])
+    else:
+        columns = [name for name in rows[0] if any(row[name] is not None for row in rows)]
+        print_rows([{name: row[name] for name in columns} for row in rows])
+    for note in notes:
+        typer.echo(note, err=as_json)
+
+
+def _read_unit(unit: str | None) -> float | None:
+    """Return the length of a named unit [m]; raise a usage error for an unknown name."""
+    from crowdsim.motion.captures.reader import UNITS
+
+    if unit is not None and unit not in UNITS:
+        raise typer.BadParameter(f"'{unit}' is not one of {', '.join(UNITS)}", param_hint="--unit")
+    return None if unit is None else UNITS[unit]
+
+
+def _read_joints(given: list[str]) -> dict[str, str]:
+    """Return joint names by role from ``ROLE=NAME`` entries; raise a usage error for anything else."""
+    for entry in given:
+        if not all(entry.partition("=")):
+            raise typer.BadParameter(f"'{entry}' is not ROLE=NAME, as in left_hip=BoneA7", param_hint="--joint")
+    return {role: name for role, _, name in (entry.partition("=") for entry in given)}
+
+
+def _walking(folder: Path, meters_per_unit: float | None, joints: dict[str, str]) -> list[str]:
+    """Return sentences about the walks that a scenario makes of these captures."""
+    from crowdsim.behaviors.behavior import FRONTAL
+    from crowdsim.behaviors.library import load_behavior_set
+    from crowdsim.environment.layers import LEGS, TORSO
+    from crowdsim.errors import BehaviorError, MotionError
+
+    try:
+        bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
+        found = load_behavior_set([FRONTAL], bands, captures=folder, meters_per_unit=meters_per_unit, joints=joints)
+    except (MotionError, BehaviorError) as error:
+        return [f"walking cannot be made from these captures: {error}"]
+    (frontal,) = found.behaviors
+    legs, torso = frontal.radii
+    return [
+        f"walking takes {legs:.2f} m to each side at the legs ({frontal.widest[0]}) and {torso:.2f} m at the torso "
+        f"({frontal.widest[1]})",
+        *found.notes,
+    ]
 
 
 @motion.command()
@@ -39,25 +96,25 @@ def graph(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", metavar="FILE.npz", help="Keep the graph there; it is built anew when captures change."
+            "-o", "--output", metavar="FILE.npz", help="Save the graph there; it is built again if captures change."
         ),
     ] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="OUT.png", help="Draw the error image with both graphs' transitions.")
     ] = None,
-    threshold: Annotated[float, typer.Option(metavar="METERS", help="Distance up to which moments are joined.")] = 0.06,
+    threshold: Annotated[
+        float, typer.Option(metavar="METERS", help="Largest distance between two poses that a transition connects.")
+    ] = 0.06,
     branching: Annotated[
         float | None,
-        typer.Option(metavar="FACTOR", help="Choose the threshold that comes nearest to it, between 1 and 2."),
+        typer.Option(metavar="FACTOR", help="Choose the threshold by branching factor, between 1 and 2."),
     ] = None,
     best: Annotated[
-        int | None, typer.Option(metavar="K", min=1, help="Keep the nearest so many ways on from each segment.")
+        int | None, typer.Option(metavar="K", min=1, help="Keep the K nearest transitions from each segment.")
     ] = None,
     drift: Annotated[
         float,
-        typer.Option(
-            metavar="METERS", min=0.0, help="Leave out transitions that let a planted foot slide so much further."
-        ),
+        typer.Option(metavar="METERS", min=0.0, help="Leave out transitions that add more sliding of a planted foot."),
     ] = 0.005,
     detectors: Annotated[
         str, typer.Option(metavar="NAMES", help="Feature detectors, separated by commas.")
@@ -110,7 +167,7 @@ def graph(
 @motion.command()
 def synthesize(
     motion_set: Annotated[str, typer.Argument(metavar="SET", help="default, happy or dance.")],
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where to write the clips; made if need be.")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the clips; created if necessary.")],
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -134,6 +191,7 @@ def synthesize(
 
 
 def _draw(paths: list[Path], settings: Any, picture: Path) -> None:
+    """Draw the motion graph that the captures at ``paths`` give with these settings, and write it to ``picture``."""
     from crowdsim.figures import write_figure
     from crowdsim.motion.analysis.capture_sets import as_sources, read_clips
     from crowdsim.motion.analysis.graph_picture import draw_motion_graph

@@ -1,4 +1,4 @@
-"""``crowdsim motion coverage``: what turns a set of motions can follow, and in how much room."""
+"""``crowdsim motion coverage``: the turns that a set of motions can follow, and the clearance that they need."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ def coverage(
     picture: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Draw the table.")] = None,
     depth: MapDepth = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Threads; any number gives the same table. By default one a core.")
+        int | None, typer.Option(min=1, help="Threads; the table does not depend on it. By default one per core.")
     ] = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Percent of turns that a set of motions can follow, by their radius and the clearance that every joint keeps."""
+    """Show the percentage of turns that a set of motions can follow, by radius and clearance of all joints."""
     from crowdsim.cli.progress import progress_bar
     from crowdsim.cli.tables import print_rows
     from crowdsim.figures import write_figure
-    from crowdsim.following.coverage import coverage_rows, draw_coverage, measure_coverage
+    from crowdsim.following.coverage import coverage_rows, draw_coverage, measure_coverage, missing_turns
     from crowdsim.following.maps.motion_maps import MotionMaps
 
     sizes = read_map_depth(depth)
@@ -49,6 +49,8 @@ def coverage(
     if picture is not None:
         write_figure(draw_coverage(measured, Path(motions).name), picture)
     rows = coverage_rows(measured)
+    for lacking in missing_turns(measured):
+        typer.echo(lacking, err=True)
     if as_json:
         size = {"depth": maps.depth, "entries": maps.entry_count, "megabytes": round(maps.bytes / 1e6, 3)}
         typer.echo(json.dumps({"motions": motions, "maps": size, "percent": rows}))
@@ -57,21 +59,23 @@ def coverage(
 
 
 def _load(motions: str) -> tuple[MotionGraph, Any]:
-    """The graph of a folder of captures or of a motion set, and how its behaviors may face, most preferred last."""
+    """Return the graph of a folder of captures or a motion set, and the facings of its behaviors, preferred last."""
     import numpy as np
 
+    from crowdsim.behaviors.behavior import FRONTAL
     from crowdsim.behaviors.library import load_behavior_set
     from crowdsim.environment.layers import LEGS, TORSO
     from crowdsim.errors import MotionError
-    from crowdsim.motion.analysis.graph_file import GraphSettings, build_graph
-    from crowdsim.motion.captures.reader import capture_paths
     from crowdsim.motion.synthesis.styles import MANNERS
 
+    bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
     if motions not in MANNERS:
         if not Path(motions).is_dir():
             raise MotionError(f"'{motions}' is neither a folder of captures nor one of {', '.join(MANNERS)}")
-        return build_graph(capture_paths(motions), GraphSettings()), np.zeros((1, 1))
-    bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
+        found = load_behavior_set([FRONTAL], bands, captures=Path(motions))
+        for note in found.notes:
+            typer.echo(note, err=True)
+        return found.graph, np.zeros((1, 1))
     loaded = load_behavior_set(["lateral", "arm_constrained", "frontal"], bands, motion_set=motions)
     facings = np.full((len(loaded.behaviors), max(len(b.facings) for b in loaded.behaviors)), np.nan)
     for row, behavior in zip(facings, loaded.behaviors, strict=True):

@@ -1,0 +1,1 @@
+"""The ``crowdsim motion`` commands."""

@@ -1,0 +1,97 @@
+"""``crowdsim serve``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from crowdsim.cli.errors_shown import Terminated
+from crowdsim.cli.options import Debug, Overrides, Scenario
+from crowdsim.cli.run import require_writable
+from crowdsim.errors import CrowdSimError
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.simulation import Simulation
+
+
+def serve(
+    scenario: Scenario,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for any free one.")] = 8765,
+    speed: Annotated[float, typer.Option("--speed", min=0.25, max=8.0, help="Times real time.")] = 1.0,
+    record: Annotated[
+        str | None,
+        typer.Option(
+            "--record", metavar="RUN.h5", help="Record the session; RUN.yaml beside it gives the same run again."
+        ),
+    ] = None,
+    open_page: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    host: Annotated[
+        str, typer.Option("--host", help="Address to listen at; others than this machine reach only what you name.")
+    ] = "127.0.0.1",
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Threads that search motion or steer.")] = 2,
+    overrides: Overrides = None,
+    debug: Debug = False,
+) -> None:
+    """Simulate a scenario live: watch it in the browser, send people elsewhere, move things, until Ctrl-C."""
+    from crowdsim.cli.progress import RunProgress
+    from crowdsim.scenario.loader import load_scenario
+
+    _require_websockets()
+    loaded = load_scenario(scenario, overrides or [])
+    file = None if record is None else Path(record)
+    if file is not None:
+        _require_names(file)
+
+    with RunProgress(loaded.name) as progress:
+        from crowdsim.crowd.simulation import Simulation
+
+        simulation = Simulation(loaded, workers=workers, preparing=progress.maps)
+    with simulation:
+        ended, steps, late = _serve(simulation, file, (host, port), speed, open_page)
+    done = f"{steps} steps, {late} of them late"
+    if file is not None and steps:
+        saved = simulation.save_scenario(file.with_suffix(".yaml"))
+        done = f"{done}; wrote {file} and {saved[-1]}, whose run gives the same states"
+    what = "terminated" if isinstance(ended, Terminated) else "interrupted"
+    raise type(ended)(f"{what} after {done}")
+
+
+def _serve(
+    simulation: Simulation, file: Path | None, address: tuple[str, int], speed: float, open_page: bool
+) -> tuple[KeyboardInterrupt, int, int]:
+    """Run and serve until a signal comes; return it, and the numbers of steps and late steps."""
+    from crowdsim.cli.progress import Interruption
+    from crowdsim.live.opening import pack_opening
+    from crowdsim.live.page import live_page
+    from crowdsim.live.server import Server
+    from crowdsim.live.session import Session
+
+    with Interruption() as interruption:
+        page, opening = live_page(simulation.header.scenario_name), pack_opening(simulation)
+        with Server(page, opening, *address) as server:
+            session = Session(simulation, server, lambda: interruption.asked is not None, speed)
+            server.ask = session.ask
+            typer.echo(server.address)
+            typer.echo("open this address in a browser; Ctrl-C ends the simulation", err=True)
+            if open_page:
+                typer.launch(server.address)
+            session.run(file)
+    assert interruption.asked is not None
+    return interruption.asked, session.steps, session.late
+
+
+def _require_names(file: Path) -> None:
+    """Refuse names of the recording and of the scenario beside it before the work is done."""
+    if file.suffix.lower() in (".yaml", ".yml"):
+        raise CrowdSimError(f"{file}: a recording and a scenario beside it are written; choose a name like run.h5")
+    require_writable(file)
+    require_writable(file.with_suffix(".yaml"))
+
+
+def _require_websockets() -> None:
+    try:
+        import websockets  # noqa: F401
+    except ImportError:
+        raise CrowdSimError("crowdsim serve needs websockets: pip install 'crowdsim[live]'") from None

@@ -1,0 +1,1 @@
+"""Commands that study runs: ``crowdsim analyze`` and ``crowdsim sweep``."""
