@@ -1,7 +1,7 @@
-"""Write the clips of the default motion set anew: ``python tools/build_default_motion.py [FOLDER]``.
+"""Write the clips of the default motion set again: ``python tools/build_default_motion.py [FOLDER]``.
 
-The clips are synthesized, not captured, and come out the same to the last bit, so a change in them is a change in
-``crowdsim/motion/synthesis/*.py`` or ``crowdsim/motion/clips/arm_edit.py``. FOLDER is ``behaviors`` unless told.
+The clips are synthesized and identical to the last bit each time, so a change in them comes from a change in
+``crowdsim/motion/synthesis/*.py`` or ``crowdsim/motion/clips/arm_edit.py``. FOLDER is ``behaviors`` by default.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from crowdsim.motion.synthesis.library import synthesize_set  # noqa: E402
 
 
 def build(folder: Path) -> int:
-    """Write every clip below ``folder``; returns the bytes written. Clips of the set that are no more are removed."""
+    """Write every clip below ``folder``; remove clips that the set no longer has; return the number of bytes."""
     wanted: dict[Path, set[str]] = {}
     size = 0
     for behavior, file_name, clip in synthesize_set():

@@ -1,7 +1,7 @@
-"""Every check of the repository: format, lint, types, import directions, then the tests.
+"""Run every check of the repository: format, lint, types, import directions, then the tests.
 
-All of them run, whatever fails before; the exit code is 1 if any failed. The tests come last, so that their closing
-line closes the output. They run in several processes, each file in one; arguments go to a single pytest instead:
+All of them run even if some fail; the exit code is 1 if any failed. The tests come last, so that their closing line
+closes the output. They run in several processes, each test file in one; arguments go to a single pytest instead:
 ``python tools/check.py tests/unit -x``.
 """
 
@@ -22,16 +22,17 @@ CHECKS = (
 )
 
 PROCESSES = min(os.cpu_count() or 1, 4)
-"""Each compiles the kernels that it is the first to need, so that many more gain nothing."""
+"""Number of test processes. Each compiles the kernels that it needs first, so that many more gain nothing."""
 
 
 def passes(command: list[str]) -> bool:
-    """Whether ``command``, run in the repository's root, ends well; its output goes to the terminal."""
+    """Return whether ``command``, run in the repository's root, succeeds; its output goes to the terminal."""
     print("==", Path(command[0]).name, *command[1:], flush=True)
     return subprocess.run(command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}).returncode == 0
 
 
 def main() -> int:
+    """Run all checks; return the exit code."""
     failed = [command for command in CHECKS if not passes(command)]
     for command in failed:
         print("FAILED:", Path(command[0]).name, *command[1:], flush=True)

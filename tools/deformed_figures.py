@@ -1,8 +1,8 @@
-"""Print how bodies posed from deformed clips hold what they are held to: ``python tools/deformed_figures.py [FOLDER]``.
+"""Print the figures of bodies posed from deformed clips: ``python tools/deformed_figures.py [FOLDER]``.
 
-A row for each clip and kind of track: built-in sets, and the captures in FOLDER. With ``--tracks FILE`` also the tracks
+One row per clip and kind of track, for the built-in sets and the captures in FOLDER. ``--tracks FILE`` adds the tracks
 of a recorded crowd, an ``.npz`` with an (N, 4) array of x, y, heading and phase at 10 Hz for each body. The last column
-is microseconds a pose, all bodies in one call.
+is microseconds per pose, with all bodies in one call.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ CLIPS = {("frontal", "walk"), ("arm_constrained", "walk"), ("lateral", "side_lef
 
 
 def clips(folder: Path | None) -> Iterator[tuple[str, Clip]]:
+    """Yield the clips to measure, with their names."""
     for name, manner in (("default", PLAIN), ("happy", HAPPY), ("dance", DANCING)):
         for behavior, _, clip in synthesize_set(manner):
             if (behavior, clip.name) in CLIPS:
@@ -42,7 +43,7 @@ def clips(folder: Path | None) -> Iterator[tuple[str, Clip]]:
 
 
 def microseconds(clip: DeformedClip, tracks: list[np.ndarray]) -> float:
-    """Processor time of a pose, all of them at 30 a second in one call, the best of three."""
+    """Return the processor time per pose [us], all poses at 30 per second in one call, the best of three."""
     plan = plan_steps(clip, tracks)
     seconds = [(len(track) - 1) * plan.step for track in tracks]
     times = [np.arange(0.0, end, 1.0 / 30.0) for end in seconds]
@@ -57,6 +58,7 @@ def microseconds(clip: DeformedClip, tracks: list[np.ndarray]) -> float:
 
 
 def main() -> None:
+    """Print all rows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, nargs="?")
     parser.add_argument("--tracks", type=Path)

@@ -1,6 +1,6 @@
-"""Draw every picture of README and docs anew: ``python tools/draw_pictures.py [FILE ...]``, FILE as in PICTURES below.
+"""Draw the pictures of README and docs again: ``python tools/draw_pictures.py [FILE ...]``, FILE as in PICTURES below.
 
-The scenarios of the library are run for it, each once.
+Each scenario of the library that they show is run once.
 """
 
 from __future__ import annotations
@@ -11,19 +11,29 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
+import av
+import numpy as np
 import shapely
+from matplotlib.figure import Figure
 from PIL import Image
 from shapely import affinity
 
 import crowdsim
+from crowdsim.analysis.analyze import analyze
+from crowdsim.analysis.measured_people import FLOW_BANDS
+from crowdsim.analysis.report import write_analysis
 from crowdsim.crowd.state.assets import load_behaviors
 from crowdsim.figures import write_figure
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.playback.film import film
 from crowdsim.playback.shot import shot
 from crowdsim.recording.reader import Recording
 from crowdsim.scenario.loader import builtin_scenarios, parse_scenario
 from crowdsim.scenario.picture import draw_scenario
 from crowdsim.scenario.scenario import Scenario
+from crowdsim.sweeps.points import points_of
+from crowdsim.sweeps.sweep import sweep
+from crowdsim.sweeps.table import means_of
 
 ROOT = Path(__file__).resolve().parents[1]
 THUMBNAIL = (640, 400)
@@ -36,8 +46,14 @@ TIMES = {
     "crossing": 12.0,
     "plaza": 22.0,
 }
-"""Seconds at which much is going on; the others are drawn at the moment that ``crowdsim play --shot`` chooses."""
+"""Busy times of scenarios [s]; the others are drawn at the time that ``crowdsim play --shot`` chooses."""
 RADIUS = 0.25
+
+NECK = ROOT / "tools" / "studies" / "neck.yaml"
+NECK_WIDTH = "obstacles.0.wall.openings.0.width"
+
+WALKING_TIMES, WALKING_RATE, WALKING_SIZE = (44.0, 52.0), 15, (800, 450)
+"""Start and end [s], pictures per second, and pixels of the moving picture."""
 
 STREET = """\
 crowdsim: 1
@@ -58,7 +74,7 @@ agents:
   - {locomotion: steered, name: back, count: 1000, start: {rectangle: [1, 26, 249, 49]},
      goal: {rectangle: [1, 0.5, 249, 3]}}
 """
-"""Ten thousand people, both ways and across."""
+"""Ten thousand people who walk both ways and across."""
 
 FOUR_WAYS = """\
 crowdsim: 1
@@ -77,11 +93,11 @@ agents:
   - {locomotion: steered, name: south, count: 40, start: {rectangle: [-1.6, 4, 1.6, 13]},
      goal: {rectangle: [-1.7, -13.7, 1.7, -12]}}
 """
-"""Two corridors that cross, walked in all four directions."""
+"""Two crossing corridors, walked in all four directions."""
 
 
 class Recordings:
-    """Recordings of scenarios in a folder that goes when all pictures are drawn."""
+    """Recordings of scenarios in a temporary folder."""
 
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
@@ -89,13 +105,13 @@ class Recordings:
         self._done: dict[str, Recording] = {}
 
     def of(self, name: str) -> Recording:
-        """The recording of a scenario of the library, which is run if it was not yet."""
+        """Return the recording of a library scenario; run it at the first request."""
         if name not in self._done:
             self._run(name, crowdsim.load_scenario(name))
         return self._done[name]
 
     def of_text(self, text: str) -> Recording:
-        """The recording of a scenario given as text."""
+        """Return the recording of a scenario given as text."""
         scenario = parse_scenario(text)
         self._run(scenario.name, scenario)
         return self._done[scenario.name]
@@ -106,14 +122,14 @@ class Recordings:
 
 
 def write_small(file: Path) -> None:
-    """Write a picture of few hues again with 256 colors."""
+    """Write a picture again with a palette of 256 colors."""
     with Image.open(file) as drawn:
         small = drawn.convert("RGB").quantize(256)
     small.save(file, optimize=True)
 
 
 def thumbnail(name: str) -> Callable[[Path, Recordings], None]:
-    """What draws the thumbnail of a scenario."""
+    """Return a function that draws the thumbnail of a scenario."""
 
     def draw(file: Path, recordings: Recordings) -> None:
         shot(recordings.of(name), file, TIMES.get(name), size=THUMBNAIL)
@@ -122,59 +138,74 @@ def thumbnail(name: str) -> Callable[[Path, Recordings], None]:
     return draw
 
 
-def corridor(file: Path, recordings: Recordings) -> None:
-    shot(recordings.of("corridor"), file, TIMES["corridor"])
-
-
 def corridor_lateral(file: Path, recordings: Recordings) -> None:
-    """Somebody in the narrowest gap."""
-    shot(recordings.of("corridor"), file, 54.2, "follow", agent=6)
+    """Draw a character in the narrowest gap."""
+    shot(recordings.of("corridor"), file, 49.0, "follow", agent=6)
+
+
+def walking(file: Path, recordings: Recordings) -> None:
+    """Draw a moving picture: sideways through the narrowest gap, then on."""
+    with tempfile.TemporaryDirectory() as folder:
+        shown = film(
+            recordings.of("corridor"),
+            Path(folder) / "walking.mp4",
+            fps=WALKING_RATE,
+            size=WALKING_SIZE,
+            start=WALKING_TIMES[0],
+            end=WALKING_TIMES[1],
+            view="follow",
+            agent=6,
+        )
+        with av.open(str(shown)) as container:
+            first, *others = [frame.to_image() for frame in container.decode(video=0)]
+    first.save(file, save_all=True, append_images=others, duration=1000 // WALKING_RATE, loop=0, quality=60, method=6)
 
 
 def levels(file: Path, recordings: Recordings) -> None:
-    """Who is captured, and who steers."""
+    """Draw captured and steered characters in their colors."""
     shot(recordings.of("plaza"), file, 20.0, color_by="level")
     write_small(file)
 
 
 def apartment_layers(file: Path, recordings: Recordings) -> None:
-    """As ``crowdsim check apartment --picture`` draws it."""
+    """Draw what ``crowdsim check apartment --picture`` draws."""
     scenario = crowdsim.load_scenario("apartment")
     write_figure(draw_scenario(scenario, load_behaviors(scenario).behaviors), file)
     write_small(file)
 
 
 def counterflow(file: Path, recordings: Recordings) -> None:
-    """Both ways through the corridor, in lanes."""
+    """Draw lanes in a corridor walked both ways."""
     shot(recordings.of("counterflow"), file, TIMES["counterflow"])
     write_small(file)
 
 
 def street(file: Path, recordings: Recordings) -> None:
-    """In the midst of ten thousand."""
+    """Draw a view from the middle of ten thousand people."""
     shot(recordings.of_text(STREET), file, 20.0, "follow", agent=4200)
 
 
 def four_ways(file: Path, recordings: Recordings) -> None:
+    """Draw the crossing of four flows."""
     shot(recordings.of_text(FOUR_WAYS), file, 14.0)
     write_small(file)
 
 
 def navmesh(file: Path, recordings: Recordings) -> None:
-    """A mesh of two furnished rooms with a path."""
+    """Draw a mesh of furnished rooms with a path."""
     mesh = NavMesh(rooms())
     mesh.picture(mesh.find_path((0.6, 1.5), (7.3, 5.6), RADIUS), file=file)
     write_small(file)
 
 
 def box(x: float, y: float, width: float, depth: float, turn: float = 0.0) -> shapely.Polygon:
-    """A piece of furniture around (x, y), turned by ``turn`` degrees."""
+    """Return a piece of furniture around (x, y) [m], rotated by ``turn`` degrees."""
     shape = shapely.box(x - 0.5 * width, y - 0.5 * depth, x + 0.5 * width, y + 0.5 * depth)
     return affinity.rotate(shape, turn)
 
 
 def rooms() -> shapely.Polygon:
-    """A living room with a table, and two smaller rooms behind doors of 1 m."""
+    """Return a living room with a table, and two smaller rooms behind doors of 1 m."""
     walls = [
         shapely.box(5.9, 0.0, 6.05, 2.3),
         shapely.box(5.9, 3.3, 6.05, 7.0),
@@ -195,8 +226,62 @@ def rooms() -> shapely.Polygon:
     return shapely.box(0.0, 0.0, 10.0, 7.0).difference(shapely.union_all(walls + things))
 
 
+def analysis_flow(file: Path, recordings: Recordings) -> None:
+    """Draw passages and flow at the neck, as ``crowdsim analyze`` does."""
+    draw_analysis("flow", file, recordings)
+
+
+def analysis_diagram(file: Path, recordings: Recordings) -> None:
+    """Draw the fundamental diagram before the neck, as ``crowdsim analyze`` does."""
+    draw_analysis("diagram", file, recordings)
+
+
+def analysis_maps(file: Path, recordings: Recordings) -> None:
+    """Draw the maps of the room with the neck, as ``crowdsim analyze`` does."""
+    draw_analysis("maps", file, recordings)
+
+
+def draw_analysis(name: str, file: Path, recordings: Recordings) -> None:
+    """Draw one picture of an analysis of the study's scenario."""
+    recording = recordings.of_text(NECK.read_text(encoding="utf-8"))
+    with tempfile.TemporaryDirectory() as folder:
+        write_analysis(analyze(recording, only=[name]), Path(folder))
+        file.write_bytes((Path(folder) / f"{name}.png").read_bytes())
+    write_small(file)
+
+
+def neck_study(file: Path, recordings: Recordings) -> None:
+    """Sweep the width of the neck over five seeds, and draw flow over width beside what was measured on people."""
+    with tempfile.TemporaryDirectory() as folder:
+        points = points_of(str(NECK), "1-5", [f"{NECK_WIDTH}=0.8,1.0,1.2,1.6,2.0"])
+        rows = sweep(points, Path(folder), jobs=2).rows
+    figure = Figure(figsize=(7.2, 3.8), dpi=110, layout="constrained")
+    axes = figure.subplots()
+    for number, band in enumerate(each for each in FLOW_BANDS if each.widest <= 2.3):
+        width = np.array([band.narrowest, band.widest])
+        label = None if number else "people in 73 bottlenecks, least to most"
+        axes.fill_between(width, band.least * width, band.most * width, color="#c9d8e4", linewidth=0.0, label=label)
+        axes.plot(
+            width, band.median * width, color="#4c6b82", linewidth=1.0, label=None if number else "people, median"
+        )
+    means = means_of(rows, "lines.neck.flow")
+    at = [float(mean.settings[0][1]) for mean in means]
+    flow = [mean.mean for mean in means]
+    off = [[mean.mean - mean.low for mean in means], [mean.high - mean.mean for mean in means]]
+    for point, outcome in rows:
+        axes.plot(float(point.settings[0][1]), outcome.figures["lines.neck.flow"], ".", color="#d55e00", markersize=3.0)
+    axes.errorbar(
+        at, flow, off, fmt="o-", color="#d55e00", capsize=3.0, label="crowdsim, mean of five seeds, 95 % band"
+    )
+    axes.set(xlabel="width of the neck [m]", ylabel="flow [1/s]", xlim=(0.4, 2.3), ylim=(0.0, None))
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize="small", loc="upper left")
+    write_figure(figure, file)
+    write_small(file)
+
+
 PICTURES: Mapping[str, Callable[[Path, Recordings], None]] = {
-    "docs/images/corridor.png": corridor,
+    "docs/images/walking.webp": walking,
     "docs/images/corridor_lateral.png": corridor_lateral,
     "docs/images/apartment_layers.png": apartment_layers,
     "docs/images/counterflow.png": counterflow,
@@ -204,12 +289,17 @@ PICTURES: Mapping[str, Callable[[Path, Recordings], None]] = {
     "docs/images/four_ways.png": four_ways,
     "docs/images/street.jpg": street,
     "docs/images/navmesh.png": navmesh,
+    "docs/images/analysis_flow.png": analysis_flow,
+    "docs/images/analysis_diagram.png": analysis_diagram,
+    "docs/images/analysis_maps.png": analysis_maps,
+    "docs/images/neck_study.png": neck_study,
     **{f"scenarios/assets/{name}.png": thumbnail(name) for name in builtin_scenarios()},
 }
-"""What draws each picture, by its file below the root."""
+"""Functions that draw the pictures, by file below the root."""
 
 
 def main() -> None:
+    """Draw all pictures, or those named on the command line."""
     with ExitStack() as stack:
         recordings = Recordings(stack)
         for name in sys.argv[1:] or PICTURES:

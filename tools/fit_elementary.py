@@ -1,7 +1,7 @@
 """Print the coefficients of ``crowdsim/geometry/elementary_kernels.py``: ``python tools/fit_elementary.py``.
 
-Each series is a Chebyshev fit, made with fifty digits, of what a function leaves over its leading terms; the largest
-error of the fit stands beside it.
+Each series is a Chebyshev fit, with fifty digits, of the rest of a function after its leading terms; the largest error
+of the fit is printed beside it.
 """
 
 from __future__ import annotations
@@ -12,15 +12,16 @@ import mpmath
 from mpmath import mpf
 
 NEARLY_ZERO = mpf("1e-12")
-"""Where a quotient would be 0 / 0; smooth functions are there what they are next to it."""
+"""Replaces 0 in quotients that would be 0 / 0; smooth functions have nearly the same value there."""
 
 
 def of_square(function: Callable[[mpf], mpf]) -> Callable[[mpf], mpf]:
-    """The function of z = x**2 that ``function`` is of x."""
+    """Return ``function``, which is even, as a function of z = x**2."""
     return lambda z: function(mpmath.sqrt(max(abs(z), NEARLY_ZERO)))
 
 
 def main() -> None:
+    """Print all series."""
     mpmath.mp.dps = 50
     quarter, turn, root = mpmath.pi / 4, mpmath.tan(mpmath.pi / 8), mpmath.sqrt(2)
     series = (

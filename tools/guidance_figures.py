@@ -1,7 +1,7 @@
-"""What guidance costs: CPU milliseconds a ground, a field and an edit, microseconds an agent, megabytes.
+"""Measure guidance: CPU milliseconds per ground, field and edit, microseconds per agent, megabytes.
 
-``python tools/guidance_figures.py [place ...]`` prints a line for each place; without places, for all but ``large``.
-Figures are the least of a few runs, in CPU time of one thread, with 10,000 agents all over the place.
+``python tools/guidance_figures.py [place ...]`` prints a line for each place, by default for all but ``large``. Figures
+are the least of a few runs, in CPU time of one thread, with 10,000 agents all over the place.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SCENARIOS = Path(__file__).parents[1] / "scenarios"
 
 
 def cluttered(size: float = 100.0, count: int = 400) -> BaseGeometry:
-    """A square with boxes of 0.5 to 2 m."""
+    """Return a square with boxes of 0.5 to 2 m."""
     rng = np.random.default_rng(1)
     boxes = []
     for _ in range(count):
@@ -42,10 +42,12 @@ def cluttered(size: float = 100.0, count: int = 400) -> BaseGeometry:
 
 
 def open_square(size: float) -> list[BaseGeometry]:
+    """Return an empty square as both layers."""
     return [shapely.box(0.0, 0.0, size, size)] * 2
 
 
 def layers_of(name: str) -> list[BaseGeometry]:
+    """Return the free areas of a named place, by layer."""
     return [layer.free for layer in load_scenario(SCENARIOS / f"{name}.yaml").layers()]
 
 
@@ -59,7 +61,7 @@ PLACES: dict[str, tuple[Callable[[], list[BaseGeometry]], Any, Any]] = {
 
 
 def least(call: Callable[[], Any], runs: int = 3) -> tuple[float, Any]:
-    """Least CPU milliseconds, and what came out."""
+    """Return the least CPU time of some calls [ms], and the result."""
     best, result = np.inf, None
     for _ in range(runs):
         begin = time.thread_time()
@@ -69,7 +71,7 @@ def least(call: Callable[[], Any], runs: int = 3) -> tuple[float, Any]:
 
 
 def places_in(areas: list[BaseGeometry], count: int) -> NDArray[np.float64]:
-    """Places 0.2 m off the walls."""
+    """Return random places at least 0.2 m away from the walls."""
     rng = np.random.default_rng(2)
     x0, y0, x1, y1 = areas[0].bounds
     room = areas[0].buffer(-0.2)
@@ -82,12 +84,12 @@ def places_in(areas: list[BaseGeometry], count: int) -> NDArray[np.float64]:
 
 
 def measure(name: str) -> str:
-    """The line of a place."""
+    """Return the line of a place."""
     behaviors = load_behavior_set(["frontal", "arm_constrained", "lateral"], [(0.1, 2.0), (0.65, 1.5)]).behaviors
     need = Requirements.of(behaviors, 2, TRACKING_MARGIN)
     make, goal, (x, y) = PLACES[name]
     areas = make()
-    walls_ms, walls = least(lambda: PlaceWalls(areas, [None]), 2)
+    walls_ms, walls = least(lambda: PlaceWalls(areas), 2)
     ground_ms, ground = least(lambda: build_ground(walls.segments().layers, need), 2)
     field_ms, field = least(lambda: solve_field(ground, goal))
     places = places_in(areas, AGENTS)

@@ -1,12 +1,12 @@
-"""Compare runs, plans and motion graphs under every processor that this machine can pretend to be.
+"""Compare runs, plans and motion graphs under every processor that this machine can emulate.
 
 ``python tools/same_bits.py`` runs the cases below in processes that see other processors, other libraries and other
-numbers of workers, and prints what came out otherwise; the exit code is 1 if anything did. With ``--versions FOLDER``
-it also installs the lowest and highest supported numpy and numba into environments in that folder and compares them.
-``--quick`` takes a few short cases and only those variants that need no kernels compiled anew, as the tests do.
+numbers of workers, and prints differing results; the exit code is 1 if there are any. ``--versions FOLDER`` also
+installs the lowest and highest supported numpy and numba into environments in that folder and compares them.
+``--quick`` takes a few short cases and only those variants that need no compilation, as the tests do.
 
-One variant preloads a C library that gives every second inexact result off by one unit in the last place: no run may
-depend on it. It is left out, with a word, where no C compiler is found.
+One variant preloads a C library that changes every second inexact result by one unit in the last place: no run may
+depend on it. It is left out, with a message, if there is no C compiler.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ agents:
 
 
 def cases(quick: bool) -> dict[str, Callable[[], Any]]:
-    """What is run in every variant: name, and what gives its result."""
+    """Return the cases: name, and a function that computes the result."""
     from tests.support import golden
 
     found: dict[str, Callable[[], Any]] = {
@@ -96,11 +96,12 @@ def cases(quick: bool) -> dict[str, Callable[[], Any]]:
 
 
 def workers() -> int:
+    """Return the number of worker threads of this variant."""
     return int(os.environ.get("SAME_BITS_WORKERS", "2"))
 
 
 def events() -> Any:
-    """Doors that close and open, and things that come, turn and go."""
+    """Run doors that close and open, and things that appear, turn and disappear."""
     from tests.support import golden
     from tests.support.two_rooms import WALKERS, two_rooms
 
@@ -114,7 +115,7 @@ def events() -> Any:
 
 
 def floor_plan() -> str:
-    """A drawing with circles, arcs, thick lines and a block that is turned and enlarged."""
+    """Read a drawing with circles, arcs, thick lines and a block that is rotated and scaled."""
     import ezdxf
 
     from crowdsim.environment.floor_plans import read_floor_plan
@@ -136,7 +137,7 @@ def floor_plan() -> str:
 
 
 def graphs_of_captures() -> str:
-    """Feature-based and standard motion graph of real captures, and how far their transitions drift."""
+    """Build feature-based and standard motion graphs of real captures, and measure the drift of their transitions."""
     from crowdsim.motion.analysis.capture_sets import read_clips
     from crowdsim.motion.analysis.graph_file import GraphSettings, build_graph
     from crowdsim.motion.captures.reader import capture_paths
@@ -152,7 +153,7 @@ def graphs_of_captures() -> str:
 
 
 def world_of_meshes() -> str:
-    """Layers of a furnished house of triangles, turned out of the axes."""
+    """Make layers of a furnished house of triangles, rotated out of the axes."""
     from crowdsim.scenario.loader import parse_scenario
 
     scenario = parse_scenario(HOUSE.format(folder=SHARED / "worlds"))
@@ -161,7 +162,7 @@ def world_of_meshes() -> str:
 
 
 def variants(quick: bool, folder: Path) -> Iterator[tuple[str, dict[str, str]]]:
-    """Names of processors, libraries and settings, and the variables that make a process see them."""
+    """Yield names of processors, libraries and settings, with the environment variables that select them."""
     slow_paths = "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4"
     disabled = {"NPY_DISABLE_CPU_FEATURES": " ".join(dispatched_features())}
     yield "as is", {}
@@ -187,7 +188,7 @@ def variants(quick: bool, folder: Path) -> Iterator[tuple[str, dict[str, str]]]:
 
 
 def dispatched_features() -> list[str]:
-    """What numpy would use of this processor beyond what it needs."""
+    """Return the processor features that numpy would use beyond its baseline."""
     import numpy as np
 
     umath = np._core._multiarray_umath
@@ -195,6 +196,7 @@ def dispatched_features() -> list[str]:
 
 
 def other_library(folder: Path) -> Path | None:
+    """Compile the C library that perturbs results; return None without a C compiler."""
     compiler = shutil.which("cc")
     if compiler is None:
         print("no C compiler: the variant of another C library is left out")
@@ -206,7 +208,7 @@ def other_library(folder: Path) -> Path | None:
 
 
 def environments(folder: Path) -> Iterator[tuple[str, str]]:
-    """Pythons with the lowest and the highest supported versions, installed into ``folder`` where they are not yet."""
+    """Yield Pythons with the lowest and highest supported versions; install missing ones into ``folder``."""
     for name, pins in (("lowest", LOWEST), ("highest", HIGHEST)):
         python = folder / name / "bin" / "python"
         if not python.is_file():
@@ -217,7 +219,7 @@ def environments(folder: Path) -> Iterator[tuple[str, str]]:
 
 
 def results(python: str, variables: dict[str, str], quick: bool) -> dict[str, Any]:
-    """What a process of its own finds."""
+    """Return the results of a process of its own."""
     command = [python, "-W", "ignore", __file__, "--child", *(["--quick"] if quick else [])]
     done = subprocess.run(
         command, env={**os.environ, **variables}, stdout=subprocess.PIPE, text=True, check=True, timeout=3600
@@ -227,6 +229,7 @@ def results(python: str, variables: dict[str, str], quick: bool) -> dict[str, An
 
 
 def main() -> int:
+    """Compare all variants; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--versions", type=Path)
@@ -235,7 +238,7 @@ def main() -> int:
     if options.child:
         from crowdsim.jit import cache_folder
 
-        shutil.rmtree(cache_folder() / "maps", ignore_errors=True)  # those that another variant made
+        shutil.rmtree(cache_folder() / "maps", ignore_errors=True)  # maps of another variant
         print(json.dumps({name: run() for name, run in cases(options.quick).items()}))
         return 0
     with tempfile.TemporaryDirectory() as folder:

@@ -1,7 +1,7 @@
-"""Time what a first run compiles, for the bar that says how much of it is left: ``python tools/time_kernels.py``.
+"""Time the compilation in a first run, for the progress bar: ``python tools/time_kernels.py``.
 
 Runs the corridor with an empty cache and writes ``crowdsim/first_run.txt``: the kernels, and the CPU seconds that each
-takes with the helpers it is the first to need. Only their shares count, so that any quiet machine will do.
+takes with the helpers that it needs first. Only their ratios matter, so any idle machine will do.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ FILE = ROOT / "crowdsim" / "first_run.txt"
 
 
 def main() -> None:
-    """Run in a process of its own, so that the cache is empty."""
+    """Run :func:`time_run` in a process of its own, so that the cache is empty."""
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "CROWDSIM_CACHE": folder, "PYTHONPATH": str(ROOT)}
         subprocess.run([sys.executable, __file__, folder], env=environment, check=True)
 
 
 def time_run(folder: str) -> None:
-    """Run the corridor and write what was compiled."""
+    """Run the corridor and write the compilation times."""
     import time
 
     from numba.core import event

@@ -1,6 +1,7 @@
-"""Write ``tests/golden/golden.json`` anew: ``python tools/update_golden.py``, where a change means to change results.
+"""Write ``tests/golden/golden.json`` again, after a change that is meant to change results.
 
-Prints what is no longer as it was. The tests compare every scenario of the library and a hundred plans with the file.
+``python tools/update_golden.py`` prints what has changed. The tests compare every scenario of the library and a hundred
+plans with the file.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from tests.support import golden
 
 
 def main() -> None:
+    """Compute all figures, print the differences, and write the file."""
     before = json.loads(golden.FILE.read_text(encoding="utf-8")) if golden.FILE.is_file() else {}
     found = {
         "scenarios": {name: golden.library_figures(name) for name in sorted(builtin_scenarios())},
