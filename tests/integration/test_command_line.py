@@ -231,6 +231,18 @@ def test_doctor_reports_versions_threads_cache_and_drawing(crowdsim):
     assert report["drawing"]["backend"] or report["drawing"]["remedy"]
 
 
+def test_the_schema_is_printed_or_written(crowdsim, tmp_path):
+    printed = crowdsim("schema")
+    assert printed.returncode == 0, printed.stderr
+    assert json.loads(printed.stdout)["properties"]["seed"]["description"]
+    written = crowdsim("schema", "-o", "keys.json")
+    assert (written.returncode, written.stdout) == (0, "")
+    assert (tmp_path / "keys.json").read_text() == printed.stdout
+    wrong = crowdsim("schema", "-o", "keys.txt")
+    assert wrong.returncode == USAGE
+    assert wrong.stderr == "error: keys.txt: schemas are written as .json; choose such a name\n"
+
+
 def test_bench_lists_its_names(crowdsim):
     finished = crowdsim("bench")
     assert finished.returncode == 0
@@ -250,5 +262,8 @@ def test_bench_lists_its_names(crowdsim):
         "auto-shares",
         "robustness",
         "soak",
+        "page",
+        "export",
+        "live",
         "motion-maps",
     ]

@@ -112,3 +112,25 @@ def test_who_had_arrived_gives_way_and_comes_back() -> None:
         view = crowd.world.view()
         assert view.state.tolist() == [AgentState.ARRIVED]
         assert view.pose[0, :2] == pytest.approx([4.0, 0.0], abs=0.36)
+
+
+@pytest.mark.parametrize("width", [1.2, 2.0])
+def test_who_has_no_way_any_more_gives_way_to_those_who_come_later(width: float) -> None:
+    half = width / 2
+    text = HEAD.format(seed=1, duration=40, floor=f"{{rectangle: [0.0, {-half}, 16.0, {half}]}}") + "obstacles:\n"
+    text += f"  - {{name: end, box: {{min: [12.9, {-half}], max: [13.1, {half}]}}, top: 2.5}}\nagents:\n"
+    text += "  - {locomotion: captured, name: a, count: 1, on_arrival: stay, "
+    text += "start: {point: [1.0, 0.0]}, goal: {point: [4.0, 0.0]}}\n"
+    text += "  - {locomotion: captured, name: b, count: 1, start_time: 8.0, "
+    text += "start: {point: [11.0, 0.0]}, goal: {point: [1.0, 0.0]}}\n"
+    with Simulation(parse_scenario(text), 1) as simulation:
+        crowd = simulation.crowd
+        assert isinstance(crowd, CapturedCrowd)
+        while simulation.time < 7.0:
+            simulation.step()
+        simulation.set_goal([0], (15.0, 0.0))
+        while not simulation.finished:
+            simulation.step()
+        assert list(crowd.plans.unreachable) == [0]
+        assert crowd.plans.moved > 0
+        assert simulation.arrived == 1

@@ -1,19 +1,22 @@
 """Rules of the house that no linter holds."""
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.support.bounded_loops import BOUNDED
+from tests.support.loops import unbounded_loops
 from tests.support.module_state import state_in
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "crowdsim"
 SOURCES = sorted(path for folder in ("crowdsim", "tests", "tools") for path in (ROOT / folder).rglob("*.py"))
 MAY_IMPORT_NUMBA = {"jit.py", "numba_internals.py", "cli/doctor.py", "cli/progress.py"}
-MAY_READ_A_CLOCK = {"cli", "bench", "playback"}
-MAY_USE_ANY_SINE = {"cli", "bench", "playback"}
+MAY_READ_A_CLOCK = {"cli", "bench", "live", "playback"}
+MAY_USE_ANY_SINE = {"analysis", "cli", "bench", "export", "live", "playback"}
 DRAWS = {"figures.py", "motion/analysis/graph_picture.py", "navmesh/picture.py", "scenario/picture.py"}
 MULTIPLIES_EXACTLY = {"motion/graph/frame_distance.py", "motion/analysis/error_image.py"}
 """Matrix products of values that :func:`crowdsim.geometry.products.rounded_for_sums` rounded."""
@@ -296,3 +299,45 @@ def test_the_rule_finds_what_modules_hold(code):
 )  # fmt: skip
 def test_the_rule_lets_constants_through(code):
     assert not state_in(ast.parse(code))
+
+
+def test_loops_of_kernels_have_a_bound_or_stand_in_a_list_with_the_reason_why_they_end():
+    found = Counter(
+        f"{name} {function}"
+        for name, tree in package_trees()
+        if name.endswith("_kernels.py")
+        for function, _ in unbounded_loops(tree)
+    )
+    listed = Counter(name for names in BOUNDED.values() for name in names)
+    assert not found - listed, f"no bound (see tests/support/bounded_loops.py): {found - listed}"
+    assert not listed - found, f"no longer needed: {listed - found}"
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "while True:\n  h = a[h]\n  if h == b:\n    break", "while h >= 0:\n  h = a[h]", "while x:\n  x = f(x)",
+        "while i < n:\n  i -= 1", "while i > n:\n  i += 1", "while i < n:\n  i += k", "while i < n:\n  i += 0",
+        "while i < n:\n  i += 1\n  n += 1", "while i < n:\n  i += 1\n  if x:\n    i = 0", "while i < n:\n  f(i)",
+        "while i < n:\n  if x:\n    i += 1", "while i < n:\n  if x:\n    continue\n  i += 1",
+        "while i < w[0].n:\n  i += 1", "while i < n or x:\n  i += 1", "while i < f():\n  i += 1",
+        "while top > 0:\n  top -= 1\n  if x:\n    top += 2",
+        "while top > 0:\n  if x:\n    continue\n  if is_spent(w):\n    return 1",
+    ],
+)  # fmt: skip
+def test_the_rule_finds_loops_without_a_bound(code):
+    function = f"def f():\n  {code.replace(chr(10), chr(10) + '  ')}"
+    assert list(unbounded_loops(ast.parse(function)))
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "while i < n:\n  i += 1", "while k > 0 and a[k] > x:\n  k -= 1", "while i < a.shape[0] - 1:\n  f(i)\n  i += 1",
+        "while top > 0:\n  if is_spent(w):\n    return 1\n  top = f(top)", "while x and not is_spent(w):\n  x = f(x)",
+        "while h >= 0:\n  n += 1\n  if n > a.size:\n    raise BoundExceeded\n  h = a[h]", "for i in range(n):\n  f(i)",
+    ],
+)  # fmt: skip
+def test_the_rule_lets_through_loops_with_a_bound(code):
+    function = f"def f():\n  {code.replace(chr(10), chr(10) + '  ')}"
+    assert not list(unbounded_loops(ast.parse(function)))

@@ -1,4 +1,4 @@
-"""What the README says is true: its commands run, its Python runs, and CI runs its test command."""
+"""README and quickstart tell the truth: their commands run, their Python runs, and CI runs the test command."""
 
 import json
 import re
@@ -7,15 +7,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = (ROOT / "README.md", ROOT / "docs" / "quickstart.md")
+TEXT = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+"""Both, one after the other, as they are read: the quickstart goes on with what the README made."""
+DOCS = sorted((ROOT / "docs").glob("*.md"))
 
 
 def blocks(*languages: str) -> list[str]:
     """Contents of the fenced blocks in one of ``languages``, in order."""
-    return [
-        body for language, body in re.findall(r"^```(\w+)\n(.*?)^```", README, re.M | re.S) if language in languages
-    ]
+    return [body for language, body in re.findall(r"^```(\w+)\n(.*?)^```", TEXT, re.M | re.S) if language in languages]
 
 
 def command_lines() -> list[str]:
@@ -37,7 +40,7 @@ def untimed(summary: str) -> list[list[str]]:
     ]
 
 
-def test_commands_of_the_readme_run(crowdsim, tmp_path):
+def test_commands_run(crowdsim, tmp_path):
     for library in ("scenarios", "behaviors"):
         (tmp_path / library).symlink_to(ROOT / library)
     commands = [shlex.split(line)[1:] for line in command_lines() if line.startswith("crowdsim ")]
@@ -53,7 +56,7 @@ def test_commands_of_the_readme_run(crowdsim, tmp_path):
             assert untimed(finished.stdout) == untimed(blocks("text")[0])
 
 
-def test_python_of_the_readme_runs(tmp_path, environment):
+def test_python_runs(tmp_path, environment):
     (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
     snippets = blocks("python")
     assert snippets
@@ -64,7 +67,7 @@ def test_python_of_the_readme_runs(tmp_path, environment):
     assert finished.returncode == 0, finished.stderr
 
 
-def test_scenarios_of_the_readme_pass_check(crowdsim, tmp_path):
+def test_scenarios_pass_check(crowdsim, tmp_path):
     scenarios = [body for body in blocks("yaml") if body.startswith("crowdsim:")]
     assert scenarios
     for body in scenarios:
@@ -80,7 +83,22 @@ def test_ci_runs_the_test_command_of_the_readme():
     assert [line for line in command_lines() if "tools/check.py" in line] == [ci_command]
 
 
-def test_files_the_readme_points_to_exist():
-    targets = re.findall(r"\]\((?!https?:|#)([^)\s]+)\)", README)
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md", *DOCS], ids=lambda page: page.name)
+def test_files_that_a_page_points_to_exist(page):
+    targets = re.findall(r"\]\((?!https?:|#)([^)\s]+)\)", page.read_text(encoding="utf-8"))
     assert targets
-    assert [target for target in targets if not (ROOT / target.partition("#")[0]).exists()] == []
+    assert [target for target in targets if not (page.parent / target.partition("#")[0]).exists()] == []
+
+
+def test_the_readme_fits_two_screens():
+    assert PAGES[0].read_text(encoding="utf-8").count("\n") <= 110
+
+
+MADE_BY_A_COMMAND = {"validation.md"}
+
+
+@pytest.mark.parametrize("page", [PAGES[0], *DOCS], ids=lambda page: page.name)
+def test_a_page_links_the_glossary(page):
+    if page.name in MADE_BY_A_COMMAND | {"glossary.md"}:
+        return
+    assert "glossary.md" in page.read_text(encoding="utf-8")

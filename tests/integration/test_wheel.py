@@ -52,6 +52,9 @@ def test_the_wheel_holds_the_libraries_and_no_tests(wheel):
         assert shipped == kept
     assert not [name for name in names if name.startswith(("tests/", "tools/"))]
     assert "crowdsim/py.typed" in names
+    page = {name.removeprefix("crowdsim/export/page/") for name in names if name.startswith("crowdsim/export/page/")}
+    assert {"viewer.min.js", "page.html", "page.css", "THIRD_PARTY.txt"} <= page
+    assert not [name for name in page if name.startswith("viewer/")]
 
 
 def test_the_installed_wheel_runs_a_built_in_scenario_from_any_folder(installed, tmp_path):

@@ -8,12 +8,12 @@ import numpy as np
 
 
 def arc_length(points) -> float:
-    """Length of the chain of arcs (n, 3)."""
+    """Return the length of the chain of arcs (n, 3)."""
     return sum(_length(p, q) for p, q in itertools.pairwise(points))
 
 
 def sampled(points, step: float):
-    """Arc lengths (k,) and places (k, 2) about every ``step`` meters along the chain of arcs (n, 3)."""
+    """Return arc lengths (k,) and places (k, 2) about every ``step`` meters along the chain of arcs (n, 3)."""
     at, places, before = [], [], 0.0
     for p, q in itertools.pairwise(points):
         length = _length(p, q)
@@ -30,7 +30,7 @@ def _length(p, q) -> float:
 
 
 def _place(p, q, part: float):
-    """The arc turns by its angle at an even rate: sum up its unit tangents."""
+    """Return the place at ``part`` of an arc by summing unit tangents, whose angle changes at a constant rate."""
     chord, angle = complex(q[0] - p[0], q[1] - p[1]), 4.0 * math.atan(p[2])
     if angle == 0.0:
         z = part * chord

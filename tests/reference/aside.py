@@ -1,4 +1,4 @@
-"""Slow twin of stepping to a wall: moves are priced by distances of shapely and tried one by one, cheapest first."""
+"""Slow twin of stepping to a wall: moves are priced with shapely's distances and tried in the order of cost."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tests.reference.giving_way import Scene, is_clear, meets_body, play
 
 
 def step_to_wall_slow(scene: Scene, row: int) -> int:
-    """The move with which a row steps to a wall; -1 if there is none."""
+    """Return the move by which a row steps to a wall; -1 if there is none."""
     moves, standing, everyone = scene.moves, scene.standing, scene.everyone
     node = int(standing.node[row])
     at = compose(standing.origin[row], scene.graph.node_motion[node])
@@ -36,11 +36,13 @@ def step_to_wall_slow(scene: Scene, row: int) -> int:
     along = (standing.goal[row] - at[:2]) / away
     others = [k for k in range(len(everyone.timeline)) if k != row]
 
+    # Free room beyond the widest body, cut off where it no longer matters.
     def room_at(place: np.ndarray) -> float:
         point = shapely.Point(place[:2])
         distance = scene.floor.exterior.distance(point) if scene.floor.contains(point) else 0.0
         return min(float(distance) - widest, NARROW_ROOM)
 
+    # How much is missing to pass the nearest others on the line to the goal, and the distance to the nearest of them.
     def beside(place: np.ndarray, radius: float) -> tuple[float, float]:
         lacking, gap = 0.0, NEAR
         for sample in (everyone.timeline[k, -1] for k in others):
@@ -65,6 +67,7 @@ def step_to_wall_slow(scene: Scene, row: int) -> int:
             cost += LEFT_COST if moves.shift[move, 1] > 0.0 else 0.0
             priced.append((cost, move))
     slot = scene.clock // SLOT_FRAMES
+    # The cheapest move that meets no timeline, no steered body and no wall.
     for _, move in sorted(priced):
         timeline, poses = play(scene, row, move)
         radii = everyone.body_radius

@@ -1,4 +1,4 @@
-"""Slow, obvious twin of the components: a flood from side to side, one turn at a time."""
+"""Slow, obvious twin of the components: a flood from edge to edge, one turn around a corner at a time."""
 
 import math
 
@@ -6,7 +6,7 @@ from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 
 
 def side_components(mesh: MeshArrays, width: float) -> list[frozenset[tuple[int, int]]]:
-    """Sides, as pairs of vertices, that a disc of diameter ``width`` can go between."""
+    """Return sets of edges, as pairs of vertices, between which a disc of diameter ``width`` can move."""
     triangles = int(mesh.frame["triangles"][0])
     org, constraints = mesh.sides["org"].tolist(), mesh.sides["constraints"].tolist()
     place = [(float(vertex["x"]), float(vertex["y"])) for vertex in mesh.vertices]
@@ -24,6 +24,7 @@ def side_components(mesh: MeshArrays, width: float) -> list[frozenset[tuple[int,
             last, base = (i + 2) % 3, (i + 1) % 3
             if not (opened[i] and opened[last]):
                 continue
+            # Room at corner v between its two open edges: their lengths, and the distance to the third edge if closed.
             v, a, b = (place[corners[k]] for k in (i, base, last))
             room = min(math.dist(v, a), math.dist(v, b))
             if not opened[base]:

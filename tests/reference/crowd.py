@@ -17,7 +17,7 @@ FOREVER = int(np.iinfo(np.int64).max)
 
 
 def walking_graph() -> GraphArrays:
-    """Four nodes: 0 idle, 1 start, 2 stride (curving left), 3 stop; 1.2 m/s at full pace, one behavior."""
+    """Return four nodes: 0 idle, 1 start, 2 stride (curving left), 3 stop; 1.2 m/s, one behavior."""
     lengths = np.array([30, 40, 60, 36], np.int32)
     tracks = []
     for node, frames in enumerate(lengths):
@@ -52,7 +52,7 @@ def walking_graph() -> GraphArrays:
 
 
 def chain_of(graph: GraphArrays, nodes: list[int], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Origins and blend offsets (n, 3) of nodes joined by their first matching edges, without extra rotation."""
+    """Return origins and blend offsets (n, 3) of nodes joined by their first matching edges, without extra rotation."""
     origins, blend_offsets = [start], [np.zeros(3)]
     for before, node in pairwise(nodes):
         row = range(graph.edge_start[before], graph.edge_start[before + 1])
@@ -68,7 +68,7 @@ def chain_of(graph: GraphArrays, nodes: list[int], start: np.ndarray) -> tuple[n
 def pose_at(
     graph: GraphArrays, nodes: list[int], origins: np.ndarray, blend_offsets: np.ndarray, frame: float
 ) -> np.ndarray:
-    """Track pose ``frame`` frames after the start of a chain; its end is held."""
+    """Return the track pose ``frame`` frames after the start of a chain; after its end, the last pose."""
     if frame % 1.0:
         before, after = (pose_at(graph, nodes, origins, blend_offsets, int(frame) + k) for k in range(2))
         turn = wrap_angle(after[2] - before[2])
@@ -86,7 +86,7 @@ def pose_at(
 
 
 def ticks_one_by_one(playback: Playback, steps: int) -> list[int]:
-    """Ticks of its chain that are played after 0, 1, 2, ... steps, from the frame that is shown."""
+    """Return the ticks of a chain that are played after 0, 1, 2, ... steps, from the shown frame on."""
     rate, ticks, played = playback.rate, playback.part, [playback.part]
     for _ in range(steps):
         change = playback.wanted - rate
@@ -97,14 +97,14 @@ def ticks_one_by_one(playback: Playback, steps: int) -> list[int]:
 
 
 def discs_along(tracks: np.ndarray, radius: float) -> np.ndarray:
-    """Samples of a timeline (..., 5) of who goes along tracks (..., 2) as a disc [m]."""
+    """Return timeline samples (..., 5) of an agent that follows tracks (..., 2) as a disc [m]."""
     samples = np.zeros((*tracks.shape[:-1], SAMPLE))
     samples[..., :2], samples[..., RADIUS] = tracks, radius
     return samples
 
 
 def discs_at(timeline, slot: float) -> tuple[np.ndarray, float]:
-    """Middles (3, 2) of the discs of a body at a slot, and their radius: of the broader sample beside it."""
+    """Return the centers (3, 2) of a body's discs at a slot, and their radius: that of the broader sample beside it."""
     samples, start, _ = timeline
     u = np.clip(slot - start, 0, len(samples) - 1)
     low = int(np.floor(u))
@@ -115,7 +115,10 @@ def discs_at(timeline, slot: float) -> tuple[np.ndarray, float]:
 
 
 def timelines_meet(a, b, first_slot: int, at_rest: float, room: float = 0.0) -> bool:
-    """Dense sampling of two timelines (samples (K, 5), start, gone): whether the gap is ever less than ``room``."""
+    """Return whether the gap of two timelines (samples (K, 5), start, gone) is ever less than ``room``.
+
+    Sampled densely. A pair that already overlaps, or is already nearer at rest, counts only if it gets worse.
+    """
 
     def gap(slot: float) -> float:
         mine, my_radius = discs_at(a, slot)
@@ -139,7 +142,7 @@ def timelines_meet(a, b, first_slot: int, at_rest: float, room: float = 0.0) -> 
 
 
 def off_way(way: np.ndarray, point: np.ndarray) -> tuple[float, np.ndarray]:
-    """Distance from a point to a polyline (P, 2), and the nearest of its segments as a vector."""
+    """Return the distance from a point to a polyline (P, 2), and the nearest of its segments as a vector."""
     best = np.inf, np.zeros(2)
     for a, b in pairwise(way):
         along = b - a

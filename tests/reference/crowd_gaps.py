@@ -1,4 +1,4 @@
-"""Slow, obvious twins of what is measured of steered crowds, and of who may come: everyone against everyone."""
+"""Slow, obvious twins of the measurements of steered crowds and of admission: every pair is compared."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Segments = NDArray[np.float64]
 
 
 def closest_bodies(state: NDArray[np.void], limit: float) -> tuple[float, float]:
-    """Least gap between two bodies and least distance between two centers, up to ``limit`` [m]."""
+    """Return the least gap between two bodies and the least distance between two centers, up to ``limit`` [m]."""
     pairs = list(combinations(range(len(state)), 2))
     gaps = [gap(state, i, j) for i, j in pairs]
     centers = [float(np.hypot(state[i]["x"] - state[j]["x"], state[i]["y"] - state[j]["y"])) for i, j in pairs]
@@ -21,7 +21,7 @@ def closest_bodies(state: NDArray[np.void], limit: float) -> tuple[float, float]
 
 
 def wall_gap(row: np.void, segments: Segments, torso: bool, leg_radius: float) -> float:
-    """Gap between a body, or its legs, and the nearest of some segments [m]."""
+    """Return the gap between a body (``torso``) or its legs and the nearest of some segments [m]."""
     place = np.array([row["x"], row["y"]])
     gaps = [np.inf]
     for segment in segments.reshape(-1, 2, 2):
@@ -36,7 +36,7 @@ def wall_gap(row: np.void, segments: Segments, torso: bool, leg_radius: float) -
 def admitted(
     coming: NDArray[np.void], there: NDArray[np.void], legs: Segments, torso: Segments, leg_radius: float, room: float
 ) -> list[bool]:
-    """Which of those who come have room, each after those before it that have."""
+    """Return which of the arriving agents have room, each after the admitted ones before it."""
     crowd = list(there)
     answers = []
     for row in coming:
@@ -51,7 +51,10 @@ def admitted(
 
 
 def taken_spots(draws: Segments, distance: float, spots: Segments, most: int) -> Segments:
-    """Spots after those of ``draws`` were taken, in order, that keep a distance from all before them."""
+    """Return ``spots`` with those of ``draws`` added, in order, that keep a distance from all before them.
+
+    Stops after ``most`` failed draws in a row.
+    """
     taken = list(spots)
     vain = 0
     for draw in draws:

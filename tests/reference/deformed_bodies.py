@@ -1,6 +1,8 @@
-"""Footsteps and poses of a deformed clip, one body and one time at a time: the slow twin of the kernels.
+"""Slow twin of the kernels for footsteps and poses of a deformed clip: one body and one time at a time.
 
-Splines are scipy's, rotations scipy's, times of a phase are found by bisection, sums are written as sums.
+Splines and rotations are scipy's, times of a phase are found by bisection, sums are written as sums.
+docs/deformed-clips.md explains the model. Phases are in cycles: a half cycle begins when a foot lands, at phase 0 the
+left, at 0.5 the right one.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ HANN = np.array([np.cos(np.pi * k / 5.0) ** 2 for k in range(-2, 3)])
 
 
 def rate_of(ahead: float, side: float, turn: float) -> float:
-    """Cycles a second."""
+    """Return the phase rate [cycles/s] for speeds ahead and to the side [m/s] and a turning rate [rad/s]."""
     straight = np.sqrt(0.39 * abs(ahead)) / 0.78 * (1.35 if ahead < 0.0 else 1.0)
     sideways = min(0.5 * min(1.0, abs(side) / 0.1) + 1.1 * abs(side), 1.7)
     turning = min(0.35 * min(1.0, abs(turn) / 0.2) + 0.4 * abs(turn), 1.5)
@@ -30,14 +32,14 @@ def rate_of(ahead: float, side: float, turn: float) -> float:
 
 
 def hips_of(ahead: float, side: float) -> float:
-    """Radians from the chest to the hips."""
+    """Return the rotation from the chest to the hips [rad] for speeds ahead and to the side [m/s]."""
     angle = abs(np.arctan2(side, ahead))
     turn = np.interp(angle, [0.0, 0.7, 1.4], [0.0, 0.7, 0.0])
     return float(np.sign(side) * turn * min(np.hypot(ahead, side) / 0.4, 1.0) ** 2)
 
 
 def anchor_of(place: np.ndarray, velocity: np.ndarray, turn: float, phase: float) -> np.ndarray:
-    """Pose of a steadily walking body when its phase was 0.26 or 0.76 for the last time."""
+    """Return the pose at which a steadily walking body last had phase 0.26 or 0.76."""
     along = Rotation.from_rotvec([0.0, 0.0, -place[2]]).apply([*velocity, 0.0])
     hips = Rotation.from_rotvec([0.0, 0.0, -hips_of(along[0], along[1])]).apply(along)
     rate = rate_of(hips[0], hips[1], turn)
@@ -48,7 +50,7 @@ def anchor_of(place: np.ndarray, velocity: np.ndarray, turn: float, phase: float
 def advance(
     place: np.ndarray, velocity: np.ndarray, turn: float, dt: float, phase: float, anchor: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Phase and anchor after a step."""
+    """Return phase and anchor after a step of ``dt`` seconds."""
     speed = float(np.hypot(*velocity))
     along = Rotation.from_rotvec([0.0, 0.0, -place[2]]).apply([*velocity, 0.0])
     hips = Rotation.from_rotvec([0.0, 0.0, -hips_of(along[0], along[1])]).apply(along)
@@ -56,13 +58,16 @@ def advance(
     half = np.floor(2.0 * phase) / 2.0
     away = np.hypot(*(place - anchor)[:2])
     home = away < 0.06 and abs(np.angle(np.exp(1j * (place[2] - anchor[2])))) < 0.25
+    # A slow body near its anchor stands: its phase creeps to 0.06 after a landing.
     if speed < 0.35 and home and phase - half <= 0.1:
         return max(phase, min(half + 0.06, phase + 0.75 * dt)), anchor
+    # A slow body away from its anchor still finishes its step; a body that sets out hurries its first step.
     if rate < 0.45:
         rate = 0.6 if speed > 0.1 else 0.75
     elif phase - half < 0.26 and away < 0.5 * (phase - half + 0.24) * speed / rate:
         rate = max(rate, min(6.0 * speed, 1.5))
     after = phase + rate * dt
+    # A body that came to rest stops at the next stand; each passing of 0.26 or 0.76 sets the anchor.
     if rate <= 0.75 and speed <= 0.1:
         after = min(after, half + 0.56)
     passed = np.floor(2.0 * (phase - 0.26)) < np.floor(2.0 * (after - 0.26))
@@ -70,19 +75,25 @@ def advance(
 
 
 def smoothed(values: np.ndarray) -> np.ndarray:
-    """Five samples' Hann window; the ends repeat."""
+    """Return values smoothed by a Hann window of five samples; the end values repeat."""
     return np.convolve(np.pad(values, 2, mode="edge"), HANN / HANN.sum(), mode="valid")
 
 
 @dataclass
 class Body:
-    """One track with a model: everything that the plan and the poses are made of."""
+    """One track with a model: everything that the plan and the poses are made of.
+
+    Columns of ``samples``: x, y, heading of the hips, phase, share and share ahead of the clip's stride, drop of the
+    pelvis, twist from chest to hips.
+    """
 
     model: ClipModel
     track: np.ndarray
     step: float = 0.1
 
     def __post_init__(self) -> None:
+        """Pad the track, compute the columns of the plan, then the footprints and the drops of the pelvis."""
+        # Continue the track at both ends with its last velocity, except at a stand.
         pad, track = plan.PAD, self.track
         first, last = (track[1] - track[0], track[-1] - track[-2]) if len(track) > 1 else (0.0 * track[0],) * 2
         first, last = (
@@ -108,21 +119,21 @@ class Body:
         self.samples[:, 6] = self._drops()
 
     def _along(self, rows: np.ndarray, k: int) -> tuple[float, float, float, float]:
-        """Speeds ahead, sideways, of turning and of the phase."""
+        """Return the speeds ahead and to the side [m/s], of turning [rad/s] and of the phase [cycles/s]."""
         a, b = max(k - 1, 0), min(k + 1, len(rows) - 1)
         x, y, turn, rate = (rows[b] - rows[a]) / ((b - a) * self.step)
         along = Rotation.from_rotvec([0.0, 0.0, -rows[k, 2]]).apply([x, y, 0.0])
         return along[0], along[1], turn, rate
 
     def at(self, time: float) -> np.ndarray:
-        """All columns, seconds after the first padded sample."""
+        """Return all columns at ``time`` [s] after the first padded sample, by a cubic B-spline."""
         count = len(self.samples)
         knots = np.arange(-2, count + 2)
         spline = BSpline(knots, self.samples, 3)
         return spline(min(max(time / self.step, 1.0), count - 2.0))
 
     def time_of(self, phase: float) -> float:
-        """When the phase is first reached; the ends of the curve if it is not within."""
+        """Return when the phase is first reached [s]; an end of the curve if it is outside."""
         low, high = self.step, (len(self.samples) - 2) * self.step
         if self.at(low)[3] >= phase:
             return low
@@ -135,6 +146,7 @@ class Body:
         return high
 
     def pelvis(self, track: np.ndarray) -> tuple[np.ndarray, Rotation]:
+        """Return position and rotation of the pelvis: mean plus Fourier series of the clip, scaled by the share."""
         model, share = self.model, track[4]
         angles = 2.0 * np.pi * track[3] * np.repeat(np.arange(1, model.waves.shape[1] // 2 + 1), 2)
         waves = np.where(np.arange(len(angles)) % 2 == 0, np.cos(angles), np.sin(angles))
@@ -146,7 +158,7 @@ class Body:
         return place + [track[0], track[1], height], facing * mean * Rotation.from_rotvec(2.0 * share * sums[3:])
 
     def _prints(self) -> dict[int, np.ndarray]:
-        """x, y of the ball and heading of each half cycle's foot."""
+        """Return x, y of the ball and heading of each half cycle's footprint."""
         model, places = self.model, {}
         self.headings, widths, sides, landings = {}, {}, {}, {}
         for half in range(self.first_half, self.last_half + 1):
@@ -161,6 +173,7 @@ class Body:
             offset = Rotation.from_rotvec([0.0, 0.0, track[2]]).apply([place, sides[half] * widths[half], 0.0])
             places[half] = np.array([*(track[:2] + offset[:2]), track[2] + model.prints[foot, 2]])
             self.headings[half] = track[2]
+        # Push footprints apart that would overlap or cross the other foot, in two rounds.
         for most in (0.2, 0.06):
             lacks = {}
             for half in range(self.first_half + 1, self.last_half + 1):
@@ -177,6 +190,7 @@ class Body:
                     push = max(push, lacks[half + 1])
                 normal = np.array([-np.sin(self.headings[half]), np.cos(self.headings[half])])
                 place[:2] += sides[half] * push * normal
+        # Lead the swinging foot around the standing one: the least bulge that keeps 0.095 m at three points.
         self.aside = {}
         for half in range(self.first_half + 1, self.last_half):
             points = [places[half - 1][:2] * (1 - v) + places[half + 1][:2] * v for v in (0.25, 0.5, 0.75)]
@@ -188,6 +202,7 @@ class Body:
         return places
 
     def _drops(self) -> np.ndarray:
+        """Return how far the pelvis is lowered at each sample so that the standing leg reaches its footprint [m]."""
         drops = np.zeros(len(self.samples))
         for half, place in self.prints.items():
             for u in (0.0, 0.05, 0.15, 0.3, 0.4, 0.5, 0.55, 0.6):
@@ -208,13 +223,16 @@ class Body:
         return smoothed(drops)
 
     def reach(self, foot: int) -> float:
+        """Return the greatest distance from hip to ankle [m]."""
         return float(REACH * self.model.bones[foot, :2].sum())
 
     def pitch(self, foot: int, u: float, track: np.ndarray) -> float:
+        """Return the pitch of a foot at phase ``u`` of its cycle, scaled by the share ahead [rad]."""
         samples = self.model.pitch[foot]
         return float(np.interp(u, np.linspace(0.0, 1.0, len(samples)), samples) * track[5])
 
     def standing_yaw(self, foot: int, place: np.ndarray, track: np.ndarray, u: float) -> float:
+        """Return the heading of a standing foot: that of its print, turning with the body beyond 0.5 rad of twist."""
         twist = track[2] + self.model.prints[foot, 2] - place[2]
         beyond = max(abs(twist) - 0.5, 0.0)
         w = np.clip((u - 0.125) / 0.15, 0.0, 1.0)
@@ -222,14 +240,14 @@ class Body:
         return float(place[2] + np.sign(twist) * free * beyond**2 / (beyond + 0.2))
 
     def ankle(self, foot: int, place: np.ndarray, yaw: float, pitch: float) -> np.ndarray:
-        """Ankle of a foot on its heel if the toes point up, else on its ball."""
+        """Return the ankle of a foot, which pivots on its heel if the toes point up, else on its ball."""
         length, high, ball = self.model.bones[foot, 2:]
         pivot = np.array([-length - HEEL_BACK, 0.0, 0.0]) if pitch > 0.0 else np.array([0.0, 0.0, ball])
         ankle = pivot + Rotation.from_rotvec([0.0, -pitch, 0.0]).apply(np.array([-length, 0.0, high]) - pivot)
         return Rotation.from_rotvec([0.0, 0.0, yaw]).apply(ankle) + [place[0], place[1], 0.0]
 
     def standing(self, half: int, u: float, track: np.ndarray) -> tuple[np.ndarray, float, float]:
-        """Ankle, pitch and heading of a foot that stands; its heel rises in tiny steps until the leg reaches."""
+        """Return ankle, pitch and heading of a standing foot; its heel rises in small steps until the leg reaches."""
         foot, place = half % 2, self.prints[half]
         root, turn = self.pelvis(track)
         hip = root + turn.apply(self.model.hips[foot])
@@ -246,19 +264,20 @@ class Body:
         return self.ankle(foot, place, yaw, pitch), pitch, yaw
 
     def end(self, half: int, u: float, inside: float) -> tuple[np.ndarray, float, float, np.ndarray]:
-        """Ankle, pitch, heading at an end of a stance and the ankle's speed a cycle there."""
+        """Return ankle, pitch and heading at an end of a stance, and the ankle's velocity there per cycle."""
         ankle, pitch, yaw = self.standing(half, u, self.at(self.time_of(half / 2.0 + u)))
         other, _, _ = self.standing(half, u + inside, self.at(self.time_of(half / 2.0 + u + inside)))
         return ankle, pitch, yaw, (other - ankle) / inside
 
     def foot(self, foot: int, time: float) -> tuple[np.ndarray, float, float, float]:
-        """Ankle, pitch, heading and bend of the toes at a time after the first padded sample."""
+        """Return ankle, pitch, heading and bend of the toes at ``time`` [s] after the first padded sample."""
         track = self.at(time)
         own = track[3] - 0.5 * foot
         half, u = 2 * int(np.floor(own)) + foot, own - np.floor(own)
         if u < 0.6:
             ankle, pitch, yaw = self.standing(half, u, track)
             return ankle, pitch, yaw, max(-pitch, 0.0)
+        # Swing: a cubic Bezier curve that continues the ankle's velocity at lift-off and at landing.
         start, lifted, old_yaw, speed = self.end(half, 0.6, -0.01)
         stop, _, new_yaw, last = self.end(half + 2, 0.0, 0.01)
         v = (u - 0.6) / 0.4
@@ -269,6 +288,7 @@ class Body:
         bell = 16.0 * (v * (1.0 - v)) ** 2
         side = 1.0 if foot == 0 else -1.0
         ankle[:2] += side * self.aside[half] * bell * np.array([-np.sin(yaw), np.cos(yaw)])
+        # Height: the clip's lift, a little more when stepping in place, and never with the sole in the floor.
         lift = np.interp(u, np.linspace(0.0, 1.0, self.model.lift.shape[1]), self.model.lift[foot])
         spot = 0.2 / (track[5] + 0.2) * 0.045 * bell * (0.6 + 0.4 * min(track[4], 1.0))
         pitch = self.pitch(foot, u, track) + (1.0 - eased) * (lifted - self.pitch(foot, 0.6, track))
@@ -279,7 +299,7 @@ class Body:
         return ankle, pitch, yaw, max(-pitch, 0.0)
 
     def leg(self, foot: int, root: np.ndarray, turn: Rotation, ankle: np.ndarray, yaw: float) -> tuple:
-        """Places of hip, knee and ankle; the knee points between foot and pelvis."""
+        """Return hip, knee and ankle; the knee bends toward the mean direction of foot and pelvis."""
         thigh, shank = self.model.bones[foot, :2]
         hip = root + turn.apply(self.model.hips[foot])
         way = ankle - hip
@@ -295,18 +315,18 @@ class Body:
 
 
 def across(way: np.ndarray, heading: float) -> float:
-    """Meters to the left of a heading."""
+    """Return the component of ``way`` to the left of a heading [m]."""
     return float(np.cos(heading) * way[1] - np.sin(heading) * way[0])
 
 
 def lack(way: np.ndarray, heading: float, side: float, apart: float) -> float:
-    """What a foot lacks in distance from another, seen in a heading; none of what is well ahead or behind."""
+    """Return what a foot lacks in lateral distance from another, along a heading; 0 if it is well ahead or behind."""
     along = abs(np.cos(heading) * way[0] + np.sin(heading) * way[1])
     return float(np.clip((0.32 - along) / 0.12, 0.0, 1.0) * np.clip(apart - side * across(way, heading), 0.0, 0.4))
 
 
 def pose_one(body: Body, time: float) -> dict[str, np.ndarray]:
-    """Root, its rotation, hips, knees, ankles (2, 3) and headings and pitches of the feet, of one body."""
+    """Return root, its rotation, hips, knees, ankles (2, 3) and headings and pitches of the feet of one body."""
     time = time + plan.PAD * body.step
     track = body.at(time)
     root, turn = body.pelvis(track)
@@ -330,7 +350,7 @@ def pose_one(body: Body, time: float) -> dict[str, np.ndarray]:
 
 
 def upper_rotation(model: ClipModel, number: int, phase: float, share: float, twist: float) -> np.ndarray:
-    """Rotation of joint ``model.upper[number]`` in its parent."""
+    """Return the rotation of joint ``model.upper[number]`` relative to its parent."""
     grid = np.linspace(0.0, 1.0, len(model.swings))
     vector = [np.interp(phase % 1.0, grid, model.swings[:, number, axis]) for axis in range(3)]
     turn = Rotation.from_quat(model.mean[model.upper[number]], scalar_first=True)

@@ -1,4 +1,4 @@
-"""Slow, obvious twins of edits: everything anew from the list of obstacles."""
+"""Slow, obvious twins of mesh edits: everything is computed again from the list of obstacles."""
 
 import numpy as np
 import shapely
@@ -12,35 +12,35 @@ from tests.reference.navmesh_reference import free_area, mesh_faults
 
 
 def free_space(area, obstacles):
-    """What of ``area`` no polygon among ``obstacles`` covers."""
+    """Return the part of ``area`` that no polygon among ``obstacles`` covers."""
     return area.difference(shapely.union_all([o for o in obstacles if o.area > 0.0]))
 
 
 def walls_of(area, obstacles):
-    """Boundary of the free space, and the lines and points in it."""
+    """Return the boundary of the free space, and the lines and points in it."""
     return shapely.union_all([free_space(area, obstacles).boundary, *(o for o in obstacles if not o.area > 0.0)])
 
 
 def edited_clearances(area, obstacles, points):
-    """Distances to walls, 0 where a polygon covers a point."""
+    """Return distances to walls, 0 if a polygon covers a point [m]."""
     distances = shapely.distance(shapely.points(points), walls_of(area, obstacles))
     return np.where(shapely.contains_xy(free_space(area, obstacles), points), distances, 0.0)
 
 
 def edited_parts(area, obstacles, radius: float):
-    """Polygons of places that a disc's center can be at, one a component."""
+    """Return where the center of a disc can be, one polygon per component."""
     centers = free_space(area, obstacles).buffer(-radius, quad_segs=64)
     thin = [o.buffer(radius, quad_segs=64) for o in obstacles if not o.area > 0.0]
     return [part for part in shapely.get_parts(centers.difference(shapely.union_all(thin))) if part.area > 0.0]
 
 
 def feet_missing(mesh: MeshArrays) -> int:
-    """How many feet the refinement of the whole mesh adds to it."""
+    """Return how many points (feet of perpendiculars) a refinement of the whole mesh adds to it."""
     copy = resized(mesh, 2 * len(mesh.vertices))
     work = workshop(len(copy.vertices))
-    copy.sides["corner_clearance"] = -1.0  # all triangles are to be looked at
+    copy.sides["corner_clearance"] = -1.0  # negative: every triangle is to be refined and measured again
     corners = np.flatnonzero(copy.vertices["vhe"][: int(copy.frame["vertices"][0])] >= 0)
-    # From each side and, as a twin, from each vertex.
+    # Queue every vertex for both stages of the refinement.
     work.to_do["waiting"][: len(corners)] = work.to_do["touched"][: len(corners)] = corners
     work.to_do["mark"][corners] = QUEUED | TOUCHED | LOOKING | KEPT | CHANGED
     work.progress["waiting"] = work.progress["touched"] = len(corners)
@@ -49,7 +49,7 @@ def feet_missing(mesh: MeshArrays) -> int:
 
 
 def wrong_widths(mesh: MeshArrays) -> int:
-    """How many corners have another width than their triangle gives."""
+    """Return how many corners have another width than their triangle gives."""
     count = 3 * int(mesh.frame["triangles"][0])
     sides = mesh.sides[:count].reshape(-1, 3)
     at = mesh.vertices[sides["org"]]
@@ -66,7 +66,7 @@ def wrong_widths(mesh: MeshArrays) -> int:
             closed[:, base], np.minimum(width, height), width
         )  # feet outside of a base: a side is as short
         width = np.where(closed[:, i] | closed[:, last] | (mesh.cover[: count // 3] != 0), 0.0, width)
-        # The nearest place of a base can be its end, then the side to it is longer than the height.
+        # If the foot of the height is outside of the base, its nearest point is an end: then widths are not compared.
         along = ((place[:, last] - place[:, base]) * (place[:, i] - place[:, base])).sum(axis=1)
         inside = (along >= 0.0) & (along <= length[:, base] ** 2)
         compared = inside | ~closed[:, base]
@@ -75,7 +75,7 @@ def wrong_widths(mesh: MeshArrays) -> int:
 
 
 def edit_faults(mesh: NavMesh, area, obstacles) -> list[str]:
-    """What is wrong with an edited mesh."""
+    """Return what is wrong with an edited mesh."""
     faults = mesh_faults(mesh.arrays)
     if faults:
         return faults

@@ -1,4 +1,4 @@
-"""Which points of the floor a mesh covers in a band of heights, point by point and triangle by triangle."""
+"""Slow twin of mesh sections: which points of the floor a mesh covers in a band of heights, point by point."""
 
 import math
 
@@ -6,9 +6,9 @@ import numpy as np
 
 
 def covered(vertices, triangles, low, high, points):
-    """(n,) whether the vertical line over each of ``points`` (n, 2) meets a triangle in the open band, or is inside.
+    """Return (n,) whether vertical lines over ``points`` (n, 2) meet a triangle in the open band, or are inside.
 
-    Inside is where the triangles wind around the line's point in the middle of what the mesh has in the band. Strips
+    Inside means that the triangles wind around the line's point in the middle of the band part of the mesh. Strips
     under upright triangles are left out: such points lie next to the outline.
     """
     z = vertices[triangles][:, :, 2]
@@ -21,7 +21,7 @@ def covered(vertices, triangles, low, high, points):
 
 
 def _height_over(corners, x, y, low, high):
-    """Whether the triangle has a point over (x, y) with a height in the open band."""
+    """Return whether the triangle has a point over (x, y) with a height in the open band."""
     (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = corners
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     if abs(area) < 1e-12:
@@ -33,7 +33,7 @@ def _height_over(corners, x, y, low, high):
 
 
 def winding(vertices, triangles, point):
-    """How often closed, outward triangles go around a point: the sum of solid angles over the whole (van Oosterom)."""
+    """Return how often closed, outward triangles wind around a point: sum of solid angles / 4 pi (van Oosterom)."""
     total = 0.0
     for t in triangles:
         a, b, c = (vertices[k] - np.asarray(point) for k in t)

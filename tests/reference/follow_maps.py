@@ -1,4 +1,4 @@
-"""Slow, obvious twins of the following room: motion maps node by node, the track of a result frame by frame."""
+"""Slow, obvious twins of following paths: motion maps node by node, the track of a result frame by frame."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 def pose_after(graph: GraphArrays, edge: int, twist: float, end: Floats) -> Floats:
-    """Where the target of ``edge`` starts: its stored pose turned about the planted foot, seen from ``end``."""
+    """Return where the target of ``edge`` starts, from ``end``: its stored pose turned about the planted foot."""
     pivot = np.array([*graph.edge_pivot[edge], 0.0])
     about = compose(compose(pivot, np.array([0.0, 0.0, twist])), invert(pivot))
     return compose(end, compose(about, graph.edge_transform[edge]))
@@ -25,9 +25,10 @@ def pose_after(graph: GraphArrays, edge: int, twist: float, end: Floats) -> Floa
 def slow_map(
     graph: GraphArrays, root: int, depth: int, reach: float
 ) -> list[tuple[tuple[int, int, int], int, int, tuple[int, ...]]]:
-    """Algorithm 1 of the 2012 paper with a queue of single nodes: (cell, node, level, edges) in search order.
+    """Run algorithm 1 of the 2012 paper with a queue of single nodes.
 
-    Costs as in the kernel: track length, 0.3 m a radian, 0.1 m a node.
+    Returns (cell, node, level, edges) in search order. Costs as in the kernel: track length, 0.3 m per radian, 0.1 m
+    per node.
     """
     found: list[tuple[tuple[int, int, int], int, int, tuple[int, ...]]] = []
     frontier = set()
@@ -55,7 +56,7 @@ def slow_map(
 
 
 def track_of(graph: GraphArrays, result: FollowResult) -> tuple[Floats, NDArray[np.int32]]:
-    """World pose and behavior of every frame of a result, seams faded out over 12 frames by a smooth step."""
+    """Return world pose and behavior of every frame of a result; blend offsets fade over 12 frames by a smooth step."""
     poses, behaviors = [], []
     before = None
     for node, origin in zip(result.nodes, result.origins, strict=True):

@@ -1,7 +1,7 @@
-"""Slow twin of those who give way: it tries the moves of one after the other, and goes back one by one where none fits.
+"""Slow twin of giving way: tries the moves of one agent after another, and backtracks one by one if none fits.
 
-The kernels jump back over those who are not to blame, and keep all in arrays. Both find the same moves, or none, where
-the kernels may try as many as it takes. Whether two timelines meet is asked of `pair_meets`, which has its own twin.
+The kernels jump back over agents that are not the cause, and keep everything in arrays. Both find the same moves, or
+none, if the kernels have enough budget. Whether two timelines meet is decided by `pair_meets`, which has its own twin.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, next_origin
 from tests.reference.crowd import FOREVER, off_way
 from tests.reference.mixed_crowd import gap_to_piece
 
-_STRIDE = 6  # frames between two poses that are looked at
+_STRIDE = 6  # frames between two poses that are tested for walls
 _ROUNDING = 1e-9  # meters
 
 Timeline = tuple[np.ndarray, int, int]
-"""Samples (K, 5), slot of the first of them, slot from which on its row is gone."""
+"""Samples (K, 5), slot of the first sample, slot from which on the row is gone."""
 
 
 class Scene(NamedTuple):
-    """All that is given: who stands where on a floor of one layer, and who asks at which frame."""
+    """The given situation: standing agents on a floor of one layer, and the frame (``clock``) of the request."""
 
     graph: GraphArrays
     moves: Moves
@@ -50,25 +50,28 @@ class Scene(NamedTuple):
     clock: int
 
     def timeline(self, row: int) -> Timeline:
-        """What a row owns at first."""
+        """Return the timeline that a row has reserved at first."""
         timelines = self.everyone
         return timelines.timeline[row], int(timelines.timeline_start[row]), int(timelines.gone_slot[row])
 
 
 def give_way(scene: Scene, me: int, want: np.ndarray, gone: int) -> list[tuple[int, int]] | None:
-    """Rows and their moves, as they are asked, with which ``me`` may own a timeline; None if there are none."""
+    """Return rows and their moves, in order, after which ``me`` can reserve ``want``; None if there are none."""
     mine = want, scene.clock // SLOT_FRAMES, gone
     asked = _asked(scene, me, me, mine, {}, [])
     return None if asked is None else _let_move(scene, me, asked, {me: mine}, {}, strict=False)
 
 
 def leave_way(scene: Scene, me: int, row: int) -> list[tuple[int, int]] | None:
-    """The same for ``row`` to leave the way of ``me``."""
+    """Return rows and their moves by which ``row`` leaves the way of ``me``; None if there are none."""
     return _let_move(scene, me, [row], {}, {}, strict=True)
 
 
 def _let_move(scene, me, trail, owned, moved, strict):
-    """Give the first of the trail who has no move one, and all behind it; ``owned``: new timelines by row."""
+    """Find moves for the first row of ``trail`` without one, and all rows behind it, by backtracking.
+
+    ``owned`` holds new timelines by row, ``moved`` the moves chosen so far.
+    """
     if len(moved) == len(trail):
         return list(moved.items())
     row = trail[len(moved)]
@@ -85,13 +88,14 @@ def _let_move(scene, me, trail, owned, moved, strict):
 
 
 def _asked(scene, me, row, timeline, owned, trail):
-    """Whom a timeline of ``row`` meets who is not asked yet, in the order of rows; None if one cannot be asked."""
+    """Return the rows that a timeline of ``row`` newly requires to move, ascending; None if one of them cannot."""
     asked = []
     for other in range(len(scene.everyone.timeline)):
         radii = float(scene.everyone.body_radius[row] + scene.everyone.body_radius[other])
         its = owned.get(other, scene.timeline(other))
         if other == row or not pair_meets(*timeline, *its, scene.clock // SLOT_FRAMES, radii, True):
             continue
+        # A row that has moved already, the requester, or a row that may not move or has priority cannot be asked.
         if other in owned:
             return None
         if other in trail:
@@ -105,7 +109,7 @@ def _asked(scene, me, row, timeline, owned, trail):
 
 
 def moves_in_order(scene: Scene, me: int, row: int, strict: bool) -> list[int]:
-    """Moves of a row, the cheapest first; with ``strict`` only those that end outside of the way of ``me``."""
+    """Return the moves of a row by cost; with ``strict`` only those that end outside of the way of ``me``."""
     moves, obstacles, standing = scene.moves, scene.obstacles, scene.standing
     node = standing.node[row]
     start = compose(standing.origin[row], scene.graph.node_motion[node])
@@ -128,12 +132,12 @@ def moves_in_order(scene: Scene, me: int, row: int, strict: bool) -> list[int]:
 
 
 def _off(way: np.ndarray, place: np.ndarray) -> float:
-    """Distance of a place to a way; whoever has none is infinitely far from it."""
+    """Return the distance of a place to a way; infinite if there is no way."""
     return np.inf if np.isnan(way).any() else off_way(way, place)[0]
 
 
 def play(scene: Scene, row: int, move: int) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The timeline of a move, and poses along it that are looked at for walls, the last one first."""
+    """Return the timeline of a move, and the poses along it that are tested for walls, the last one first."""
     graph, moves, clock = scene.graph, scene.moves, scene.clock
     node = int(scene.standing.node[row])
     end = compose(scene.standing.origin[row], graph.node_motion[node])
@@ -161,14 +165,14 @@ def play(scene: Scene, row: int, move: int) -> tuple[np.ndarray, list[np.ndarray
         x, y, heading = track[min(frame, len(track) - 1)]
         sample[:2], sample[RADIUS] = (x, y), radius
         sample[CORE], sample[CORE + 1] = -half * np.sin(heading), half * np.cos(heading)
-    # The straight line from the first sample to the next is where it stands when it sets out.
+    # The clock may lie within a slot: shift the first sample so that interpolation at the clock gives the row's place.
     share = clock % SLOT_FRAMES / SLOT_FRAMES
     timeline[0, :2] = (timeline[0, :2] - share * timeline[1, :2]) / (1.0 - share)
     return timeline, poses
 
 
 def is_clear(scene: Scene, row: int, poses: list[np.ndarray], off_walls: float = OFF_WALLS) -> bool:
-    """Whether poses, the last one first, keep the widest clearance, and more at the end if the row had more."""
+    """Return whether poses, the last one first, keep the widest clearance, and at the end more if the row had more."""
     own = float(scene.obstacles.radii.max())
 
     def clearance(pose: np.ndarray) -> float:
@@ -181,7 +185,7 @@ def is_clear(scene: Scene, row: int, poses: list[np.ndarray], off_walls: float =
 
 
 def meets_body(scene: Scene, timeline: np.ndarray) -> bool:
-    """Whether a timeline comes too near to a steered body."""
+    """Return whether a timeline comes too near to a steered body."""
     for here, there in zip(timeline, [*timeline[1:], timeline[-1]], strict=True):
         radius = max(np.hypot(*each[CORE : CORE + 2]) for each in (here, there)) + max(here[RADIUS], there[RADIUS])
         piece = np.array([*here[:2], *there[:2], radius + BODY_ROOM])

@@ -1,4 +1,4 @@
-"""Slow twin of the kernel that lets characters go on along their plans: each is left to Python."""
+"""Slow twin of the kernel that lets characters continue along their plans: each of them is left to Python."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from crowdsim.crowd.systems.choose_kernels import ALL_DONE, OTHERWISE, frame_of
 
 
 def go_on_in_python(graph: Any, rows: Any, chosen: np.ndarray, begin: int, table: Any, *rest: Any) -> tuple[int, int]:
-    """The next row that has a plan, or whose node ends; the arguments are those of `go_on`."""
+    """Return the next row that has a plan, or whose node ends; the arguments are those of `go_on`."""
     playback = rest[-1]
     for number in range(begin, len(chosen)):
         row = chosen[number]

@@ -1,4 +1,4 @@
-"""Slow, obvious twins of searching motion graphs: bending a chain, the channel, all branches one by one."""
+"""Slow, obvious twins of motion graph search: bending a chain, the channel, all branches one by one."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Floats = NDArray[np.float64]
 
 
 def turned_about(point: complex, center: complex, angle: float) -> complex:
-    """``point`` turned about ``center``."""
+    """Return ``point`` rotated about ``center``."""
     return center + (point - center) * complex(math.cos(angle), math.sin(angle))
 
 
 def chain_with(joints: Floats, end: Floats, turns: Floats) -> tuple[Floats, Floats]:
-    """Joints (K, 2) and end (3,) of a chain after its joints were turned by ``turns``, the base first."""
+    """Return joints (K, 2) and end (3,) of a chain after its joints were rotated by ``turns``, the base first."""
     points = [complex(*joint) for joint in joints] + [complex(*end[:2])]
     for j, turn in enumerate(turns):
         points[j + 1 :] = [turned_about(point, points[j], turn) for point in points[j + 1 :]]
@@ -30,10 +30,11 @@ def chain_with(joints: Floats, end: Floats, turns: Floats) -> tuple[Floats, Floa
 
 
 def slow_bend(joints: Floats, limits: Floats, end: Floats, goal: Floats) -> tuple[Floats, Floats, float]:
-    """Turns (K,) and end (3,) after one sweep of cyclic coordinate descent; the goal has no heading.
+    """Return rotations (K,) and end (3,) after one sweep of cyclic coordinate descent; the goal has no heading.
 
-    Every joint turns the end into its own line to the goal, as far as its limits (K, 2) allow, from the base on; what
-    comes after it is turned point by point. Last, how near to a half turn, which has no sign, a joint came, in radians.
+    From the base on, every joint rotates the end into its own line to the goal, within its limits (K, 2); everything
+    behind the joint is rotated point by point. The last result is how near a joint came to a half turn, which has no
+    sign [rad].
     """
     turns = np.zeros(len(joints))
     widest = 0.0
@@ -55,10 +56,10 @@ def shortest_motion(
     most: float,
     free: Callable[[Floats], bool],
 ) -> tuple[float, list[int]]:
-    """Least meters walked plus meters left of all branches that end within ``tolerance`` of the goal, and its nodes.
+    """Return the least length walked plus distance left of branches that end within ``tolerance`` [m], and its nodes.
 
-    Tries every branch for which that sum is below ``most``, one by one; ``free`` says whether a track (F, 3) may be
-    walked. Infinite where there is none.
+    Tries every branch for which that sum is below ``most``, one by one; ``free`` says whether a track (F, 3) is free.
+    The result is infinite if there is none.
     """
     best, nodes = math.inf, []
 
@@ -82,7 +83,7 @@ def shortest_motion(
 
 
 def faded_track(graph: GraphArrays, node: int, origin: Floats, before: Floats) -> Floats:
-    """World track (F, 3) of a node behind one that ended at ``before``: every fourth frame and the last."""
+    """Return the world track (F, 3) of a node after one that ended at ``before``: every fourth frame and the last."""
     last = int(graph.node_frames[node])
     frames = np.array(sorted({*range(0, last, 4), last}))
     world = compose(origin, graph.tracks[graph.node_track[node] + frames])

@@ -1,11 +1,11 @@
-"""Slow and obvious twins of the kernels of guidance: distances by shapely, lines in millimeters, sums over pairs."""
+"""Slow and obvious twins of the guidance kernels: shapely's distances, lines in steps of 2 mm, sums over pairs."""
 
 import numpy as np
 import shapely
 
 
 def widest(areas, radii, places):
-    """The widest behavior (n,) that fits at places (n, 2), -1 for none: walls count, not which side is free."""
+    """Return the widest behavior (n,) that fits at places (n, 2), -1 for none; only distances to walls count."""
     points = shapely.points(np.asarray(places, np.float64))
     fits = np.full(len(points), -1)
     for number, row in enumerate(radii):
@@ -17,7 +17,7 @@ def widest(areas, radii, places):
 
 
 def line_cost(areas, radii, costs, change, start, end, step=0.002):
-    """Cost of a straight line, infinite where nothing fits somewhere on it."""
+    """Return the cost of a straight line, infinite if no behavior fits somewhere on it."""
     length = float(np.hypot(*(end - start)))
     count = max(int(length / step), 1)
     share = (np.arange(count) + 0.5) / count
@@ -28,13 +28,13 @@ def line_cost(areas, radii, costs, change, start, end, step=0.002):
 
 
 def clearance(areas, starts, ends):
-    """Distances (n,) of straight lines from the walls of all layers [m]."""
+    """Return distances (n,) of straight lines from the walls of all layers [m]."""
     lines = shapely.linestrings(np.stack([starts, ends], axis=1))
     return np.min([shapely.distance(lines, area.boundary) for area in areas], axis=0)
 
 
 def density(places, centers, radius=1.0):
-    """Agents a square meter (n,) at centers (n, 2), smoothed over a radius by Epanechnikov's kernel."""
+    """Return the density of agents (n,) at centers (n, 2), smoothed by Epanechnikov's kernel [1/m2]."""
     out = np.zeros(len(centers))
     for place in places:
         share = 1.0 - np.sum((centers - place) ** 2, axis=1) / radius**2
@@ -43,7 +43,7 @@ def density(places, centers, radius=1.0):
 
 
 def shortest_lengths(area, clearance, start, goals):
-    """Lengths (n,) from goals (n, 2) to start among all corners of the area less a clearance: a graph of visibility."""
+    """Return path lengths (n,) from goals (n, 2) to start [m], by a visibility graph of the shrunk area's corners."""
     room = area.buffer(-clearance, quad_segs=8).buffer(1e-6)
     shapely.prepare(room)
     corners = shapely.get_coordinates(shapely.simplify(room, 1e-3))

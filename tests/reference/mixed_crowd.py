@@ -1,4 +1,4 @@
-"""Slow, obvious twins of the kernels that captured and steered characters see each other by."""
+"""Slow, obvious twins of the kernels by which captured and steered characters notice each other."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from tests.reference.steering_reference import core_ends, segment_to_segment
 
 
 def core_of(row: Any) -> np.ndarray:
-    """Both ends of the core of a record (ROW)."""
+    """Return both ends of the core segment of a record (ROW)."""
     return core_ends(np.array([row["x"], row["y"]]), np.array([row["hx"], row["hy"]]), row["half"])
 
 
 def gap_to_piece(row: Any, piece: np.ndarray) -> float:
-    """Gap between a body and a disc anywhere along a piece of a way: x, y of both ends, radius [m]."""
+    """Return the gap between a body and a disc anywhere along a piece of a way: x, y of both ends, radius [m]."""
     return segment_to_segment(core_of(row), piece[:4].reshape(2, 2)) - row["radius"] - piece[4]
 
 
 def company(rows: np.ndarray, reach: tuple[float, float], narrow: float, wide: float) -> list[tuple[int, float, float]]:
-    """For each record: others near, and when somebody is within ``narrow``, ``wide``."""
+    """Return for each record: the number of others near, and when one comes within ``narrow`` and ``wide`` [s]."""
     found = []
     for me, mine in enumerate(rows):
         near, soon, soon_wide = 0, math.inf, math.inf
@@ -34,6 +34,7 @@ def company(rows: np.ndarray, reach: tuple[float, float], narrow: float, wide: f
                 continue
             near += np.hypot(*apart) < reach[0]
             same_way = way @ [other["ix"], other["iy"]] > 0.3
+            # Only others ahead that come nearer count; ``time`` is that of the closest approach.
             if way.any() and apart @ way <= 0.0:
                 continue
             relative = np.array([mine["vx"] - other["vx"], mine["vy"] - other["vy"]])

@@ -1,4 +1,4 @@
-"""Frame distance by search, and stopping by trying all paths: slow twins of the motion room."""
+"""Slow twins of motion graphs: frame distance by search, and stopping by trying all paths."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from crowdsim.motion.graph.arrays import GraphArrays
 
 
 def distance_under(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> float:
-    """Root mean square distance of points (P, 3) when ``b`` moves by a planar pose."""
+    """Return the root mean square distance of points (P, 3) if ``b`` moves by a planar pose."""
     planar = transform_points(pose, b[:, :2]) - a[:, :2]
     return float(np.sqrt(np.mean(np.sum(planar**2, axis=1) + (b[:, 2] - a[:, 2]) ** 2)))
 
 
 def best_distance(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
-    """Smallest distance over all planar motions of ``b``, and the rotation that gives it, by descent from 8 turns."""
+    """Return the least distance over all planar motions of ``b``, and its rotation, by descent from 8 rotations."""
     results = [
         minimize(lambda p: distance_under(a, b, p) ** 2, [0.0, 0.0, turn], method="BFGS", options={"gtol": 1e-12})
         for turn in np.arange(8) * np.pi / 4
@@ -28,7 +28,7 @@ def best_distance(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
 
 
 def shortest_stop(graph: GraphArrays, start: int, narrowing: bool) -> float:
-    """Meters, and one a radian turned, from the end of ``start`` to a stand, by relaxing all edges over and over."""
+    """Return the least cost (meters, plus one per radian) from the end of ``start`` to a stand, relaxing all edges."""
     source = np.repeat(np.arange(len(graph.node_frames)), np.diff(graph.edge_start))
     cost = np.where(graph.node_ends_standing, 0.0, np.inf)
     for _ in range(len(graph.node_frames)):
@@ -42,7 +42,7 @@ def shortest_stop(graph: GraphArrays, start: int, narrowing: bool) -> float:
 def deepest_valleys(
     image: np.ndarray, clip_first: np.ndarray, threshold: float, window: int, reach: int
 ) -> list[tuple[int, int]]:
-    """Local minima of a symmetric error image, deepest first, none within ``reach`` of another; both ways, sorted."""
+    """Return local minima of a symmetric error image, deepest first, none within ``reach`` of another; both ways."""
     clip = np.repeat(np.arange(len(clip_first) - 1), np.diff(clip_first))
     usable = [f for f in range(len(image)) if clip_first[clip[f]] + window <= f < clip_first[clip[f] + 1] - window]
     minima = []

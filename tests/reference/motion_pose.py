@@ -1,4 +1,4 @@
-"""Posing one character joint by joint with scipy's rotations: the slow twin of the pose kernel."""
+"""Slow twin of the pose kernel: one character, joint by joint, with scipy's rotations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from crowdsim.motion.graph.pose_table import PoseTable
 def pose_one(
     table: PoseTable, node: int, previous: int, frame: float, pose: np.ndarray, weight: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """World positions (J, 3) and rotations (J, 4); ``weight`` is the share left of the difference to ``previous``."""
+    """Return world positions (J, 3) and rotations (J, 4); ``weight`` is the remaining share of the blend offset."""
     first = table.node_first[node]
     row, part = first + int(frame), frame % 1.0
     turns = _rotation(table.pool_rotations[row])
@@ -42,7 +42,7 @@ def pose_one(
 
 
 def _yaw(quaternion: np.ndarray) -> float:
-    """Heading of what a rotation turns x to."""
+    """Return the heading of the x axis after a rotation."""
     ahead = _rotation(quaternion).apply([1.0, 0.0, 0.0])
     return float(np.arctan2(ahead[1], ahead[0]))
 

@@ -1,4 +1,4 @@
-"""Slow, obvious twins of the navigation mesh, on rational numbers and shapely."""
+"""Slow, obvious twins of the navigation mesh, with rational numbers and shapely."""
 
 from fractions import Fraction
 
@@ -9,14 +9,14 @@ from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 
 
 def orient_sign(a, b, c) -> int:
-    """Sign of the area of abc."""
+    """Return the sign of the area of the triangle abc."""
     (ax, ay), (bx, by), (cx, cy) = ([Fraction(v) for v in p] for p in (a, b, c))
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     return (area > 0) - (area < 0)
 
 
 def incircle_sign(a, b, c, d) -> int:
-    """Sign of the in-circle determinant of d against the counter-clockwise abc."""
+    """Return the sign of the in-circle determinant of d for the counter-clockwise triangle abc."""
     rows = []
     for p in (a, b, c):
         x, y = Fraction(p[0]) - Fraction(d[0]), Fraction(p[1]) - Fraction(d[1])
@@ -27,7 +27,7 @@ def incircle_sign(a, b, c, d) -> int:
 
 
 def free_area(mesh: MeshArrays) -> float:
-    """Area of the free triangles, square meters."""
+    """Return the area of the free triangles [m2]."""
     triangles = mesh.frame["triangles"][0]
     corners = mesh.vertices[mesh.sides["org"][: 3 * triangles]]
     corners = np.stack([corners["x"], corners["y"]], axis=1).reshape(-1, 3, 2)
@@ -37,7 +37,7 @@ def free_area(mesh: MeshArrays) -> float:
 
 
 def mesh_faults(mesh: MeshArrays) -> list[str]:
-    """What is wrong with a mesh: orientation, twins, constraints, winding, stars, Delaunay."""
+    """Return what is wrong with a mesh: orientation, twins, constraints, winding, vertex links, Delaunay property."""
     faults = []
     vertices, triangles = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0])
     point = [(float(vertex["x"]), float(vertex["y"])) for vertex in mesh.vertices[:vertices]]
@@ -86,18 +86,18 @@ def mesh_faults(mesh: MeshArrays) -> list[str]:
 
 
 def clearances(area, points) -> np.ndarray:
-    """Distances to the boundary of the free area, 0 outside of it."""
+    """Return distances to the boundary of the free area, 0 outside of it [m]."""
     distances = shapely.distance(shapely.points(points), area.boundary)
     return np.where(shapely.contains_xy(area, points), distances, 0.0)
 
 
 def reachable_parts(area, radius: float) -> np.ndarray:
-    """Polygons of places that a disc's center can be at, one a component."""
+    """Return where the center of a disc can be, one polygon per component."""
     return shapely.get_parts(area.buffer(-radius, quad_segs=64))
 
 
 def part_of(parts, points) -> np.ndarray:
-    """Index of the part that holds each point, -1 for none."""
+    """Return the index of the part that contains each point, -1 for none."""
     found = np.full(len(points), -1)
     for k, part in enumerate(parts):
         found[shapely.contains_xy(part, points)] = k
@@ -105,10 +105,10 @@ def part_of(parts, points) -> np.ndarray:
 
 
 def narrow_places_missed(mesh: MeshArrays, area) -> list[tuple[int, int]]:
-    """Corners and closed sides (half-edges) with a narrowest place between them that no width of the mesh tells.
+    """Return corners and closed edges (half-edges) with a bottleneck between them that no width of the mesh records.
 
-    Each corner is held against each side: the disc between the corner and its foot inside of the side lies in free
-    space. That is allowed in the triangle of the side alone, whose height it is then.
+    Every corner is compared with every edge: there is a bottleneck if the disc between the corner and its foot inside
+    the edge is free. Only the triangle of the edge itself may record it, as its height.
     """
     triangles, cell = int(mesh.frame["triangles"][0]), float(mesh.frame["cell"][0])
     place = np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])
@@ -123,7 +123,7 @@ def narrow_places_missed(mesh: MeshArrays, area) -> list[tuple[int, int]]:
         part = ((place[v] - start) * along).sum(axis=1) / length**2
         foot = start + part[:, None] * along
         width = np.hypot(*(foot - place[v]).T)
-        # Next to an end of the side, the way to that end is as narrow but for the grid.
+        # If the foot is next to an end of the edge, the distance to that end is the same within the grid's resolution.
         aside = np.minimum(part, 1.0 - part) * length
         inside = (aside > 10.0 * cell) & (aside > 1e-3 * width) & (sides["org"][before] != v)
         middle = 0.5 * (foot + place[v])
@@ -134,7 +134,7 @@ def narrow_places_missed(mesh: MeshArrays, area) -> list[tuple[int, int]]:
 
 
 def random_area(rng: np.random.Generator, kind: str, size: float = 12.0, count: int = 30):
-    """A square room with obstacles: "boxes" at any angle, "walls" thin and long, "lattice" of touching boxes."""
+    """Return a square room with obstacles: "boxes" at any angle, "walls" thin and long, "lattice" of touching boxes."""
     obstacles = []
     for _ in range(count):
         x, y = rng.uniform(0.0, size, 2)
@@ -152,9 +152,9 @@ def random_area(rng: np.random.Generator, kind: str, size: float = 12.0, count: 
 
 
 def region_tops(mesh: MeshArrays) -> tuple[np.ndarray, np.ndarray]:
-    """A name for each free triangle's component, and for its region; -1 where not free.
+    """Return a label of each free triangle's component, and of its region; -1 if it is not free.
 
-    Triangles are of one region if no single side parts them: each side is taken away in turn.
+    Two triangles are in one region if no single edge separates them: each edge is removed in turn.
     """
     triangles = int(mesh.frame["triangles"][0])
     free = mesh.cover[:triangles] == 0

@@ -1,4 +1,4 @@
-"""Slow, obvious twin of the search for the nearest free place: every candidate on the map, nearest first."""
+"""Slow, obvious twin of the search for the nearest free place: tests every candidate on the map, nearest first."""
 
 import itertools
 import math
@@ -8,7 +8,7 @@ import shapely
 
 
 class NearestFree:
-    """Answers for one mesh; features are the corners and the constrained sides of its free triangles."""
+    """Searches one mesh; features are the corners and the constrained edges of its free triangles."""
 
     def __init__(self, mesh) -> None:
         triangles = int(mesh.frame["triangles"][0])
@@ -23,7 +23,7 @@ class NearestFree:
         self.triangles = shapely.STRtree(shapely.polygons(place[org[sides]].reshape(-1, 3, 2)))
 
     def clearance(self, point) -> float:
-        """Distance to the nearest corner or wall; 0 outside of the free triangles."""
+        """Return the distance to the nearest corner or wall; 0 outside of the free triangles [m]."""
         if len(self.triangles.query(shapely.Point(point), predicate="intersects")) == 0:
             return 0.0
         a, b = self.walls[:, 0], self.walls[:, 1]
@@ -33,7 +33,7 @@ class NearestFree:
         return float(np.hypot(*(places - point).T).min())
 
     def find(self, point, radius: float, slack: float):
-        """The nearest place with a clearance of ``radius``, or None."""
+        """Return the nearest place with a clearance of ``radius``, or None."""
         point = np.asarray(point, float)
         candidates = np.array([point, *self._candidates(point, radius)])
         for k in np.argsort(np.hypot(*(candidates - point).T), kind="stable"):
@@ -42,6 +42,7 @@ class NearestFree:
         return None
 
     def _candidates(self, point, radius):
+        """Yield points at distance ``radius`` from one or two features: the only ones that can be nearest."""
         lines = []
         for a, b in self.walls:
             u = (b - a) / math.dist(a, b)

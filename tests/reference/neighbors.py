@@ -1,4 +1,4 @@
-"""Slow, obvious twins of what is looked for among neighbors: every row is looked at."""
+"""Slow, obvious twins of neighbor searches: every row is tested."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tests.reference.crowd import FOREVER, off_way
 
 
 def rows_met(me: int, timeline: np.ndarray, slot: int, everyone: Timelines, radius: float) -> list[int]:
-    """Rows whose timelines are met by one that begins in ``slot`` and ends in a stand."""
+    """Return the rows whose timelines are met by one that begins in ``slot`` and ends in a stand."""
     return [
         other
         for other in range(len(everyone.timeline))
@@ -24,7 +24,7 @@ def rows_met(me: int, timeline: np.ndarray, slot: int, everyone: Timelines, radi
 
 
 def rank_behind_all(row: int, ways: np.ndarray, ranks: np.ndarray, width: float, reach: float) -> int:
-    """One more than the least rank of those ahead on the way of ``row`` who go the same way."""
+    """Return one more than the least rank of the agents ahead on the way of ``row`` that go in the same direction."""
     best = FOREVER
     for other in range(len(ways)):
         ahead = ways[other, 0] - ways[row, 0]
@@ -38,13 +38,13 @@ def rank_behind_all(row: int, ways: np.ndarray, ranks: np.ndarray, width: float,
 
 
 def rows_before(row: int, ways: np.ndarray, ranks: np.ndarray, reach: float) -> list[int]:
-    """Rows of lower rank whose ways begin within ``reach`` of that of ``row``."""
+    """Return the rows of lower rank whose ways begin within ``reach`` of that of ``row``."""
     away = np.hypot(*(ways[:, 0] - ways[row, 0]).T)
     return np.flatnonzero((ranks < ranks[row]) & (away < reach)).tolist()
 
 
 def rows_in_way(me: int, ways: np.ndarray, ranks: np.ndarray, may_move: np.ndarray, places: np.ndarray, width: float):
-    """Rows behind ``me`` that stand in its way."""
+    """Return the rows behind ``me`` that stand in its way."""
     return [
         row
         for row in range(len(ranks))

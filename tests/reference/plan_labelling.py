@@ -1,4 +1,4 @@
-"""Labelling of a path by trying every labelling there is."""
+"""Slow twin of labelling a path: tries every labelling."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from crowdsim.planning.labels import labelling_kernels as rules
 
 
 def runs(labels: tuple[int, ...]) -> list[tuple[int, int, int]]:
-    """(label, first cell, cell after the last) of each section."""
+    """Return (label, first cell, cell after the last) of each section."""
     found, start = [], 0
     for label, group in itertools.groupby(labels):
         count = len(list(group))
@@ -20,12 +20,14 @@ def runs(labels: tuple[int, ...]) -> list[tuple[int, int, int]]:
 
 
 def required(before: int | None, label: int, after: int | None, turned: list[bool]) -> float:
-    """The rules of sections in words: what a section needs between its neighbors (None: the path ends)."""
+    """Return the least length of a section between its neighbors (None: the path ends); infinite if it is forbidden."""
     neighbors = [other for other in (before, after) if other is not None]
     preferred = len(turned) - 1
+    # A body turns only out of, or back into, the preferred behavior.
     for other in neighbors:
         if turned[other] != turned[label] and preferred not in (other, label):
             return np.inf
+    # Room to turn is taken from sections beside turned ones; a turned section at an end of the path may be short.
     if not neighbors or (turned[label] and len(neighbors) == 1):
         return 0.0
     beside = [other for other in neighbors if turned[other] and not turned[label]]
@@ -39,7 +41,7 @@ def required(before: int | None, label: int, after: int | None, turned: list[boo
 def cost_of(
     labels: tuple[int, ...], cuts: np.ndarray, widest: np.ndarray, costs: np.ndarray, turned: list[bool]
 ) -> float:
-    """Cost of one labelling, infinite where it breaks a rule."""
+    """Return the cost of one labelling, infinite if it breaks a rule."""
     if any(label > top for label, top in zip(labels, widest, strict=True)):
         return np.inf
     sections = runs(labels)
@@ -55,6 +57,6 @@ def cost_of(
 
 
 def cheapest(cuts: np.ndarray, widest: np.ndarray, costs: np.ndarray, turned: list[bool]) -> float:
-    """Least cost over all labellings of the cells."""
+    """Return the least cost over all labellings of the cells."""
     every = itertools.product(range(len(costs)), repeat=len(widest))
     return min(cost_of(labels, cuts, widest, costs, turned) for labels in every)

@@ -1,4 +1,4 @@
-"""Costs over a roadmap by a plain Dijkstra over a dictionary of states, and a path labelled by its violations."""
+"""Slow twins of roadmap search: Dijkstra over a dictionary of states, and a path labelled by its violations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 
 def costs_from(points, ways, costs, turned, change, source):
-    """Least cost of each (point, behavior) from all behaviors of point ``source``."""
+    """Return the least cost of each (point, behavior) from all behaviors of point ``source``."""
     n = len(costs)
     found = {}
     heap = [(0.0, source, i) for i in range(points["level"][source] + 1)]
@@ -32,7 +32,7 @@ def costs_from(points, ways, costs, turned, change, source):
 
 
 def annotate(meshes, need, points, terms):
-    """Sections and cost of a polyline, by the violations of every behavior on every layer but the first."""
+    """Return sections and cost of a polyline, by the violations of every behavior on every layer but the first."""
     blocked = [
         np.concatenate(
             [np.empty((0, 2))]

@@ -1,4 +1,4 @@
-"""How fast the feet slide that a body stands on, one frame at a time."""
+"""Slow twin of foot sliding: speed of the feet that a body stands on, one frame at a time."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from crowdsim.motion.graph.foot_contacts import Feet, planted_steps
 
 
 def planted_speed(shown: Feet, own: Feet, rate: float = CAPTURE_RATE) -> Floats:
-    """(F - 1, 2) m/s, horizontal speed of each foot of F frames as ``shown``; NaN where it is not planted.
+    """Return (F - 1, 2) horizontal speeds of each foot of F frames as ``shown`` [m/s]; nan if it is not planted.
 
-    A foot is planted where it is in ``own``, the same frames as they are in the clip, and stands on its slowest point.
+    A foot counts as planted if it is in ``own``, the same frames in the clip; it stands on its slowest point.
     """
     planted = planted_steps(own)
     speed = np.full(planted.shape[:2], np.nan)

@@ -1,4 +1,4 @@
-"""The shortest path of a disc by brute force: all tangents and arcs, each checked with shapely."""
+"""Slow twin of the shortest path of a disc: all tangents and arcs, each checked with shapely."""
 
 import heapq
 import math
@@ -8,7 +8,7 @@ import shapely
 
 
 def _tangents(circles):
-    """(i, j, from, to, heading, length) arrays of all tangents between circles (n, 3) of x, y, q (see `tangent`)."""
+    """Return (i, j, from, to, heading, length) arrays of all tangents of circles (n, 3) of x, y, q (see `tangent`)."""
     i, j = (index.ravel() for index in np.meshgrid(*[np.arange(len(circles))] * 2, indexing="ij"))
     apart = circles[j] - circles[i]
     distance = np.hypot(apart[:, 0], apart[:, 1])
@@ -26,7 +26,7 @@ def _tangents(circles):
 
 
 def shortest_length(area, points, start, goal, radius: float, tolerance: float) -> float:
-    """Length of the shortest path of a disc in ``area`` with point obstacles (n, 2); inf where there is none."""
+    """Return the length of the shortest path of a disc in ``area`` with point obstacles (n, 2); inf without any."""
     obstacles = shapely.union_all([area.boundary, shapely.MultiPoint(points)])
     places = shapely.points([start, goal])
     if (shapely.distance(places, obstacles) < radius - tolerance).any() or not shapely.contains(area, places).all():
@@ -58,7 +58,7 @@ def shortest_length(area, points, start, goal, radius: float, tolerance: float) 
             return spent
         x, y, q = circles[j[k]]
         for n in leaving[j[k]]:
-            # Turned towards the corner, by what the string wraps around it.
+            # Turn toward the corner, by the angle over which the path wraps around it.
             turn = (heading[n] - heading[k]) * np.sign(q) % (2.0 * math.pi)
             turn = 0.0 if turn > 2.0 * math.pi - 1e-9 else turn
             total = spent + radius * turn + length[n]

@@ -1,4 +1,4 @@
-"""Slow, obvious twins of the steering kernels: everyone against everyone, and every candidate tried."""
+"""Slow, obvious twins of the steering kernels: every pair of agents is compared, and every candidate tried."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ Lines = NDArray[np.float64]
 
 
 def core_ends(place: NDArray[np.float64], heading: NDArray[np.float64], half: float) -> NDArray[np.float64]:
-    """Both ends of a core, float64[2, 2]; ``heading`` is a unit vector."""
+    """Return both ends of a body's core segment, (2, 2), which lies across ``heading``, a unit vector."""
     across = np.array([-heading[1], heading[0]])
     return np.array([place - half * across, place + half * across])
 
 
 def point_to_segment(point: NDArray[np.float64], ends: NDArray[np.float64]) -> float:
+    """Return the distance of a point from a segment (2, 2) [m]."""
     along = ends[1] - ends[0]
     square = along @ along
     s = 0.0 if square == 0.0 else float(np.clip((point - ends[0]) @ along / square, 0.0, 1.0))
@@ -29,6 +30,8 @@ def point_to_segment(point: NDArray[np.float64], ends: NDArray[np.float64]) -> f
 
 
 def segments_cross(first: NDArray[np.float64], second: NDArray[np.float64]) -> bool:
+    """Return whether two segments (2, 2) cross properly."""
+
     def side(ends: NDArray[np.float64], point: NDArray[np.float64]) -> float:
         a, b = ends
         return (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])
@@ -39,7 +42,7 @@ def segments_cross(first: NDArray[np.float64], second: NDArray[np.float64]) -> b
 
 
 def segment_to_segment(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
-    """Distance of two segments: 0 if they cross, else from one of the four ends [m]."""
+    """Return the distance of two segments: 0 if they cross, else that from one of the four ends [m]."""
     if segments_cross(first, second):
         return 0.0
     return min(
@@ -48,7 +51,7 @@ def segment_to_segment(first: NDArray[np.float64], second: NDArray[np.float64]) 
 
 
 def gap(state: NDArray[np.void], i: int, j: int) -> float:
-    """Gap between the bodies of two agents [m]."""
+    """Return the gap between the bodies of two agents [m]."""
     ends = [
         core_ends(np.array([row["x"], row["y"]]), np.array([row["hx"], row["hy"]]), row["half"])
         for row in (state[i], state[j])
@@ -57,7 +60,7 @@ def gap(state: NDArray[np.void], i: int, j: int) -> float:
 
 
 def nearest_agents(state: NDArray[np.void], me: int, reach: float, most: int) -> list[int]:
-    """Whom an agent heeds, the most important first."""
+    """Return the agents that an agent heeds, the most important first."""
     mine = state[me]
     weights = []
     for other, row in enumerate(state):
@@ -69,10 +72,10 @@ def nearest_agents(state: NDArray[np.void], me: int, reach: float, most: int) ->
 
 
 def nearest_feasible(wanted: NDArray[np.float64], lines: Lines) -> NDArray[np.float64]:
-    """The move nearest to ``wanted`` that crosses no line: among itself, its feet on all lines, and all crossings.
+    """Return the move nearest to ``wanted`` that crosses no line.
 
-    In fractions, which do not round: between two lines that are almost opposite, a line crossed by 1e-9 m lets moves
-    through that are 1 m too long.
+    Candidates are ``wanted`` itself, its feet on all lines, and all crossings of lines. Computed with fractions, which
+    do not round: between two nearly opposite lines, crossing one by 1e-9 m would allow moves that are 1 m too long.
     """
     wx, wy = (Fraction(float(each)) for each in wanted)
     exact = [tuple(Fraction(float(each)) for each in line[:3]) for line in lines]
@@ -92,7 +95,7 @@ def nearest_feasible(wanted: NDArray[np.float64], lines: Lines) -> NDArray[np.fl
 def free_way(
     state: NDArray[np.void], me: int, direction: NDArray[np.float64], width: float, horizon: float, tick: float = 1e-3
 ) -> float:
-    """Way until an agent meets another who keeps its velocity, by small ticks of time [m]."""
+    """Return the distance until an agent meets another that keeps its velocity, in small steps of time [m]."""
     mine = state[me]
     velocity = mine["speed"] * direction
     times = np.arange(0.0, horizon / mine["speed"], tick)
@@ -109,7 +112,7 @@ def free_way(
 
 
 def wall_distance(segments: NDArray[np.float64], x: float, y: float) -> float:
-    """Distance from a place to the nearest segment [m]."""
+    """Return the distance from a place to the nearest segment [m]."""
     return min((point_to_segment(np.array([x, y]), each.reshape(2, 2)) for each in segments), default=math.inf)
 
 
@@ -121,9 +124,9 @@ def smallest_gaps(
     leg_radius: float,
     times: int = 5,
 ) -> tuple[float, float, float]:
-    """Smallest gaps between any two bodies, between legs and their walls, and torsos and theirs, in a step [m].
+    """Return the smallest gaps in a step between bodies, between legs and their walls, and torsos and theirs [m].
 
-    Places and headings are interpolated between two states, as a recording is shown.
+    Places and headings are interpolated between two states, as in playback.
     """
     turned = (after["heading"] - before["heading"] + math.pi) % (2.0 * math.pi) - math.pi
     people, legs, torsos = math.inf, math.inf, math.inf
@@ -145,7 +148,7 @@ def smallest_gaps(
 
 
 def turned(vector: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    """A vector turned counter-clockwise."""
+    """Return a vector rotated counter-clockwise."""
     return np.array(
         [
             vector[0] * math.cos(angle) - vector[1] * math.sin(angle),
@@ -155,7 +158,7 @@ def turned(vector: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
 
 
 def sides(segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64]) -> tuple[float, float]:
-    """Room to the nearest walls straight to the left and to the right of a place [m]."""
+    """Return the room to the nearest walls straight to the left and to the right of a place [m]."""
     left, right = math.inf, math.inf
     across = turned(way, math.pi / 2)
     for ax, ay, bx, by in segments:
@@ -168,14 +171,14 @@ def sides(segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArra
 
 
 def passage_width(segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64]) -> float:
-    """Room between the nearest walls straight to the left and to the right of a place [m]."""
+    """Return the distance between the nearest walls straight to the left and to the right of a place [m]."""
     return sum(sides(segments, place, way))
 
 
 def widest_behind(
     segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64], length: float
 ) -> float:
-    """Greatest width of a passage from a place back to ``length`` behind it, along its middle, in strides of 5 cm."""
+    """Return the greatest width of a passage from a place to ``length`` behind it, along its middle, every 5 cm [m]."""
     widest = 0.0
     for _ in range(round(length / 0.05) + 1):
         left, right = sides(segments, place, way)
@@ -193,9 +196,22 @@ def widest_behind(
 
 
 class Decision:
-    """What an agent wants, rule by rule; ``heeded`` are the rows that it heeds, ``walls`` float64[n, 4].
+    """The velocity that an agent decides on, rule by rule, see docs/steering.md.
 
-    ``free_ahead`` is the way from (x, y) along (ux, uy) on which walls keep a width away, up to a distance.
+    Parameters
+    ----------
+    state : array of agents
+        All agents.
+    me : int
+        Row of the agent.
+    heeded : list of int
+        Rows that it heeds.
+    rules : Rules
+        Parameters of the rules.
+    walls : (n, 4) float64 or None
+        Wall segments.
+    free_ahead : callable or None
+        Distance from (x, y) along (ux, uy) over which walls are at least a width away, up to a limit.
     """
 
     def __init__(
@@ -214,27 +230,36 @@ class Decision:
         self.goes = bool(self.way.any())
         self.key = self.mine["togo"] + rules.identity * self.mine["share"]
         self.turn = 0.0
-        # The way across which it turns narrow, if it lets somebody merge.
+        # Direction across which it turns its narrow side while another agent merges; None if none does.
         self.across: NDArray[np.float64] | None = None
         self.opposed = self.hear() if self.goes else 0.0
+        # Rules in the order of priority: give way to higher ranks, let others merge, else follow the own way.
         velocity = self.give_way()
         if velocity is None and self.goes:
             velocity = self.let_merge()
         if velocity is None:
             velocity = self.follow() if self.goes else np.zeros(2)
         self.wanted = velocity
+        # Relax toward the wanted velocity within the largest acceleration.
         now = np.array([self.mine["vx"], self.mine["vy"]])
         change = (velocity - now) * rules.step / rules.relaxation
         size = np.hypot(*change)
         self.velocity = now + change * min(1.0, rules.acceleration * rules.step / size if size > 0.0 else 1.0)
 
     def apart(self, other: int) -> NDArray[np.float64]:
+        """Return the vector from the agent to another [m]."""
         return np.array([self.state[other]["x"] - self.mine["x"], self.state[other]["y"] - self.mine["y"]])
 
     def intent(self, other: int) -> NDArray[np.float64]:
+        """Return the direction in which another agent means to go, a unit vector or 0."""
         return np.array([self.state[other]["ix"], self.state[other]["iy"]])
 
     def hear(self) -> float:
+        """Return how strongly the agent believes in an opposing flow ahead, in [0, 1].
+
+        An opposing agent seen near the own way gives 1; the belief decays with time, and is passed on by agents ahead
+        that go the same way.
+        """
         news = [0.0, self.mine["opposed"] - 0.5 * self.rules.step]
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
@@ -249,6 +274,7 @@ class Decision:
         return max(news)
 
     def give_way(self) -> NDArray[np.float64] | None:
+        """Return the velocity out of the way of the highest-ranked opposing agent; None if there is none."""
         highest, first = max(self.mine["rank"] if self.goes else 0.0, self.rules.yield_after), None
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
@@ -261,12 +287,13 @@ class Decision:
         if first is None:
             return None
         its_way = self.intent(first)
-        # My right is its left, unless I stand clearly on its right.
+        # Step to the other's left (the own right), unless already clearly on its right.
         left_of_it = -cross(its_way, self.apart(first))
         aside = turned(its_way, math.pi / 2 if left_of_it > -0.25 else -math.pi / 2)
         return self.rules.yield_aside * aside + self.rules.yield_along * its_way
 
     def let_merge(self) -> NDArray[np.float64] | None:
+        """Return the velocity away from stuck agents with priority that want to merge; None if there is none."""
         away, lowest = np.zeros(2), self.key
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
@@ -283,6 +310,7 @@ class Decision:
         return None if size == 0.0 else self.rules.merge_speed * away / size
 
     def in_file(self) -> bool:
+        """Return whether the agent walks in single file: in a narrow passage, close behind another going its way."""
         rules, mine = self.rules, self.mine
         place = np.array([mine["x"], mine["y"]])
         narrow = widest_behind(self.walls, place, self.way, rules.lane) < rules.abreast - 0.05
@@ -299,6 +327,7 @@ class Decision:
         return False
 
     def follow(self) -> NDArray[np.float64]:
+        """Return the velocity of following the guidance: keep right in opposing flow, then choose a free direction."""
         rules, mine = self.rules, self.mine
         to_the_right = wall_distance(self.walls, mine["x"] + 0.5 * self.way[1], mine["y"] - 0.5 * self.way[0])
         room = min(max((to_the_right - rules.edge) / 0.3, 0.0), 1.0) * min(mine["togo"] / rules.direct, 1.0)
@@ -311,6 +340,7 @@ class Decision:
         )
         if self.opposed > 0.0 and mine["stuck"] > 0.0 and blocked:
             angle += rules.sidle * min(1.0, mine["stuck"]) * room
+        # Walk frontally if that is free enough; else also try two angles of turning the shoulders.
         ahead = turned(self.way, -angle)
         best = self.best_direction(ahead, [0.0])
         if best[2] <= rules.tight and not self.in_file():
@@ -319,6 +349,12 @@ class Decision:
         return self.speed(direction) * direction
 
     def best_direction(self, ahead: NDArray[np.float64], turns: list[float]) -> tuple[float, NDArray, float, float]:
+        """Return (score, direction, free distance, turn) of the best candidate direction around ``ahead``.
+
+        The score is the squared distance from the end of the free way to the point one horizon ahead (law of cosines),
+        plus costs of turning, of changing direction, and of the left side. The first candidate is taken at once if it
+        is free.
+        """
         rules, mine, horizon = self.rules, self.mine, self.rules.horizon
         velocity = np.array([mine["vx"], mine["vy"]])
         pace = np.hypot(*velocity)
@@ -342,6 +378,7 @@ class Decision:
         return min(tried, key=lambda each: each[0])
 
     def free_of_walls(self, direction: NDArray[np.float64], width: float) -> float:
+        """Return the distance along a direction that is free of walls [m]; infinite beyond the horizon."""
         if self.free_ahead is None:
             return math.inf
         farthest = self.rules.wall_horizon
@@ -349,6 +386,7 @@ class Decision:
         return way if way < farthest else math.inf
 
     def speed(self, direction: NDArray[np.float64]) -> float:
+        """Return the speed: lower with turned shoulders and behind others, but at least creeping if stuck."""
         rules, mine = self.rules, self.mine
         slowdown = rules.turned_slowdown if mine["turn"] < 0.0 else rules.sideways_slowdown
         speed = mine["speed"] * (1.0 - slowdown * (1.0 - math.cos(self.turn)))
@@ -365,6 +403,7 @@ class Decision:
             aside = abs(cross(direction, apart))
             if apart @ direction <= 0.0 or aside >= share * both:
                 continue
+            # Time headway: the gap beyond the standoff in ``headway`` seconds, plus a share of the leader's speed.
             free = gap(self.state, self.me, other)
             allowed = max(0.0, free - rules.standoff + rules.offset_gain * (aside / both) ** 2) / headway
             leading = max(0.0, row["vx"] * direction[0] + row["vy"] * direction[1])
@@ -377,4 +416,5 @@ class Decision:
 
 
 def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Return the z component of the cross product."""
     return float(a[0] * b[1] - a[1] * b[0])

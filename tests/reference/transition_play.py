@@ -1,4 +1,4 @@
-"""What a transition adds to the drift of planted feet, played frame by frame: the slow twin of transition_drifts."""
+"""Slow twin of transition_drifts: the drift that a transition adds to planted feet, played frame by frame."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.reference.motion_pose import pose_one
 
 
 def drift_of_edge(graph: MotionGraph, edge: int, clips: dict[str, Clip]) -> tuple[float, float]:
-    """Largest drift (m) of a stance that the fade of ``edge`` touches, and how much more that is than its own."""
+    """Return the largest drift of a stance during the blend of ``edge``, and its excess over the clips' drift [m]."""
     arrays = graph.arrays
     source = int(np.searchsorted(arrays.edge_start, edge, side="right")) - 1
     target = int(arrays.edge_target[edge])
@@ -33,6 +33,7 @@ def drift_of_edge(graph: MotionGraph, edge: int, clips: dict[str, Clip]) -> tupl
     plain = np.concatenate([np.diff(before, axis=0), np.diff(own, axis=0)])
     faded = np.concatenate([np.diff(before, axis=0), np.diff(played, axis=0)])
     most, added, fade = 0.0, 0.0, range(left, left + min(BLEND_FRAMES, entered))
+    # Runs of planted steps are stances; those that touch the blend count.
     for foot in (0, 1):
         run: list[int] = []
         for step in range(len(planted) + 1):
@@ -60,7 +61,7 @@ def _planted(graph: MotionGraph, node: int, clips: dict[str, Clip]) -> np.ndarra
 
 
 def _feet(graph: MotionGraph, node: int, previous: int, poses: list[tuple[float, ...]], like: Feet) -> np.ndarray:
-    """(F, 2, P, 2) places of the points of both feet."""
+    """Return (F, 2, P, 2) positions of the points of both feet on the floor [m]."""
     bodies = [
         pose_one(graph.poses, node, previous, frame, np.array(pose), blend_weight(frame))
         for frame, pose in enumerate(poses)
@@ -70,6 +71,7 @@ def _feet(graph: MotionGraph, node: int, previous: int, poses: list[tuple[float,
 
 
 def _extent(moves: np.ndarray, planted: np.ndarray) -> float:
+    """Return the largest distance between two places of a foot that moves with its slowest planted point [m]."""
     place = np.zeros(2)
     places = [place]
     for points, stands in zip(moves, planted, strict=True):

@@ -1,4 +1,4 @@
-"""Slow, obvious twin of the kernel that leads paths aside where bodies turn: one turn after the other, in numpy."""
+"""Slow, obvious twin of the kernel that leads paths aside at turns of bodies: one turn after another, in numpy."""
 
 from dataclasses import replace
 
@@ -13,11 +13,11 @@ from crowdsim.planning.query.query import Query
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 WINDOW = STATION * np.array([-INNER - RAMP, *range(-INNER, INNER + 1), INNER + RAMP], dtype=np.float64)
-"""Arc lengths of the places about the middle of a turn; the first and the last stay on the path."""
+"""Arc lengths of the stations around the middle of a turn [m]; the first and the last stay on the path."""
 
 
 def with_turn_room(query: Query, path: AnnotatedPath) -> AnnotatedPath:
-    """As :func:`crowdsim.planning.margins.turns.with_turn_room`."""
+    """Return the same as :func:`crowdsim.planning.margins.turns.with_turn_room`."""
     need = query.need
     bends = []
     end = 0.0
@@ -39,7 +39,7 @@ def with_turn_room(query: Query, path: AnnotatedPath) -> AnnotatedPath:
 
 
 def _bent(path, bends, costs) -> AnnotatedPath:
-    """The path through the places (s, 2) of ``bends`` instead of those at arc lengths (s,), each so much longer."""
+    """Return the path with the stations at arc lengths (s,) replaced by the places (s, 2) of ``bends``."""
     pieces, kept = [], 0
     for arc, places, _ in bends:
         first, last = np.searchsorted(path.arc, arc[[0, -1]], side="right").tolist()
@@ -59,8 +59,10 @@ def _bent(path, bends, costs) -> AnnotatedPath:
 
 
 def _roomier(query, path, arc, reach, behavior):
-    """Places (s, 2) beside those at arc lengths ``arc`` (s,) with ``reach`` (m,) meters of clearance, and the meters
-    by which the path through them is longer; None where it has them, or cannot lead there with ``behavior``."""
+    """Return places (s, 2) beside the stations that have ``reach`` (m,) of clearance, and the extra length [m].
+
+    None if the stations have it already, or the path cannot lead there with ``behavior``.
+    """
     places = path.at(arc)
     inner = places[1:-1]
     chords = places[2:] - places[:-2]
@@ -80,9 +82,9 @@ def _roomier(query, path, arc, reach, behavior):
 
 
 def _lacking(query, places, reach):
-    """Meters (n,) that ``places`` (n, 2) lack of the clearance ``reach`` (m,) in all layers; at most 0 for none.
+    """Return how much clearance (n,) ``places`` (n, 2) lack of ``reach`` (m,) over all layers [m]; at most 0 for none.
 
-    Layers where that is no more than planned do not count.
+    Layers in which ``reach`` is no more than the planned radius do not count.
     """
     lacking = np.full(len(places), -PROBE)
     for mesh, radius, planned in zip(query.meshes, reach.tolist(), query.need.radii[-1].tolist(), strict=True):

@@ -1,4 +1,4 @@
-"""Slow, obvious twin of the search over intervals: Dijkstra's algorithm over some points of each side."""
+"""Slow, obvious twin of the search over intervals: Dijkstra's algorithm over some points of each edge."""
 
 import heapq
 import math
@@ -10,7 +10,7 @@ from crowdsim.navmesh.paths.search_kernels import can_leave
 
 
 def _places_reached(mesh: MeshArrays, start, triangle, radius: float, width: float, points: int):
-    """(meters, half-edge, number, place) of ``points`` of each side in the order of the ways there from ``start``."""
+    """Yield (meters, half-edge, number, place) of ``points`` of each edge, by path length from ``start``."""
     sides, vertices = mesh.sides.view(np.recarray), mesh.vertices.view(np.recarray)
 
     def after(h: int) -> int:
@@ -47,7 +47,7 @@ def _places_reached(mesh: MeshArrays, start, triangle, radius: float, width: flo
 
 
 def shortest_way(mesh: MeshArrays, start, triangle, goal, last, radius: float, width: float, points: int = 7) -> float:
-    """Meters from ``start`` in ``triangle`` to ``goal`` in ``last`` over ``points`` of each side; inf if none."""
+    """Return the length from ``start`` in ``triangle`` to ``goal`` in ``last`` over ``points`` of each edge; or inf."""
     sides, vertices = mesh.sides.view(np.recarray), mesh.vertices.view(np.recarray)
     shortest = math.inf
     for spent, h, _, place in _places_reached(mesh, start, triangle, radius, width, points):
@@ -60,7 +60,7 @@ def shortest_way(mesh: MeshArrays, start, triangle, goal, last, radius: float, w
 
 
 def side_distances(mesh: MeshArrays, start, triangle, radius: float, width: float, points: int = 7):
-    """Half-edge -> meters from ``start`` in ``triangle`` to its cut right and left end, for those that are reached."""
+    """Return, by half-edge reached, the lengths from ``start`` in ``triangle`` to its cut right and left end [m]."""
     found: dict[int, list[float]] = {}
     for spent, h, k, _ in _places_reached(mesh, start, triangle, radius, width, points):
         found.setdefault(h, [math.inf] * points)[k] = spent

@@ -1,7 +1,7 @@
-"""What a path costs at least where every meter costs what the widest behavior that fits it does: fast marching.
+"""Lower bound of path costs if every meter costs what the widest fitting behavior does, by fast marching.
 
-Changes of behavior and least lengths of sections are not counted: what plans cost with terms that are all zero. The
-marching is scikit-fmm's, of second order; places are tested with shapely.
+Changes of behavior and least lengths of sections are ignored, as in plans whose terms are all zero. Marching is
+second-order, by scikit-fmm; places are tested with shapely.
 """
 
 from __future__ import annotations
@@ -11,16 +11,17 @@ import shapely
 import skfmm
 
 STEP = 0.025
-"""Meters between places."""
+"""Distance between grid points [m]."""
 
 SOURCE = 0.1
-"""Radius in meters of the disc around the goal from where it is marched."""
+"""Radius of the disc around the goal from which the front starts [m]."""
 
 
 def rates(polygons, radii, costs):
-    """Cost a meter (rows, columns) of places over the polygons' bounds, infinite where no behavior fits; first place.
+    """Return the cost per meter (rows, columns) on a grid over the polygons' bounds, and its first point.
 
-    polygons: free area of each layer. radii: (n, layers), narrowest behavior first. costs: (n,).
+    Costs are infinite if no behavior fits. polygons: free area of each layer. radii: (n, layers), narrowest behavior
+    first. costs: (n,).
     """
     x0, y0, x1, y1 = polygons[0].bounds
     x, y = np.meshgrid(np.arange(x0, x1 + STEP, STEP), np.arange(y0, y1 + STEP, STEP))
@@ -39,7 +40,7 @@ def rates(polygons, radii, costs):
 
 
 def costs_to(rate, first, goal):
-    """Cost (rows, columns) of the cheapest way to ``goal`` (2,) from each place, infinite where there is none."""
+    """Return the cost (rows, columns) of the cheapest path to ``goal`` (2,) from each grid point, else infinity."""
     blocked = ~np.isfinite(rate)
     row, column = np.round((goal - first) / STEP).astype(int)[::-1]
     at = first + STEP * np.stack(np.meshgrid(np.arange(rate.shape[1]), np.arange(rate.shape[0])), axis=-1)
@@ -47,13 +48,13 @@ def costs_to(rate, first, goal):
     if blocked[row, column] or (away > 0.0).all():
         return np.full(rate.shape, np.inf)
     time = skfmm.travel_time(away, np.where(blocked, 1.0, 1.0 / np.where(blocked, 1.0, rate)), dx=STEP)
-    # Inside of the disc around the goal the time is that to the disc, on the way out of it.
+    # Inside the disc the marched time leads out to its rim, which means nothing here: set it to infinity.
     cost = np.where(np.ma.filled(away, 1.0) > 0.0, np.ma.filled(time, np.inf) + SOURCE * rate[row, column], np.inf)
     return np.where(blocked, np.inf, cost)
 
 
 def cost_at(cost, first, point):
-    """Cost at ``point`` (2,), linear between the four places around; infinite if one of them is blocked."""
+    """Return the cost at ``point`` (2,), bilinear between four grid points; infinite if one of them is blocked."""
     x, y = (point - first) / STEP
     j, i = int(x), int(y)
     u, v = x - j, y - i
@@ -63,7 +64,7 @@ def cost_at(cost, first, point):
 
 
 def way(cost, first, start):
-    """Points (k, 2) of a cheapest way from ``start``, down the costs."""
+    """Return points (k, 2) of a cheapest path from ``start``, by descending the costs."""
     here = np.round((start - first) / STEP).astype(int)[::-1]
     found = [tuple(here)]
     while True:

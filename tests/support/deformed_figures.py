@@ -1,4 +1,4 @@
-"""What a deformed clip is held to: feet that stay, knees that bend, legs that reach, a pelvis that moves smoothly."""
+"""Quality figures of bodies posed from a deformed clip: foot drift, knee bend, reach, smoothness of the pelvis."""
 
 from __future__ import annotations
 
@@ -13,17 +13,28 @@ from crowdsim.motion.deformed.plan_kernels import PAD
 from crowdsim.motion.deformed.step_plan import StepPlan, plan_steps, pose_at
 
 FRAMES = 60
-"""Frames a second at which bodies are looked at."""
+"""Frames per second at which bodies are measured."""
 _SOLE_DOWN, _STANCE = 0.125, 0.599
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Over a whole track.
+    """Figures over a whole track.
 
-    drift: meters that the heel moves while it carries the body, or the ball, at most. knee: degrees, least and most
-    bent. reach: share of a leg's length, at most. acceleration: of the root, the 99th percentile [m/s2].
-    apart: meters between the feet seen from above, at least. floor: meters of the lowest point of the feet.
+    Attributes
+    ----------
+    drift : float
+        Largest movement of the heel while it carries the body, or of the ball while it does [m].
+    knee : (float, float)
+        Least and largest bend [degrees].
+    reach : float
+        Largest distance from hip to ankle, as a share of the leg's length.
+    acceleration : float
+        99 % quantile of the root's acceleration [m/s2].
+    apart : float
+        Least distance between the feet seen from above [m].
+    floor : float
+        Height of the lowest point of the feet [m].
     """
 
     drift: float
@@ -35,7 +46,7 @@ class Figures:
 
 
 def figures_of(clip: DeformedClip, track: np.ndarray) -> Figures:
-    """Figures of a body on a track (N, 4)."""
+    """Return the figures of a body on a track (N, 4)."""
     plan = plan_steps(clip, [track])
     times = np.arange(0.0, (len(track) - 1) * plan.step, 1.0 / FRAMES)
     roots, rotations = pose_at(clip, plan, np.zeros(len(times), np.int64), times)
@@ -56,7 +67,7 @@ def figures_of(clip: DeformedClip, track: np.ndarray) -> Figures:
         for cycle in np.unique(np.floor(own[stands])):
             ball = places[stands & (np.floor(own) == cycle), toe]
             drift = max(drift, float(np.linalg.norm(ball - ball[0], axis=1).max()))
-        # The heel, while the toes are still up.
+        # The heel carries the body while the toes are still up.
         level = multiply(world[:, ankle], conjugate(model.turns[foot, 3]))
         heel = places[:, ankle] + rotate(level, np.array([-HEEL_BACK, 0.0, -model.bones[foot, 3]]))
         lands = (share < _SOLE_DOWN) & (rotate(level, np.array([1.0, 0.0, 0.0]))[:, 2] > 0.01)
@@ -78,7 +89,7 @@ def figures_of(clip: DeformedClip, track: np.ndarray) -> Figures:
 
 
 def phases_at(plan: StepPlan, times: np.ndarray) -> np.ndarray:
-    """Phases of the first track at times, by the spline's own weights."""
+    """Return the phases of the first track at times, by the weights of its spline."""
     place = times / plan.step + PAD
     row = place.astype(int)
     u = place - row
@@ -87,7 +98,7 @@ def phases_at(plan: StepPlan, times: np.ndarray) -> np.ndarray:
 
 
 def between(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Meters (F,) between two feet (F, 2, 2), each from ankle to ball, seen from above."""
+    """Return distances (F,) between two feet (F, 2, 2), each from ankle to ball, seen from above [m]."""
     share = np.linspace(-HEEL_BACK / 0.125, 1.0, 9)[None, :, None]
     first = left[:, :1] + share * (left[:, 1:] - left[:, :1])
     second = right[:, :1] + share * (right[:, 1:] - right[:, :1])

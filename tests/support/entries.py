@@ -1,4 +1,4 @@
-"""Entries from Python to helpers of kernels, which have none of their own."""
+"""Kernels that call helpers of kernels, which Python cannot call."""
 
 from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance import clearance_kernels
@@ -13,19 +13,23 @@ _capsule_clearance = clearance_kernels.capsule_clearance
 
 @kernel
 def insert_point(m, x, y, hint, w):
+    """Insert a point into a mesh."""
     return _insert_point(m, x, y, hint, w)
 
 
 @kernel
 def find_half_edge(sides, vertices, a, b):
+    """Find the half-edge between two vertices."""
     return _find_half_edge(sides, vertices, a, b)
 
 
 @kernel
 def disc_clearance(m, x, y, limit, hint):
+    """Measure the clearance of a place."""
     return _disc_clearance(m, x, y, limit, hint)
 
 
 @kernel
 def capsule_clearance(m, x0, y0, x1, y1, limit, hint):
+    """Measure the clearance of a segment."""
     return _capsule_clearance(m, x0, y0, x1, y1, limit, hint)

@@ -1,4 +1,4 @@
-"""The figures by which gait laboratories describe a straight walk, of one cycle of a clip."""
+"""Figures by which gait laboratories describe a straight walk, of one cycle of a clip."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from crowdsim.motion.clips.kinematics import rotate
 
 
 def gait_figures(clip: Clip, first: int, last: int) -> dict[str, float]:
-    """Figures of the cycle from frame ``first`` to ``last``, along the way between its ends; units in the names."""
+    """Return figures of the cycle from frame ``first`` to ``last``, along the line between its ends; units in names."""
     joints, skeleton = clip.joint_positions[first : last + 1], clip.skeleton
 
     def role(name: str) -> np.ndarray:
@@ -45,7 +45,7 @@ def gait_figures(clip: Clip, first: int, last: int) -> dict[str, float]:
 
 
 def body_angles(clip: Clip) -> dict[str, np.ndarray]:
-    """Degrees (F,): how far legs are spread and crossed, the trunk leans and twists on the pelvis, the head bends."""
+    """Return angles (F,) [degrees]: spread and crossing of legs, lean and twist of the trunk, bend of the head."""
     positions, world = clip.posed
 
     def role(name: str) -> np.ndarray:
@@ -72,16 +72,16 @@ LIMITS = {
     "lean": (0.0, 45.0), "twist": (-45.0, 45.0), "head": (0.0, 45.0), "left_spread": (-30.0, 45.0),
     "right_spread": (-30.0, 45.0),
 }  # fmt: skip
-"""Degrees that healthy adults reach: hips spread 45 and cross 30, trunks lean and twist 45 on the pelvis."""
+"""Angles that healthy adults reach [degrees]: hips spread 45 and cross 30, trunks lean and twist 45 on the pelvis."""
 
 
 def angles(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Degrees (n,) between the vectors (n, 3) of each row."""
+    """Return angles (n,) between the vectors (n, 3) of each row [degrees]."""
     cosine = np.sum(a * b, axis=1) / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
     return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def _standing(ankle: np.ndarray, left: np.ndarray) -> float:
-    """Where across the way an ankle is while it is slow."""
+    """Return the lateral position of an ankle while it is slow [m]."""
     speed = np.linalg.norm(np.gradient(ankle, axis=0), axis=1)
     return float(np.median((ankle[:, :2] @ left)[speed < np.quantile(speed, 0.4)]))

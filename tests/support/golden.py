@@ -1,4 +1,4 @@
-"""Figures of runs and plans that a change of the code must not change unless it means to."""
+"""Figures of runs and plans that a change of the code must not change unintentionally."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ FILE = Path(__file__).parents[1] / "golden" / "golden.json"
 
 PLACES = ("normal", "dense", "apartment")
 PLANS = 34
-"""In each place: a hundred in all."""
+"""Number of plans in each place; a hundred in all."""
 
 
 def scenario_figures(scenario: Scenario, workers: int = 2) -> dict[str, Any]:
-    """Arrivals, mean time (s), hash of the state, and hash of all that the recording of a run holds."""
+    """Return arrivals, mean time [s], hash of the state, and hash of everything in the recording of a run."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.h5"
         Simulation(scenario, workers).run(file).close()
@@ -36,7 +36,7 @@ def scenario_figures(scenario: Scenario, workers: int = 2) -> dict[str, Any]:
 
 
 def figures_of(file: Path) -> dict[str, Any]:
-    """:func:`scenario_figures` of the recording of a run."""
+    """Return :func:`scenario_figures` of the recording of a run."""
     with Recording.open(file) as recording:
         summary = recording.summary
     return {
@@ -49,17 +49,17 @@ def figures_of(file: Path) -> dict[str, Any]:
 
 
 def library_figures(name: str, changes: Sequence[str] = (), workers: int = 2) -> dict[str, Any]:
-    """:func:`scenario_figures` of a scenario of the library."""
+    """Return :func:`scenario_figures` of a scenario of the library."""
     return scenario_figures(load_scenario(name, changes), workers)
 
 
 def text_figures(text: str) -> dict[str, Any]:
-    """:func:`scenario_figures` of the text of a scenario file."""
+    """Return :func:`scenario_figures` of the text of a scenario file."""
     return scenario_figures(parse_scenario(text))
 
 
 def plan_costs(place: str, planner: str = "layered", count: int = PLANS) -> list[float | None]:
-    """Costs of plans between random places, None where there is no way."""
+    """Return costs of plans between random places, None if there is no path."""
     ground = ground_of(place)
     assert ground is not None
     prepared = ground.planner(planner)
@@ -75,14 +75,14 @@ def _cost(planner: Planner, start: Any, goal: Any) -> float | None:
 
 
 def _content(file: Path) -> str:
-    """A hash of all data of a recording but what was timed."""
+    """Return a hash of all data in a recording except times of computation."""
     digest = hashlib.sha256()
 
     def add(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and name not in ("summary", "scenario/text"):
             value = item[()]
             if name in ("steps/x", "steps/y", "steps/heading"):
-                value = np.nan_to_num(value, nan=0.0)  # who is absent is nowhere; figures are of when it was 0
+                value = np.nan_to_num(value, nan=0.0)  # absent agents; the golden hashes date from files with 0 there
             digest.update(name.encode())
             digest.update(repr(value).encode() if item.dtype == object else value.tobytes())
 

@@ -1,4 +1,4 @@
-"""Bodies, grounds and followed ways of the guidance tests."""
+"""Bodies, grounds and followed paths of the guidance tests."""
 
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from crowdsim.steering.row_kernels import ROW
 
 
 def behavior(name, legs, torso, cost, facings=(0.0,)):
+    """Return a behavior with two radii and a cost per meter."""
     radii = np.array([legs, torso])
     return Behavior(name, "", facings, ("walking",), cost, 1.0, "#000000", radii, Path())
 
@@ -28,12 +29,12 @@ NEED = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
 
 
 def ground_of(areas, **more):
-    """Ground of free areas, the legs' first."""
+    """Return the ground of free areas, that of the legs first."""
     return build_ground([outline_segments(area) for area in areas], NEED, **more)
 
 
 def follow(ground, field, places, step=0.08, most=1500):
-    """Ways (steps, n, 2) of followers of a field, their lengths and whether they arrived."""
+    """Return tracks (steps, n, 2) of followers of a field, their lengths and whether they arrived."""
     at = np.array(places, np.float64)
     length = np.zeros(len(at))
     arrived = np.zeros(len(at), bool)
@@ -54,7 +55,7 @@ def follow(ground, field, places, step=0.08, most=1500):
 
 
 def free_places(areas, count, seed, clear=0.155):
-    """Places that keep ``clear`` from the walls of all layers."""
+    """Return random places that keep ``clear`` from the walls of all layers [m]."""
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = areas[0].bounds
     places = np.column_stack([rng.uniform(x0, x1, 40 * count), rng.uniform(y0, y1, 40 * count)])
@@ -66,7 +67,7 @@ def free_places(areas, count, seed, clear=0.155):
 
 
 def rows_at(places, goal=0):
-    """Rows of agents that stand at places."""
+    """Return rows of agents that stand at places."""
     state = np.zeros(len(places), ROW)
     state["x"], state["y"] = np.asarray(places, np.float64).reshape(-1, 2).T
     state["goal"] = goal

@@ -7,7 +7,7 @@ from crowdsim.environment.mesh_solid import MeshSolid
 
 
 def hull(points):
-    """The convex hull of points (n, 3)."""
+    """Return the convex hull of points (n, 3)."""
     points = np.asarray(points, np.float64)
     found = ConvexHull(points)
     corners = points[found.simplices]
@@ -19,7 +19,7 @@ def hull(points):
 
 
 def prism(outline, bottom, top):
-    """The prism over a convex, counter-clockwise outline (n, 2)."""
+    """Return the prism over a convex, counter-clockwise outline (n, 2)."""
     outline = np.asarray(outline, np.float64)
     n = len(outline)
     vertices = np.concatenate(
@@ -35,13 +35,13 @@ def prism(outline, bottom, top):
 
 
 def box(low, high):
-    """The box between two opposite corners (3,)."""
+    """Return the box between two opposite corners (3,)."""
     (x0, y0, z0), (x1, y1, z1) = low, high
     return prism([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], z0, z1)
 
 
 def joined(*meshes):
-    """Several meshes as one."""
+    """Return several meshes as one."""
     vertices, triangles, count = [], [], 0
     for some_vertices, some_triangles in meshes:
         vertices.append(some_vertices)
@@ -51,12 +51,12 @@ def joined(*meshes):
 
 
 def inverted(mesh):
-    """The mesh with its faces inward."""
+    """Return the mesh with its faces inward."""
     return mesh[0], mesh[1][:, ::-1]
 
 
 def sheet(line, bottom, top):
-    """Upright sheets without thickness along a line (n, 2)."""
+    """Return upright sheets without thickness along a line (n, 2)."""
     line = np.asarray(line, np.float64)
     n = len(line)
     vertices = np.concatenate([np.column_stack([line, np.full(n, bottom)]), np.column_stack([line, np.full(n, top)])])
@@ -64,5 +64,5 @@ def sheet(line, bottom, top):
 
 
 def solid(mesh, name="part"):
-    """The mesh as a solid."""
+    """Return the mesh as a solid."""
     return MeshSolid(name, *mesh)

@@ -1,4 +1,4 @@
-"""Finds what outlives calls and may change: mutable values that modules, classes, defaults or caches hold."""
+"""Find global state: mutable values held by modules, classes, default arguments or caches."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ CONTAINERS = {
     *("dict", "list", "set", "bytearray", "defaultdict", "OrderedDict", "Counter", "deque", "ChainMap", "UserDict"),
     *("UserList", "SimpleNamespace"),
 }
-"""What makes a value that may be a table, if it is named like one and nobody changes it."""
+"""Types that may be constant tables, if named like one and never changed."""
 STATEFUL = {
     *("Lock", "RLock", "Condition", "Semaphore", "BoundedSemaphore", "Event", "Barrier", "local", "ContextVar"),
     *("WeakKeyDictionary", "WeakValueDictionary", "WeakSet", "Queue", "LifoQueue", "PriorityQueue", "SimpleQueue"),
     *("ThreadPoolExecutor", "ProcessPoolExecutor", "count", "cycle", "iter", "default_rng", "RandomState"),
 }
-"""What makes a value that is of no use unless it changes."""
+"""Types that are of no use unless they change."""
 HARMLESS = {"TypeVar", "ParamSpec", "NewType"}
 MUTATORS = {
     *("append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"),
@@ -32,12 +32,12 @@ Finding = tuple[int, str]
 
 
 def state_in(tree: ast.Module) -> list[Finding]:
-    """All that a module holds and may change, or changes of others."""
+    """Return everything mutable that a module holds, and its changes of other modules' values."""
     return sorted({*_held(tree.body), *_changed(tree), *_kept_by_functions(tree)})
 
 
 def _held(body: list[ast.stmt], owner: str = "") -> Iterator[Finding]:
-    """Assignments of mutable values in the body of a module, or of the class ``owner``."""
+    """Yield assignments of mutable values in the body of a module, or of the class ``owner``."""
     for statement in body:
         if isinstance(statement, ast.ClassDef):
             yield from _held(statement.body, statement.name)
@@ -49,7 +49,7 @@ def _held(body: list[ast.stmt], owner: str = "") -> Iterator[Finding]:
 
 
 def _blocks(statement: ast.stmt) -> Iterator[list[ast.stmt]]:
-    """The blocks of an ``if``, ``try``, ``with``, loop or ``match``."""
+    """Yield the blocks of an ``if``, ``try``, ``with``, loop or ``match``."""
     for name in ("body", "orelse", "finalbody"):
         yield getattr(statement, name, [])
     for part in (*getattr(statement, "handlers", []), *getattr(statement, "cases", [])):
@@ -57,7 +57,7 @@ def _blocks(statement: ast.stmt) -> Iterator[list[ast.stmt]]:
 
 
 def _own_parts(node: ast.AST) -> Iterator[ast.AST]:
-    """A statement and its expressions, without the blocks in it and without functions."""
+    """Yield a statement and its expressions, without its blocks and without functions."""
     yield node
     for child in ast.iter_child_nodes(node):
         if not isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case, *_FUNCTIONS)):
@@ -86,17 +86,17 @@ def _held_by(node: ast.AST, owner: str) -> Iterator[Finding]:
 
 
 def _what_changes(value: ast.expr) -> str | None:
-    """ "stateful", "container" or "unknown" (some call) for what ``value`` is or holds; None where nothing changes."""
+    """Return "stateful", "container" or "unknown" (a call) for what ``value`` is or holds; None if it is immutable."""
     found = {_kind(each) for each in _values(value)}
     return next((kind for kind in ("stateful", "container", "unknown") if kind in found), None)
 
 
 def _values(value: ast.expr) -> Iterator[ast.expr]:
-    """What an expression may be, and what it holds."""
+    """Yield what an expression may evaluate to, and what that holds."""
     yield value
     if isinstance(value, ast.Call):
         inner: list[ast.expr] = [*value.args, *[keyword.value for keyword in value.keywords]]
-        for each in inner:  # a lock in a tuple of a call of some class is kept, too
+        for each in inner:  # arguments of a call may be kept by its result, as a lock in a tuple
             yield from (part for part in _values(each) if _kind(part) == "stateful")
     elif isinstance(value, ast.IfExp | ast.BoolOp | ast.NamedExpr | ast.Tuple | ast.List | ast.Set | ast.Dict):
         for child in ast.iter_child_nodes(value):
@@ -122,7 +122,7 @@ def _kind(value: ast.expr) -> str | None:
 
 
 def _kept_by_functions(tree: ast.Module) -> Iterator[Finding]:
-    """Defaults that are one value for all calls, and caches of what functions were given."""
+    """Yield mutable default arguments, and caches keyed by arguments."""
     for node in ast.walk(tree):
         if not isinstance(node, _FUNCTIONS):
             continue
@@ -140,7 +140,7 @@ def _kept_by_functions(tree: ast.Module) -> Iterator[Finding]:
 
 
 def _changed(tree: ast.Module) -> Iterator[Finding]:
-    """``global``, and changes of what belongs to a module or a class."""
+    """Yield ``global`` statements, and changes of values that belong to a module or a class."""
     shared = {name for statement in tree.body for name in _bound(statement)}
     modules = {
         (alias.asname or alias.name).partition(".")[0]
@@ -152,7 +152,7 @@ def _changed(tree: ast.Module) -> Iterator[Finding]:
 
 
 def _bound(node: ast.AST) -> Iterator[str]:
-    """Names that a statement binds where it stands, but not in functions and classes."""
+    """Yield the names that a statement binds in its own scope, not in nested functions and classes."""
     if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
         yield node.name
         return
@@ -168,7 +168,7 @@ def _bound(node: ast.AST) -> Iterator[str]:
 
 
 def _changed_in(scope: ast.AST, shared: set[str], modules: set[str]) -> Iterator[Finding]:
-    """Changes in a scope and those in it; ``shared``: names there that mean what belongs to the module."""
+    """Yield changes in a scope and nested ones; ``shared`` holds names that refer to values of the module."""
     for child in ast.iter_child_nodes(scope):
         if isinstance(child, _FUNCTIONS):
             yield from _changed_in(child, _shared_in(child, shared), modules)
@@ -181,7 +181,7 @@ def _changed_in(scope: ast.AST, shared: set[str], modules: set[str]) -> Iterator
 
 
 def _shared_in(function: ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda, shared: set[str]) -> set[str]:
-    """Names that mean what is shared in a function: those that it does not bind itself, or binds to such."""
+    """Return names that refer to shared values in a function: not bound there, or bound to shared values."""
     arguments = function.args
     given = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs, arguments.vararg, arguments.kwarg]
     body = [function.body] if isinstance(function, ast.Lambda) else function.body
@@ -214,14 +214,14 @@ def _names_a_table(value: ast.expr) -> bool:
 
 
 def _root(node: ast.expr) -> ast.expr:
-    """What an attribute or an element is of, at last."""
+    """Return the expression at the base of attributes and subscripts."""
     while isinstance(node, ast.Attribute | ast.Subscript):
         node = node.value
     return node
 
 
 def _is_shared(node: ast.expr, shared: set[str]) -> bool:
-    """Whether ``node`` is, or belongs to, something of a module or a class."""
+    """Return whether ``node`` is, or belongs to, a value of a module or a class."""
     root = _root(node)
     if isinstance(root, ast.Call):
         return ast.unparse(root.func) in ("type", "globals", "vars", "super")
@@ -229,7 +229,7 @@ def _is_shared(node: ast.expr, shared: set[str]) -> bool:
         return False
     if root.id in shared or root.id == "cls":
         return True
-    # By way of an object: its class, or a table of its class.
+    # Through an object: its class, or an upper-case attribute of its class.
     attributes = [each.attr for each in ast.walk(node) if isinstance(each, ast.Attribute)]
     return "__class__" in attributes or (root.id == "self" and bool(attributes) and attributes[-1].isupper())
 
@@ -244,5 +244,6 @@ def _is_change(node: ast.AST, shared: set[str], modules: set[str]) -> bool:
     if not isinstance(node.func, ast.Attribute) or node.func.attr not in MUTATORS:
         return False
     of = node.func.value
-    is_module = isinstance(of, ast.Name) and of.id in modules  # whose functions may have such names
+    # A function of a module may have the name of such a method.
+    is_module = isinstance(of, ast.Name) and of.id in modules
     return not is_module and _is_shared(of, shared)

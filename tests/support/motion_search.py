@@ -1,4 +1,4 @@
-"""A search for motion from its beginning to its end."""
+"""A complete search for motion."""
 
 from crowdsim.crowd.search.motion_search import MotionSearch
 from crowdsim.crowd.state.assets import Assets
@@ -8,7 +8,7 @@ from crowdsim.errors import PathNotFound
 
 
 def search_motion(assets: Assets, environment: EnvironmentState, request: Request) -> MotionPlan | PathNotFound:
-    """All slices of a search, one after the other, before anything is walked."""
+    """Run all slices of a search one after another, before anything is walked."""
     search = MotionSearch(assets, environment, request)
     plan = search.advance()
     while not search.over:

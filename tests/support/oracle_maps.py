@@ -1,4 +1,4 @@
-"""Maps with shortest lengths that other programs found."""
+"""Maps with shortest path lengths computed by other programs."""
 
 import json
 from pathlib import Path
@@ -25,7 +25,7 @@ class OracleMap(NamedTuple):
 
 
 def load_map(shared: Path, name: str) -> OracleMap:
-    """One of :data:`MAPS`; ``optimum_r0`` are the lengths for a point."""
+    """Return one of :data:`MAPS`; ``optimum_r0`` holds the lengths for a point."""
     file = shared / "oracles" / "maps" / f"{name}.json"
     world = read_map(file)
     starts, goals = np.ascontiguousarray(world.queries[:, :2]), np.ascontiguousarray(world.queries[:, 2:])
@@ -34,7 +34,7 @@ def load_map(shared: Path, name: str) -> OracleMap:
 
 
 def arena(shared: Path):
-    """(area, starts (n, 2), goals (n, 2), lengths (n,)) of the exact lengths for a point on a mesh of polygons."""
+    """Return (area, starts (n, 2), goals (n, 2), lengths (n,)): exact lengths for a point on a mesh of polygons."""
     numbers = iter((shared / "oracles" / "meshes_v2_arena.mesh").read_text().split()[2:])
     vertices, polygons = int(next(numbers)), int(next(numbers))
     corners = []

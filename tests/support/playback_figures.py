@@ -1,4 +1,4 @@
-"""What played bodies of steered agents are held to: feet that stay where they stand, knees that bend, a calm pelvis."""
+"""Quality figures of played bodies of steered agents: foot drift, knee bend, smoothness of the pelvis."""
 
 from __future__ import annotations
 
@@ -17,10 +17,22 @@ SOLE_DOWN, STANCE = 0.125, 0.599
 
 @dataclass
 class Played:
-    """Everything of some agents at T times, nan while they are absent.
+    """Poses of some agents at T times, nan while they are absent.
 
-    roots: (T, A, 3). balls, heels: (T, A, 2, 3) meters. knees: (T, A, 2) degrees. phases: (T, A) cycles.
-    toes: (T, A, 2) radians that the foot points up.
+    Attributes
+    ----------
+    times : (T,) float64
+        Times [s].
+    roots : (T, A, 3) float64
+        Root positions [m].
+    balls, heels : (T, A, 2, 3) float64
+        Positions of the feet [m].
+    knees : (T, A, 2) float64
+        Bend of the knees [degrees].
+    phases : (T, A) float64
+        Gait phases [cycles].
+    toes : (T, A, 2) float64
+        Angle by which the feet point up [rad].
     """
 
     times: np.ndarray
@@ -33,7 +45,7 @@ class Played:
 
 
 def played(recording: Recording, times: np.ndarray) -> Played:
-    """Poses of all steered agents at ``times``."""
+    """Return the poses of all steered agents at ``times``."""
     poses = recording._steered_poses
     count = recording.agent_count
     roots, phases = np.full((len(times), count, 3), np.nan), np.full((len(times), count), np.nan)
@@ -48,7 +60,7 @@ def played(recording: Recording, times: np.ndarray) -> Played:
         block = poses._blocks[block_of(step, recording.steps_per_second)]
         bodies = block.tracks.bodies_at(step, agents)
         phases[row, agents] = _phases(block.plan(poses._walk), bodies, time - block.tracks.zeros[bodies])
-        # Bodies walk on the same legs in all behaviors.
+        # All behaviors use the same legs.
         model = poses._walk.model
         roots[row, agents] = places[:, 0]
         for foot in (0, 1):
@@ -66,9 +78,9 @@ def played(recording: Recording, times: np.ndarray) -> Played:
 
 
 def slides(shown: Played) -> tuple[np.ndarray, np.ndarray]:
-    """(T - 1, A, 2) meters that the point which a foot stands on moves to the next time, nan if it does not stand.
+    """Return the movement to the next time of the point that a foot stands on [m], (T - 1, A, 2), nan if it swings.
 
-    Its ball when the sole is down, its heel before; and the same summed up over the stance so far.
+    The point is the ball if the sole is down, the heel before. Also return the movement summed over the stance so far.
     """
     own = shown.phases[:, :, None] - np.array([0.0, 0.5])
     cycle, share = np.floor(own), own - np.floor(own)
@@ -79,7 +91,7 @@ def slides(shown: Played) -> tuple[np.ndarray, np.ndarray]:
     heel = np.linalg.norm(np.diff(shown.heels, axis=0), axis=-1)
     step = np.where(flat, moved, np.where(lands, heel, np.nan))
     from_first = np.zeros_like(step)
-    # Summed over a stance.
+    # Sum over each stance.
     for row in range(len(step)):
         before = from_first[row - 1] if row else 0.0
         from_first[row] = np.where(flat[row], before + moved[row], 0.0)
@@ -87,7 +99,7 @@ def slides(shown: Played) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _phases(plan: object, bodies: np.ndarray, seconds: np.ndarray) -> np.ndarray:
-    """Phases of bodies of a plan, by the weights of its splines."""
+    """Return the phases of bodies of a plan, by the weights of its splines."""
     place = seconds / plan.step + PAD
     row = place.astype(int)
     u = place - row

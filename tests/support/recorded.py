@@ -1,4 +1,4 @@
-"""Runs of scenarios of the library that several test files look at: each is made once, by who needs it first."""
+"""Runs of library scenarios that several test files use; each is made once, by the first test that needs it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from crowdsim.scenario.loader import load_scenario
 
 try:
     import fcntl
-except ImportError:  # without locks of files, two processes may make the same run
+except ImportError:  # without file locks, two processes may make the same run
     fcntl = None
 
 
@@ -21,7 +21,7 @@ class Recorded:
         self._folder = folder
 
     def __call__(self, name: str, *changes: str) -> Path:
-        """The recording of ``name``, run to its end with two workers."""
+        """Return the recording of ``name``, run to its end with two workers."""
         chosen = hashlib.sha256("\n".join(changes).encode()).hexdigest()[:8] if changes else "as-it-is"
         file = self._folder / f"{name}-{chosen}.h5"
         with open(file.with_suffix(".lock"), "w") as lock:

@@ -1,4 +1,4 @@
-"""A hand-made recording: three people with swinging limbs between a few boxes, no simulation behind it."""
+"""A synthetic recording without a simulation: three people with swinging limbs between a few boxes."""
 
 from __future__ import annotations
 
@@ -54,14 +54,14 @@ _ENDS = [
     ("right_wrist", (0.0, -0.17, 0.0)),
 ]
 
-# Mean joint angles of walking adults, degrees at percent of the cycle from heel strike.
+# Mean joint angles of walking adults: percent of the cycle from heel strike, and degrees there.
 _HIP = ([0, 10, 30, 50, 62, 75, 85, 100], [30, 25, 10, -10, -5, 25, 32, 30])
 _KNEE = ([0, 12, 25, 40, 55, 70, 85, 95, 100], [5, 18, 5, 3, 35, 62, 25, 8, 5])
 _ANKLE = ([0, 8, 25, 40, 55, 62, 70, 85, 100], [0, -5, 5, 10, 5, -15, -5, 0, 0])
 
 
 def small_skeleton() -> Skeleton:
-    """19 joints in T-pose, every role filled."""
+    """Return 19 joints in T-pose, with every role filled."""
     names = tuple(name for name, _, _ in _JOINTS)
     return Skeleton(
         names=names,
@@ -78,7 +78,7 @@ def _curve(curve: tuple[list[int], list[int]], percent: np.ndarray) -> np.ndarra
 
 
 def _node(skeleton: Skeleton, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Root places (L + 1, 3) and rotations (L + 1, J, 4) relative to the track."""
+    """Return root positions (L + 1, 3) and rotations (L + 1, J, 4) relative to the track."""
     frames = np.arange(CYCLE + 1)
     phase = 100.0 * frames / CYCLE
     swing = np.sin(2 * np.pi * frames / CYCLE)
@@ -109,7 +109,7 @@ def _node(skeleton: Skeleton, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def small_header(agents: int = 3, steps_per_second: int = 20) -> RecordingHeader:
-    """Three behaviors, two layers, a floor of 8 m by 5 m with boxes, a bench and a wall with a doorway."""
+    """Return three behaviors, two layers, a floor of 8 m by 5 m with boxes, a bench and a wall with a doorway."""
     skeleton = small_skeleton()
     nodes = [_node(skeleton, name) for name in NODE_NAMES]
     motion = MotionRecord(
@@ -158,7 +158,7 @@ def small_header(agents: int = 3, steps_per_second: int = 20) -> RecordingHeader
 
 
 def small_frame(header: RecordingHeader, step: int) -> RecordedFrame:
-    """Agent a walks along +x in behavior 2 - a % 3; the last one starts a second late and one stands at the end."""
+    """Return one step: agent a walks along +x in behavior 2 - a % 3; the last starts late, one stands at the end."""
     count = header.agents.count
     kind = np.arange(count) % 3
     late = np.where(np.arange(count) == count - 1, 1.0, 0.0)
@@ -182,7 +182,7 @@ def small_frame(header: RecordingHeader, step: int) -> RecordedFrame:
 
 
 def write_small_recording(path: Path, steps: int = 90, agents: int = 3, steps_per_second: int = 20) -> Path:
-    """A finished recording with one planned path an agent."""
+    """Write a finished recording with one planned path per agent."""
     header = small_header(agents, steps_per_second)
     with RecordingWriter(path, header) as writer:
         for agent in range(agents):

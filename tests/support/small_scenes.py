@@ -1,4 +1,4 @@
-"""Rooms of ten meters with tall and low obstacles and a wall with doors, to compare plans with references."""
+"""Rooms of ten meters with tall and low obstacles and a wall with doors, for comparing plans with references."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ SIZE = 10.0
 
 
 def scene(seed):
-    """Free areas of the legs' and of the torso's layer."""
+    """Return the free areas of the legs' and of the torso's layer."""
     rng = np.random.default_rng(seed)
     tall, low = [], []
     for k in range(int(rng.integers(14, 34))):
@@ -31,5 +31,5 @@ def scene(seed):
 
 
 def largest(area):
-    """The largest polygon of an area."""
+    """Return the largest polygon of an area."""
     return max(getattr(area, "geoms", [area]), key=lambda part: part.area)

@@ -16,7 +16,7 @@ State = NDArray[np.void]
 def agents(
     places: NDArray[np.float64], headings: NDArray[np.float64], goals: NDArray[np.int64], rng: np.random.Generator
 ) -> State:
-    """Agents of usual breadth and speed that stand at ``places`` and mean to go where they face."""
+    """Return agents of usual breadth and speed that stand at ``places`` and want to go where they face."""
     count = len(places)
     state = np.zeros(count, ROW)
     state["x"], state["y"] = places.T
@@ -37,7 +37,7 @@ def agents(
 def scatter(
     rng: np.random.Generator, count: int, low: tuple[float, float], high: tuple[float, float]
 ) -> NDArray[np.float64]:
-    """Places at least 0.56 m apart in a rectangle."""
+    """Return random places at least 0.56 m apart in a rectangle."""
     places: list[NDArray[np.float64]] = []
     for _ in range(200 * count):
         place = rng.uniform(low, high)
@@ -49,7 +49,7 @@ def scatter(
 
 
 def toward(state: State, x: NDArray[np.float64] | float, y: NDArray[np.float64] | float) -> None:
-    """Guide everyone straight to a point."""
+    """Guide all agents straight to a point."""
     dx, dy = x - state["x"], y - state["y"]
     state["togo"] = np.hypot(dx, dy)
     state["gx"], state["gy"] = dx / state["togo"], dy / state["togo"]
@@ -62,9 +62,9 @@ def walk(
     there: Callable[[State], NDArray[np.bool_]],
     seconds: float,
 ) -> NDArray[np.float64]:
-    """Step until all are there, who leave, or the time is up.
+    """Step until all agents are ``there``, where they leave, or the time is up.
 
-    Returns when each arrived, nan for those who did not [s].
+    Returns when each arrived [s], nan for those that did not.
     """
     arrived = np.full(len(state), np.nan)
     step = steering.rules.step

@@ -1,4 +1,4 @@
-"""Recordings of steered agents, from tracks or from a drill that is walked, no simulation behind them."""
+"""Recordings of steered agents without a simulation, from tracks or from a drill."""
 
 from __future__ import annotations
 
@@ -41,11 +41,12 @@ LATERAL, HELD, FRONTAL = 0, 1, 2
 
 @cache
 def behavior_set(name: str = "default") -> BehaviorSet:
+    """Return the behaviors of a motion set."""
     return load_behavior_set(("lateral", "arm_constrained", "frontal"), BANDS, motion_set=name)
 
 
 def steered_motion(name: str = "default") -> MotionRecord:
-    """No nodes, and a gait for each behavior."""
+    """Return a motion record without nodes, with a gait for each behavior."""
     behaviors = behavior_set(name)
     skeleton, none = behaviors.graph.skeleton, np.zeros(0, np.int32)
     gaits = tuple(
@@ -57,6 +58,7 @@ def steered_motion(name: str = "default") -> MotionRecord:
 
 
 def steered_header(agents: int, steps_per_second: int = 10, floor: BaseGeometry | None = None) -> RecordingHeader:
+    """Return a header of steered agents."""
     header = small_header(agents, steps_per_second)
     records = [BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in behavior_set().behaviors]
     layers = (LayerRecord("body", 0.0, 2.0),)
@@ -65,7 +67,7 @@ def steered_header(agents: int, steps_per_second: int = 10, floor: BaseGeometry 
 
 
 def track_frames(tracks: np.ndarray, behaviors: np.ndarray, present: np.ndarray) -> list[RecordedFrame]:
-    """Frames of tracks (steps, N, 4) of x, y, heading, phase with behaviors (steps, N), present (steps, N) or not."""
+    """Return frames of tracks (steps, N, 4) of x, y, heading, phase, with behaviors and presence (steps, N)."""
     nobody = np.full(tracks.shape[1], -1)
     frames = []
     for track, behavior, here in zip(tracks, behaviors, present, strict=True):
@@ -79,6 +81,7 @@ def track_frames(tracks: np.ndarray, behaviors: np.ndarray, present: np.ndarray)
 
 
 def write_frames(path: Path, header: RecordingHeader, frames: list[RecordedFrame]) -> Path:
+    """Write a recording of frames."""
     with RecordingWriter(path, header) as writer:
         for number, frame in enumerate(frames):
             writer.append(frame, number)
@@ -87,7 +90,7 @@ def write_frames(path: Path, header: RecordingHeader, frames: list[RecordedFrame
 
 
 def walked_drill(drill: Drill, seed: int = 1, threads: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Tracks (steps, N, 4) of a drill and (steps, N) who is there; who arrives leaves."""
+    """Return tracks (steps, N, 4) of a drill and presence (steps, N); agents leave on arrival."""
     behaviors = behavior_set().behaviors
     segments = outline_segments(drill.area)
     walls = build_walls(segments)
@@ -124,7 +127,7 @@ def walked_drill(drill: Drill, seed: int = 1, threads: int = 1) -> tuple[np.ndar
 def record_drill(
     path: Path, drill: Drill, seed: int = 1, behaves: Callable[[np.ndarray], np.ndarray] | None = None
 ) -> Path:
-    """A recording of a drill. behaves: behaviors (steps, N) of tracks; all walk ahead by default."""
+    """Write a recording of a drill; ``behaves`` gives behaviors (steps, N) of tracks, by default all frontal."""
     tracks, present = walked_drill(drill, seed)
     behaviors = np.full(tracks.shape[:2], FRONTAL) if behaves is None else behaves(tracks)
     header = steered_header(tracks.shape[1], floor=drill.area)

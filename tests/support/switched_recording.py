@@ -1,4 +1,4 @@
-"""Recordings of agents who switch between captured and steered, with small mismatches; no simulation behind them."""
+"""Recordings, without a simulation, of agents that switch between captured and steered with small mismatches."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STEP, FRAMES = 0.1, 6
 
 
 def mixed_motion(behaviors: BehaviorSet) -> MotionRecord:
-    """Nodes with their phases, and a gait for each behavior."""
+    """Return a motion record of nodes with their phases, and a gait for each behavior."""
     graph = behaviors.graph
     gaits = tuple(
         GaitRecord(clip.name, clip.root_positions.astype(np.float32), clip.rotations.astype(np.float32))
@@ -50,6 +50,7 @@ def mixed_motion(behaviors: BehaviorSet) -> MotionRecord:
 
 
 def mixed_header(behaviors: BehaviorSet, agents: int) -> RecordingHeader:
+    """Return a header of agents on both levels."""
     header = small_header(agents, 10)
     records = [BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in behaviors.behaviors]
     layers = (LayerRecord("body", 0.0, 2.0),)
@@ -58,10 +59,20 @@ def mixed_header(behaviors: BehaviorSet, agents: int) -> RecordingHeader:
 
 @dataclass
 class Walk:
-    """How an agent goes.
+    """Description of an agent's walk.
 
-    segments: seconds on each level in turn, captured first; a captured one lasts until a frame at which one may leave.
-    turn: rad/s. phase_off: cycles by which switches miss. stands: stand all the time.
+    Attributes
+    ----------
+    segments : tuple of float
+        Durations on each level in turn, captured first [s]. A captured one lasts until a frame that may be left.
+    turn : float
+        Turning rate [rad/s].
+    phase_off : float
+        Largest phase error of switches [cycles].
+    seed : int
+        Seed of random choices.
+    stands : bool
+        Whether the agent stands all the time.
     """
 
     segments: tuple[float, ...]
@@ -72,7 +83,7 @@ class Walk:
 
 
 class Walker:
-    """One agent that walks on nodes and on tracks in turn."""
+    """An agent that alternates between nodes and tracks."""
 
     def __init__(self, behaviors: BehaviorSet, entries: Entries, phases: np.ndarray, walk: Walk) -> None:
         self.graph, self.entries, self.phases, self.walk = behaviors.graph.arrays, entries, phases, walk
@@ -85,6 +96,7 @@ class Walker:
         self.velocity = np.array([float(entries.natural_speed[-1]), 0.0])
 
     def enter(self, row: int) -> None:
+        """Enter a node at the entry ``row``."""
         entries = self.entries
         self.node, self.frame, self.previous = int(entries.node[row]), int(entries.frame[row]), NONE
         self.origin = entry_origins(entries, np.array([row]), self.pose[None])[0]
@@ -96,6 +108,7 @@ class Walker:
         self.origin, self.offset = self.pose.copy(), np.zeros(3)
 
     def play(self) -> None:
+        """Play the frames of one step."""
         graph = self.graph
         old = self.pose.copy()
         self.frame += FRAMES
@@ -121,13 +134,15 @@ class Walker:
         self.previous, self.node, self.frame = self.node, int(graph.edge_target[edge]), frame
 
     def phase(self) -> float:
+        """Return the gait phase of the current frame."""
         return float(self.phases[self.graph.node_track[self.node] + self.frame])
 
     def may_leave(self) -> bool:
+        """Return whether the agent may become steered in the current frame."""
         return bool(self.exits[self.graph.node_track[self.node] + self.frame])
 
     def nearest_entry(self, phase: float) -> int:
-        """The entry that fits best, with a phase that misses by up to what the walk asks for."""
+        """Return the entry that fits best, with a phase error of up to that of the walk."""
         entries = self.entries
         rows = np.arange(entries.first[-2], entries.first[-1])
         miss = phase + self.walk.phase_off * self.random.choice([-1.0, 1.0])
@@ -137,7 +152,7 @@ class Walker:
 
 
 def switched_frames(behaviors: BehaviorSet, walks: list[Walk]) -> list[RecordedFrame]:
-    """Frames of agents who each take a walk."""
+    """Return frames of agents, one for each walk."""
     phases = node_phases(behaviors)
     entries = find_entries(behaviors, gait_clips(behaviors), phases)
     columns = [_columns(Walker(behaviors, entries, phases, walk)) for walk in walks]
@@ -152,7 +167,7 @@ def switched_frames(behaviors: BehaviorSet, walks: list[Walk]) -> list[RecordedF
 
 
 def _columns(walker: Walker) -> list[tuple[float, ...]]:
-    """Rows of x, y, heading, node, previous, frame, phase."""
+    """Return rows of x, y, heading, node, previous, frame, phase."""
     rows = []
     walk = walker.walk
     if walk.stands:
@@ -186,7 +201,7 @@ def _columns(walker: Walker) -> list[tuple[float, ...]]:
 
 
 def _steer(walker: Walker) -> None:
-    """Go on by a step: gently to the natural speed and into the turn, straight ahead of the body."""
+    """Advance by a step: gently to the natural speed and into the turn, straight ahead of the body."""
     if walker.walk.stands:
         return
     speed = np.hypot(*walker.velocity)
@@ -199,4 +214,5 @@ def _steer(walker: Walker) -> None:
 
 
 def write_switched(path: Path, behaviors: BehaviorSet, walks: list[Walk]) -> Path:
+    """Write a recording of walks."""
     return write_frames(path, mixed_header(behaviors, len(walks)), switched_frames(behaviors, walks))

@@ -1,4 +1,4 @@
-"""A scenario of two rooms joined by two doors, whose things come and go."""
+"""A scenario of two rooms joined by two doors, with changing obstacles."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def two_rooms(
     duration: float = 60.0,
     seed: int = 3,
 ) -> str:
-    """YAML text; agents and events are the inside of mappings, the wall stands at x = 5, door a at y = 1 to 2."""
+    """Return YAML text; agents and events are contents of mappings, the wall is at x = 5, door a at y = 1 to 2."""
     return _TEXT.format(
         agents="\n".join(f"  - {{{group}}}" for group in agents),
         events="events:\n" + "\n".join(f"  - {{{event}}}" for event in events) if events else "",

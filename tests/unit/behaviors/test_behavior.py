@@ -79,10 +79,10 @@ def test_wrong_files_are_explained(library, old, new, message):
 
 
 def test_all_problems_of_a_file_at_once(library):
-    text = GOOD.replace("speed: 0.58", "speed: fast").replace("color:", "colour:")
+    text = GOOD.replace("speed: 0.58", "speed: fast").replace("color:", "colour:").replace("cost_per_meter: 3\n", "")
     with pytest.raises(BehaviorError) as caught:
         read_behavior("lateral", library(text))
-    assert len(str(caught.value).splitlines()) == 3  # speed, colour unknown, color missing
+    assert len(str(caught.value).splitlines()) == 3  # speed, colour unknown, cost_per_meter missing
 
 
 def test_unknown_behavior(library):

@@ -3,10 +3,10 @@ import shutil
 import numpy as np
 import pytest
 
-from crowdsim.behaviors.captured import REST_SECONDS, SWAY, captured_clips
+from crowdsim.behaviors.captured import REST_SECONDS, SWAY
 from crowdsim.behaviors.library import load_behavior_set
 from crowdsim.constants import CAPTURE_RATE, NONE
-from crowdsim.errors import BehaviorError, MotionError
+from crowdsim.errors import MotionError
 from crowdsim.motion.clips.tracks import track_of
 
 BANDS = ((0.1, 2.0), (0.8, 1.5))
@@ -67,15 +67,15 @@ def test_arms_come_in_and_go_out_while_walking(both):
 
 
 def test_arm_constrained_alone_has_no_transitions(captures):
-    clips = captured_clips(captures, FEW, ["arm_constrained"])
-    assert set(clips) == {"arm_constrained"}
-    assert clips["arm_constrained"].transitions == ()
     found = load_behavior_set(["arm_constrained"], BANDS, captures=captures, capture_patterns=FEW)
+    assert found.clips[0].transitions == ()
     assert_all_can_stop(found.graph.arrays)
 
 
 def test_waiting_stays_in_its_place_and_repeats(captures):
-    (rest,) = captured_clips(captures, PATTERNS, ["frontal"])["frontal"].idle
+    found = load_behavior_set(["frontal"], BANDS, captures=captures, capture_patterns=PATTERNS)
+    (rest,) = found.clips[0].idle
+    assert rest.name.startswith("16_3")
     track = track_of(rest)
     assert rest.duration == pytest.approx(REST_SECONDS)
     assert np.hypot(*(track - track[0])[:, :2].T).max() <= SWAY + 1e-3
@@ -86,28 +86,102 @@ def test_waiting_stays_in_its_place_and_repeats(captures):
 
 
 def test_no_folder(tmp_path):
-    with pytest.raises(MotionError, match=r"no folder of captures .*nowhere; correct 'motion.captures'"):
-        captured_clips(tmp_path / "nowhere", PATTERNS, ["frontal"])
+    with pytest.raises(MotionError, match=r"there is no folder of captures .*nowhere"):
+        load_behavior_set(["frontal"], BANDS, captures=tmp_path / "nowhere")
 
 
 def test_no_file_matches(tmp_path):
-    with pytest.raises(MotionError, match=r"no file in .* matches a\*, b\*; correct 'motion.clips'"):
-        captured_clips(tmp_path, ["a*", "b*"], ["frontal"])
+    with pytest.raises(MotionError, match=r"no file in .* matches a\*, b\*"):
+        load_behavior_set(["frontal"], BANDS, captures=tmp_path, capture_patterns=["a*", "b*"])
 
 
-def test_nobody_stands(captures):
-    with pytest.raises(MotionError, match=r"nobody ever stands still in the captures of .*add a walk that starts from"):
-        captured_clips(captures, ["16_15*", "16_47*"], ["frontal"])
-
-
-def test_walks_give_no_side_steps(captures):
-    with pytest.raises(BehaviorError, match="give no 'lateral'; name only frontal and arm_constrained in 'behaviors'"):
-        load_behavior_set(["lateral", "frontal"], BANDS, captures=captures)
-
-
-def test_files_of_different_skeletons(captures, tmp_path):
-    for pattern in (*FEW, "17_03*"):
+def linked(captures, folder, *patterns):
+    """A folder with the captures that match ``patterns``."""
+    for pattern in patterns:
         for path in captures.glob(pattern):
-            shutil.copy(path, tmp_path)
-    with pytest.raises(MotionError, match=r"'16_15.*' and '17_03.*'.*one graph needs one skeleton"):
-        load_behavior_set(["frontal"], BANDS, captures=tmp_path)
+            shutil.copy(path, folder)
+    return folder
+
+
+def test_one_straight_walk_gives_all_behaviors(captures, tmp_path):
+    """Nobody stands, turns or steps aside in it: all of that is made of it, and said."""
+    found = load_behavior_set(
+        ["frontal", "arm_constrained", "lateral"], BANDS, captures=linked(captures, tmp_path, "16_15*")
+    )
+    assert [behavior.name for behavior in found.behaviors] == ["lateral", "arm_constrained", "frontal"]
+    (made,) = [note for note in found.notes if note.startswith("made")]
+    for what in ("16_15", "standing", "turns to the left", "turns on the spot to the right", "steps to the side"):
+        assert what in made
+    graph = found.graph.arrays
+    assert_all_can_stop(graph)
+    for behavior in range(3):
+        assert (graph.node_idle & (graph.node_behavior == behavior)).any()
+    assert any(name.startswith("16_15") for name in found.graph.node_names)
+    # A made stand keeps its feet, and both are beside each other.
+    (rest,) = found.clips[2].idle
+    feet = rest.joint_positions[:, [rest.skeleton.joint(f"{side}_ankle") for side in ("left", "right")]]
+    assert np.ptp(feet, axis=0).max() < 0.01
+    assert np.linalg.norm(feet[0, 0, :2] - feet[0, 1, :2]) < 0.3
+    assert found.behaviors[0].radii[1] < found.behaviors[1].radii[1] < found.behaviors[2].radii[1]
+
+
+def test_what_is_made_is_joined_to_what_is_captured(captures):
+    found = load_behavior_set(["frontal"], BANDS, captures=captures, capture_patterns=["16_47*"])
+    graph, names = found.graph.arrays, found.graph.node_names
+    own = [node for node, name in enumerate(names) if name.startswith("16_47")]
+    targets = [names[graph.edge_target[e]] for n in own for e in range(graph.edge_start[n], graph.edge_start[n + 1])]
+    assert len(own) == 2
+    assert any(name.startswith("made_halts") for name in targets)
+
+
+def test_one_lively_clip_makes_nobody_wide(captures, tmp_path):
+    """Kicks and a jog beside walks: they are left out by clip and frame, and the walks stay as narrow as alone."""
+    walks = ("16_1[1-6]*", "16_47*", "16_58*")
+    alone = load_behavior_set(["frontal"], BANDS, captures=captures, capture_patterns=walks)
+    beside = load_behavior_set(["frontal"], BANDS, captures=linked(captures, tmp_path, *walks, "16_43*", "05_14*"))
+    assert np.all(beside.behaviors[0].radii <= 1.1 * alone.behaviors[0].radii)
+    assert any("16_43_jog" in note and "frames 28 to 81: reaches 0.540 m" in note for note in beside.notes)
+    assert any("05_14" in note and "to a side at the torso in frame" in note for note in beside.notes)
+    assert not any("16_43" in name for name in beside.graph.node_names)
+    assert beside.behaviors[0].widest[0].startswith("clip '16_")
+
+
+def test_side_steps_are_no_walk_ahead(captures):
+    found = load_behavior_set(["frontal"], BANDS, captures=captures, capture_patterns=["09_12*"])
+    assert any("frames 400 to 497" in note and "goes sideways or backwards" in note for note in found.notes)
+    assert not any(name.endswith(":400-497") for name in found.graph.node_names)
+
+
+def test_nobody_walks(captures):
+    with pytest.raises(
+        MotionError, match=r"no clip walks ahead for a whole stride .*; add a clip that walks straight on"
+    ):
+        load_behavior_set(["frontal"], BANDS, captures=captures, capture_patterns=["135_11*"])
+
+
+def test_nobody_stands_and_no_cycle_to_make_it_of(captures):
+    with pytest.raises(
+        MotionError, match=r"no clip stands still in the captures .*; add a clip that walks straight on"
+    ):
+        load_behavior_set(["frontal"], BANDS, captures=captures, capture_patterns=["16_3[5-9]*", "16_4[0-4]*"])
+
+
+def test_no_side_steps_without_a_walk(captures):
+    with pytest.raises(
+        MotionError, match=r"give no 'lateral'.*; add a clip that walks straight on .*out of 'behaviors'"
+    ):
+        load_behavior_set(["lateral", "frontal"], BANDS, captures=captures, capture_patterns=["05_*"])
+
+
+def test_people_of_other_size_share_a_skeleton(captures):
+    found = load_behavior_set(["frontal"], BANDS, captures=captures, capture_patterns=["16_15*", "16_31*", "09_12*"])
+    skeletons = {id(clip.skeleton) for clip in found.clips[0].clips if not clip.name.startswith("made")}
+    assert len(skeletons) == 1
+    assert any("'09_12" in note and "no motion leads there and back" in note for note in found.notes)
+
+
+def test_files_of_other_joints_are_left_out(captures):
+    found = load_behavior_set(["frontal"], BANDS, captures=captures / "asfamc", capture_patterns=["*.amc", "*.bvh"])
+    (note,) = [note for note in found.notes if "cgspeed" in note]
+    assert "its joints differ from those of most frames here" in note
+    assert "folder of its own" in note

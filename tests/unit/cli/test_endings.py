@@ -15,7 +15,10 @@ from crowdsim.cli.summary import nobody_arrived
 from crowdsim.whole_files import whole_file
 from tests.support.small_recording import write_small_recording
 
-SUMMARY = {"characters": 3, "arrived": 0, "waiting": 0, "unreachable": {}, "laps": {}, "lowest_foot": 0.0, "steps": 20}
+SUMMARY = {
+    **{"characters": 3, "removed": 0, "not_added": 0, "arrived": 0, "waiting": 0, "unreachable": {}, "laps": {}},
+    **{"lowest_foot": 0.0, "steps": 20},
+}
 
 
 def test_termination_has_its_own_code_and_is_an_interruption():
@@ -94,7 +97,7 @@ def test_terminals_that_know_few_letters_get_their_messages(tmp_path):
     [
         ({"unreachable": {0: "no passage", 1: "no passage", 2: "no passage"}}, "no way for 3 of 3"),
         ({"unreachable": {0: "no passage"}, "waiting": 2}, "no way for 1 of 3 characters, 2 still waited"),
-        ({"lowest_foot": None}, "no character came in within 20 steps"),
+        ({"lowest_foot": None}, "no character appeared within 20 steps"),
     ],
 )
 def test_where_nobody_could_arrive_it_is_said_why(change, reason):

@@ -55,7 +55,7 @@ def test_the_same_seed_draws_the_same_and_another_seed_does_not():
 
 def test_a_full_floor_is_refused_with_the_density_it_came_to():
     with pytest.raises(
-        GeometryError, match=r"full at a density of 0\.[4-7]\d, 0\.9 is asked for; give a lower density"
+        GeometryError, match=r"full at a density of 0\.[4-7]\d, but 0\.9 was requested; give a lower density"
     ):
         draw(0.9)
 

@@ -106,7 +106,7 @@ def test_bad_walls_are_refused(tmp_path):
 
 def test_binary_content_is_no_wkt(tmp_path):
     (tmp_path / "plan.wkt").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(PlaceError, match="is no text"):
+    with pytest.raises(PlaceError, match="is not a text file"):
         read_floor_plan(tmp_path / "plan.wkt")
 
 

@@ -154,8 +154,8 @@ def test_meshes_far_from_the_origin_keep_their_shape():
     [
         (np.zeros((3, 3)), np.empty((0, 3), np.int64), "no triangles"),
         (np.zeros((3, 2)), np.array([(0, 1, 2)]), r"\(n, 3\)"),
-        (np.zeros((3, 3)), np.array([(0, 1, 3)]), "none of its vertices"),
-        (np.zeros((3, 3)), np.array([(0, 1, -1)]), "none of its vertices"),
+        (np.zeros((3, 3)), np.array([(0, 1, 3)]), "not among its vertices"),
+        (np.zeros((3, 3)), np.array([(0, 1, -1)]), "not among its vertices"),
         (np.array([(0, 0, 0), (1, 0, 0), (0, np.nan, 1)]), np.array([(0, 1, 2)]), "finite"),
         (np.array([(0, 0, 0), (1, 0, 0), (0, 1e308, 1)]), np.array([(0, 1, 2)]), "finite"),
         (np.array([(0, 0, 0), (1, 0, 0), (0, 1e9, 1)]), np.array([(0, 1, 2)]), "from the origin"),

@@ -1,6 +1,8 @@
 """What a set of motions can follow: of a set drawn with ruler and compass, and of that set without its left turns."""
 
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,15 +12,29 @@ from crowdsim.errors import MotionError
 from crowdsim.following.coverage import (
     ANGLES,
     LEADS,
+    Coverage,
     _paths,
     coverage_rows,
     draw_coverage,
     measure_coverage,
+    missing_turns,
 )
+from crowdsim.following.follower.path_follower import FollowStatus
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.motion.graph.pose_table import PoseTable
 from tests.unit.following.walking_graph import FRONTAL, graph_of, pieces
+
+
+class Reach(NamedTuple):
+    room: np.ndarray
+    least: float
+
+
+@dataclass(frozen=True)
+class Found:
+    status: FollowStatus
+    expansions: int
 
 
 def set_of(graph: GraphArrays) -> SimpleNamespace:
@@ -90,3 +106,45 @@ def test_paths_turn_as_they_should(bend: float) -> None:
 def test_wrong_numbers_are_refused(wrong: dict[str, int]) -> None:
     with pytest.raises(MotionError, match="coverage needs radii"):
         measure(**wrong)
+
+
+def test_more_room_is_never_worse(monkeypatch) -> None:
+    """A search that goes astray where there is room counts for nothing if one with less room did not."""
+    import crowdsim.following.coverage as module
+
+    search = module.search_path
+
+    def astray(character, *arguments):
+        found = search(character, *arguments)
+        return found if character.reach.least < 0.5 else replace(found, status=FollowStatus.BLOCKED)
+
+    monkeypatch.setattr(module, "search_path", astray)
+    share = measure().share
+    assert (np.diff(share, axis=1) >= 0.0).all()
+    assert (share[:, 2] == 1.0).all()
+
+
+def test_a_path_is_tried_in_less_room_where_nothing_is_found_in_more(monkeypatch) -> None:
+    import crowdsim.following.follower.path_follower as module
+
+    tried: list[float] = []
+
+    def search(character, *_):
+        tried.append(character.reach.least)
+        status = FollowStatus.FOUND if character.reach.least == 0.3 else FollowStatus.BLOCKED
+        return Found(status, 7)
+
+    monkeypatch.setattr(module, "search_path", search)
+    reach = Reach(np.array([0.42]), 0.42)
+    found = module.follow_path(module.Character(None, None, None, None, reach), None, (), np.zeros(3))
+    assert tried == [0.42, 0.4, 0.35, 0.3]
+    assert (found.status, found.expansions) == (FollowStatus.FOUND, 28)
+
+
+def test_what_nothing_follows_is_told_with_what_to_add() -> None:
+    curvature, clearance = np.array([1.0, 0.0, -1.0]), np.array([0.2, 0.5])
+    lacking = Coverage(curvature, clearance, np.array([[0.0, 0.0], [0.0, 1.0], [0.5, 0.2]]))
+    assert missing_turns(lacking) == [
+        "no motion follows turns to the left: add walks that turn left by 45 and by 90 degrees"
+    ]
+    assert missing_turns(Coverage(curvature, clearance, np.ones((3, 2)))) == []

@@ -159,7 +159,7 @@ def test_gap_too_narrow_says_where_and_by_how_much(behaviors):
 
 def test_walled_off_goal(behaviors):
     polygons = layers(ROOM, [shapely.box(8, -1.2, 9, 1.2)])
-    with pytest.raises(PathNotFound, match=r"nothing wider than 0\.02 m leads there at all"):
+    with pytest.raises(PathNotFound, match=r"no way wider than 0\.02 m leads there"):
         Planner([NavMesh(polygon) for polygon in polygons], behaviors).plan((1, 0), (21, 0))
 
 

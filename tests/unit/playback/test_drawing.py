@@ -15,7 +15,7 @@ from crowdsim.playback import drawing_backend
 from crowdsim.playback.drawing_backend import DrawingBackend, find_backend
 from crowdsim.playback.film import film
 from crowdsim.playback.scene import Scene
-from crowdsim.playback.shot import shot
+from crowdsim.playback.shot import shot, shots
 from crowdsim.playback.window import Player, window
 from crowdsim.recording.header import SolidRecord
 from crowdsim.recording.reader import Recording
@@ -35,6 +35,36 @@ def test_shot_shows_characters_in_the_colors_of_their_behaviors(recording, tmp_p
     assert reddish > 300
     assert bluish > 300
     assert [p.name for p in tmp_path.iterdir()] == ["out.png"]
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_several_times_are_the_pictures_of_each(recording, tmp_path):
+    files = shots(recording, tmp_path / "out.png", [2.0, 0.25], size=SMALL)
+    assert [file.name for file in files] == ["out-2.png", "out-0.25.png"]
+    for file, time in zip(files, (2.0, 0.25), strict=True):
+        alone = shot(recording, tmp_path / "alone.png", time=time, size=SMALL)
+        assert np.array_equal(np.asarray(Image.open(file)), np.asarray(Image.open(alone)))
+    with pytest.raises(CrowdSimError):
+        shots(recording, tmp_path / "none.png", [1.0, 99.0], size=SMALL)
+    assert not list(tmp_path.glob("none*"))
+
+
+@pytest.mark.usefixtures("can_draw")
+@pytest.mark.parametrize("supersample", [1.5, 2])
+def test_pixels_are_means_of_those_drawn(recording, supersample):
+    scenes = [Scene(recording, size, supersample=k) for size, k in ((SMALL, supersample), ((480, 270), 1))]
+    means = []
+    for scene in scenes:
+        scene.show_time(2.0)
+        scene.look("top", 2.0)
+        # Letters keep their size in pixels, so only the middle is compared.
+        picture = scene.picture()
+        height, width, _ = picture.shape
+        middle = picture[height // 4 : 3 * height // 4, width // 4 : 3 * width // 4]
+        means.append(middle.reshape(-1, 3).mean(axis=0))
+        assert picture.dtype == np.uint8
+        scene.close()
+    assert np.abs(means[0] - means[1]).max() < 4.0
 
 
 @pytest.mark.usefixtures("can_draw")

@@ -8,7 +8,15 @@ import pytest
 from crowdsim.errors import CrowdSimError, RecordingError
 from crowdsim.playback.camera import FIELD_OF_VIEW, place_camera
 from crowdsim.playback.moments import telling_time
-from crowdsim.playback.scenery import floor_mesh, grid_lines, meshes_mesh, path_ribbons, solids_mesh
+from crowdsim.playback.scenery import (
+    contact_shadows,
+    floor_mesh,
+    grid_lines,
+    meshes_mesh,
+    path_ribbons,
+    paths_ahead,
+    solids_mesh,
+)
 from crowdsim.recording.header import AgentState, MeshRecord, PlannedPath, SolidRecord
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
@@ -131,3 +139,33 @@ def test_the_telling_time_shows_most_behaviors_moving(recording, tmp_path):
         writer.finish({})
     with Recording.open(tmp_path / "empty.h5") as empty, pytest.raises(RecordingError, match="no steps"):
         telling_time(empty)
+
+
+def test_only_what_lies_ahead_of_those_present_is_left_of_paths():
+    corner = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]])
+    paths = [PlannedPath(agent, 0, corner, np.array([2, 1, 1], np.int8)) for agent in range(4)]
+    x, y = np.array([1.0, 4.2, np.nan, 9.0]), np.array([0.3, 1.0, np.nan, 3.5])
+    first, second, last = paths_ahead(paths, x, y)
+    assert (first.agent, second.agent, last.agent) == (0, 1, 3)
+    assert np.allclose(first.points, [[1.0, 0.0], [4.0, 0.0], [4.0, 3.0]])
+    assert first.behaviors.tolist() == [2, 1, 1]
+    assert np.allclose(second.points, [[4.0, 1.0], [4.0, 3.0]])
+    assert second.behaviors.tolist() == [1, 1]
+    assert np.allclose(last.points, [[4.0, 3.0], [4.0, 3.0]])  # at its goal
+    assert len(path_ribbons([last])[1]) == 0
+
+
+def test_shadows_of_solids_fade_on_the_floor_beside_what_stands_on_it():
+    floor = "POLYGON ((0 0, 4 0, 4 3, 0 3, 0 0))"
+    crate = SolidRecord("crate", "POLYGON ((1 1, 2 1, 2 2, 1 2, 1 1))", 0.0, 0.8)
+    by_the_edge = SolidRecord("shelf", "POLYGON ((3 0, 4 0, 4 1, 3 1, 3 0))", 0.0, 2.0)
+    lamp = SolidRecord("lamp", "POLYGON ((0 0, 1 0, 1 1, 0 1, 0 0))", 2.2, 2.5)
+    mesh, dark = contact_shadows([crate, by_the_edge, lamp], floor)
+    assert np.all(_areas(mesh)[:, 2] > 0.0)
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    assert low[0] == pytest.approx(0.7)
+    assert (high[0], low[1], high[1]) == pytest.approx((4.0, 0.0, 2.3))
+    beside = np.abs(mesh.points[:, 0] - 1.0) + np.abs(mesh.points[:, 1] - 1.0) < 1e-6
+    assert dark[beside].min() == 1.0
+    assert dark[np.abs(mesh.points[:, 0] - 0.7) < 1e-6].max() < 1e-9
+    assert len(contact_shadows([lamp], floor)[0].triangles) == 0

@@ -63,6 +63,22 @@ def test_every_step_before_a_kill_can_be_recovered(path, steps):
     assert [p.name for p in path.parent.iterdir()] == ["run.h5"]
 
 
+def test_obstacles_that_came_before_a_kill_are_recovered(path):
+    words = """
+            from crowdsim.recording.header import SolidRecord
+            wall = SolidRecord("wall", "POLYGON ((0 0, 1 0, 1 1, 0 0))", 0.0, 2.5)
+            for committed in (True, False):
+                writer.add_change(writer.add_movable(wall), wall.footprint)
+                writer._flush() if committed else None
+            writer.append(small_frame(header, 5), 5)
+            os.kill(os.getpid(), signal.SIGKILL)"""
+    assert write_and_die(path, 5, words.strip()) == -signal.SIGKILL
+    with recover(path.with_name("run.h5.part")) as recording:
+        assert [movable.name for movable in recording.header.movables] == ["wall", "wall"]
+        assert [(change.movable, change.step) for change in recording.changes] == [(0, 5), (1, 5)]
+        assert len(recording.movables_at(recording.duration)) == 2
+
+
 def test_a_kill_amid_a_commit_loses_nothing(path):
     """Whatever of a commit's frame, of its blocks, and of the cut behind them has reached the disk."""
     header = small_header()
@@ -101,7 +117,7 @@ def test_a_kill_amid_a_commit_loses_nothing(path):
 
 def test_what_cannot_be_recovered_is_refused(path, tmp_path):
     part = path.with_name("run.h5.part")
-    with pytest.raises(RecordingError, match="no file that a run left"):
+    with pytest.raises(RecordingError, match="not a file of a killed run"):
         recover(part)
     part.write_bytes(b"nothing of a recording")
     with pytest.raises(RecordingError, match="nothing can be read"):

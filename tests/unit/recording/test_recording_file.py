@@ -309,6 +309,22 @@ def test_what_moves_is_where_it_was_at_each_time(path):
         assert recording.movables_at(0.4) == recording.movables_at(0.59) == ()
 
 
+def test_things_that_come_during_a_run_are_listed_after_those_of_the_header(path):
+    header = replace(small_header(), movables=(SolidRecord("door", DOOR, 0.0, 2.1),))
+    crate = SolidRecord("crate", AJAR, 0.0, 0.8)
+    with RecordingWriter(path, header) as writer:
+        for step in range(4):
+            if step == 2:
+                assert writer.add_movable(crate) == 1
+                writer.add_change(1, DOOR)
+            writer.append(small_frame(header, step), step)
+        writer.finish({})
+    with Recording.open(path) as recording:
+        assert recording.header.movables == (*header.movables, crate)
+        assert recording.movables_at(0.05) == ()
+        assert recording.movables_at(0.1) == (SolidRecord("crate", DOOR, 0.0, 0.8),)
+
+
 def test_a_recording_of_before_things_could_move_still_opens(path):
     write_small_recording(path)
     with h5py.File(path, "r+") as file:
@@ -322,12 +338,12 @@ def test_a_recording_of_before_things_could_move_still_opens(path):
 
 def test_a_change_of_what_the_header_does_not_list_is_refused(path):
     with RecordingWriter(path, small_header()) as writer:
-        with pytest.raises(RecordingError, match="movable 0, but the header lists 0"):
+        with pytest.raises(RecordingError, match="movable 0, but the recording lists 0"):
             writer.add_change(0, None)
         writer.finish({})
 
 
-@pytest.mark.parametrize(("column", "message"), [("x", "agent 0 is present, but at no place"), ("frame", "beyond")])
+@pytest.mark.parametrize(("column", "message"), [("x", "agent 0 is present, but has no position"), ("frame", "beyond")])
 def test_numbers_that_are_none_are_damage(path, column, message):
     write_small_recording(path, steps=10)
     with h5py.File(path, "r+") as file:

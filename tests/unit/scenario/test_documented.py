@@ -9,10 +9,38 @@ from crowdsim.scenario.schema.agents import AgentGroup
 from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Mesh, Obstacle, Opening, Plan, Wall
 from crowdsim.scenario.schema.events import ACTIONS
 from crowdsim.scenario.schema.measured import Area, Line
+from crowdsim.scenario.schema.schema import ScenarioFields, json_schema
 from crowdsim.scenario.schema.values import Region
 
 TEXT = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```yaml\n(.*?)^```", TEXT, re.M | re.S)
+
+
+def schema_keys(node, above=()):
+    """Every key of a JSON schema: its name, where it stands, and what the schema says of it."""
+    if isinstance(node, list):
+        for number, each in enumerate(node):
+            yield from schema_keys(each, (*above, number))
+    elif isinstance(node, dict):
+        if "$defs" in node or node.get("type") == "object":
+            yield from ((key, (*above, key), told) for key, told in node.get("properties", {}).items())
+        for key, each in node.items():
+            yield from schema_keys(each, (*above, key))
+
+
+def test_every_key_of_the_schema_is_on_the_page_and_explained_to_editors():
+    keys = list(schema_keys(json_schema()))
+    assert len({key for key, _, _ in keys}) > 90
+    silent = [above for _, above, told in keys if not told.get("description")]
+    assert silent == []
+    absent = sorted({key for key, _, _ in keys if not re.search(rf"`{key}\b|(?<![\w-]){key}: ", TEXT)})
+    assert absent == []
+
+
+def test_the_table_has_all_keys_of_a_file():
+    table = TEXT[TEXT.index("## All keys") : TEXT.index("## The place")]
+    told = [key for row in re.findall(r"^\| (`[^|]*) \|", table, re.M) for key in re.findall(r"`(\w+)`", row)]
+    assert sorted(told) == sorted(field.alias or name for name, field in ScenarioFields.model_fields.items())
 
 
 def test_the_whole_scenario_is_valid_and_shows_every_action():
@@ -82,7 +110,8 @@ def test_every_key_of_a_group_is_described():
 def test_every_kind_of_obstacle_and_every_key_of_the_place_is_described():
     place = TEXT[TEXT.index("## The place") : TEXT.index("## Characters")]
     table = set(re.findall(r"^\| `(\w+)` \|", place, re.M))
-    assert table | {"name", "bottom", "top"} == set(Obstacle.model_fields)
+    assert table | {"name", "bottom", "top", "movable"} == set(Obstacle.model_fields)
+    assert "`movable: true`" in place
     for model in (Floor, Wall, Opening, Plan, Mesh, Clutter, Layer):
         for key in model.model_fields:
             assert re.search(rf"`{key}\b|{key}: ", place), f"{model.__name__}: {key}"

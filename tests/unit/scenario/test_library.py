@@ -78,6 +78,7 @@ def test_the_schema_knows_every_key():
     assert set(schema["required"]) == {"crowdsim", "name", "seed", "duration", "floor", "agents"}
     assert "layers" in schema["properties"]
     assert schema["additionalProperties"] is False
+    assert schema["$id"] == "urn:crowdsim:scenario:1"
     assert schema["properties"]["crowdsim"]["const"] == 1
     assert schema["$defs"]["AgentGroup"]["properties"]["on_arrival"]["enum"] == ["leave", "stay"]
     assert {"required": ["min", "max"]} in schema["$defs"]["Box"]["oneOf"]
@@ -95,7 +96,7 @@ def test_warnings_name_what_has_no_effect():
         "<text>:9:5: obstacles.1: 'pole' lies off the floor and has no effect",
         "<text>:10:5: obstacles.2: 'bench' (0 to 0.45 m) meets no layer (legs 0.5 to 2 m) and has no effect",
         "<text>:17:12: agents.0.start: part of the start of 'guests' lies off the floor and is not used",
-        "<text>:21:5: areas.0: 'middle' lies off the floor; nobody will be counted there",
+        "<text>:21:5: areas.0: 'middle' lies off the floor; no character will be counted there",
     ]
 
 

@@ -97,7 +97,7 @@ def test_a_mesh_of_which_nothing_is_in_any_layer_leaves_no_silent_empty_place(ro
         f"floor: {{rectangle: [0, 0, 8, 4]}}\nobstacles:\n  - {{name: house, mesh: {{file: room.glb, {placed}}}}}\n",
     )
     assert re.search(r"7:25: obstacles.0.mesh: room.glb: nothing of it is in a layer over the given floor", said)
-    assert ("warning: everything together is" in said) == ("position" not in placed)
+    assert ("m high as a whole" in said) == ("position" not in placed)
 
 
 def test_a_floor_covered_by_a_mesh_of_another_unit_hints_at_it(room):
@@ -202,7 +202,7 @@ def test_people_walk_under_a_lintel_where_clutter_is_drawn(tmp_path):
         (
             "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: 0.1}\n"
             "obstacles: [{name: clutter, box: {min: [3, 1], max: [4, 2]}, top: 1}]\n",
-            "7:20: obstacles.0.name: the name 'clutter' is that of the random obstacles",
+            "7:20: obstacles.0.name: the name 'clutter' is reserved for the random obstacles; choose another one",
         ),
         ("floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: sparse}\n", "clutter.density: "),
         ("floor: {rectangle: [0, 0, 8, 4], units: cm}\n", "'units' are those of a file"),

@@ -22,7 +22,7 @@ def test_without_events_nothing_changes():
     scenario = parse_scenario(change())
     timetable = scenario.environment.timetable
     assert [solid.name for solid in timetable.fixed] == ["wall", "pole", "bench"]
-    assert timetable.movables == timetable.events == ()
+    assert timetable.movables == timetable.events == ()  # the sample has no doors
     assert timetable.at_start() == timetable.fixed
 
 
@@ -72,13 +72,23 @@ def test_layers_are_those_of_the_start():
         assert legs.free.contains(shapely.Point(1.5, 1.25))
 
 
-def test_doors_that_no_event_names_stand_still():
-    fixed = [("closed", True), ("open", False)]
-    for initially, there in fixed:
+def test_doors_and_what_is_movable_may_change_without_an_event():
+    for initially, there in [("closed", True), ("open", False)]:
         doors = DOOR.replace("top: 2.1", f"top: 2.1, initially: {initially}")
-        timetable = parse_scenario(with_events("at: 1, remove: pole", doors=doors)).environment.timetable
-        assert ("front" in [solid.name for solid in timetable.fixed]) is there
-        assert [movable.name for movable in timetable.movables] == ["pole"]
+        text = with_events("at: 1, remove: bench", doors=doors).replace("name: pole,", "name: pole, movable: true,")
+        timetable = parse_scenario(text).environment.timetable
+        assert [solid.name for solid in timetable.fixed] == ["wall"]
+        assert [(each.name, each.placing is not None) for each in timetable.movables] == [
+            ("pole", True), ("bench", True), ("front", there),
+        ]  # fmt: skip
+
+
+def test_bodies_in_3d_meet_closed_doors_that_stay_closed():
+    doors = DOOR.replace("top: 2.1", "top: 2.1, initially: closed")
+    text = change(("motion: {set: default}\n", f"planner: collision3d\n{doors}"))
+    timetable = parse_scenario(text).environment.timetable
+    assert "front" in [solid.name for solid in timetable.fixed]
+    assert timetable.movables == ()
 
 
 def test_a_name_may_come_again_when_it_is_gone():
@@ -86,8 +96,8 @@ def test_a_name_may_come_again_when_it_is_gone():
         with_events("at: 1, remove: pole", "at: 2, insert: {name: pole, box: {min: [1, 1], max: [2, 2]}, top: 1}")
     )
     timetable = scenario.environment.timetable
-    assert [event.movable for event in timetable.events] == [0, 1]
-    assert timetable.movables[1].solids[0].top == 1.0
+    assert [timetable.movables[event.movable].name for event in timetable.events] == ["pole", "pole"]
+    assert timetable.movables[timetable.events[1].movable].solids[0].top == 1.0
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from crowdsim.cli.app import app
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.recording.header import AgentState
-from crowdsim.scenario.crowd_placement import place_crowd
+from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.loader import load_scenario
 from crowdsim.validate import report
 from crowdsim.validate.observed import SET_OUT, observe

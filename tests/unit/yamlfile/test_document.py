@@ -82,8 +82,8 @@ def test_an_absent_value_stands_where_its_key_does():
     ("text", "problem"),
     [
         ("a:\n\tb: 1\n", "f:2:1: a tab cannot indent YAML; use spaces"),
-        ("r: 1\nr: 2\n", "f:2:1: r: key given twice; it stands at line 1 already"),
-        ("x: {r: 1, r: {y: [1]}}\n", "f:1:11: x.r: key given twice; it stands at line 1 already"),
+        ("r: 1\nr: 2\n", "f:2:1: r: key given twice; it is at line 1 already"),
+        ("x: {r: 1, r: {y: [1]}}\n", "f:1:11: x.r: key given twice; it is at line 1 already"),
         ("a: &x 1\n", "f:1:4: a: anchors are not allowed ('&x')"),
         ("a: *x\n", "f:1:4: a: aliases are not allowed ('*x'); write the value out"),
         ("a: !!python/object:os.system 1\n", "f:1:4: a: tags are not allowed ('tag:yaml.org,2002:python/object:os.s"),

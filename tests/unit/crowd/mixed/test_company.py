@@ -17,7 +17,7 @@ from crowdsim.crowd.mixed.levels import (
     STAYS_FOR,
     Levels,
 )
-from crowdsim.scenario.crowd_placement import place_crowd
+from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls

@@ -141,6 +141,34 @@ def test_one_alone_is_captured_all_the_way(tmp_path: Path) -> None:
     assert alone["level_share"] == {"captured": 1.0, "steered": 0.0}
 
 
+BROAD = """\
+crowdsim: 1
+name: broad
+seed: {seed}
+duration: 60
+floor: {{rectangle: [0, 0, 40, 12]}}
+agents:
+  - {{name: many, count: 16, start_time: 0, start: {{rectangle: [17.5, 0.5, 20.5, 3]}},
+     goal: {{rectangle: [0.5, 10.5, 39.5, 11.5]}}}}
+"""
+
+
+@pytest.mark.parametrize("seed", [1, 2, 5])
+def test_who_goes_over_before_a_broad_region_goes_to_its_nearest_part(seed: int) -> None:
+    simulation, crowd = crowd_of(BROAD.format(seed=seed))
+    with simulation:
+        while not simulation.finished:
+            steered, played = crowd.steered.world.view(), crowd.captured.world.view()
+            to_go = dict(zip(steered.agent.tolist(), steered.row["togo"].tolist(), strict=True))
+            before = set(played.agent.tolist())
+            simulation.step()
+            played = crowd.captured.world.view()
+            for agent, pose, goal in zip(played.agent.tolist(), played.pose, played.goal, strict=True):
+                if agent not in before and agent in to_go:
+                    assert np.hypot(*(goal - pose[:2])) < to_go[agent] + 0.3
+    assert crowd.arrived == 16
+
+
 def test_where_a_camera_looks_more_is_captured(tmp_path: Path) -> None:
     usual = summary_of(square(1), tmp_path / "usual.h5")
     favored = square(1).replace("agents:", "captured_near: {point: [8, 6], radius: 20}\nagents:")

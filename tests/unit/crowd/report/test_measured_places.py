@@ -8,9 +8,10 @@ import pytest
 from shapely import Point, Polygon
 
 from crowdsim.cli.summary import summary_rows
-from crowdsim.crowd.report.measured_places import crossings_of, flow_of
+from crowdsim.crowd.report.measured_places import crossings_of
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.recording.header import AgentState
+from crowdsim.recording.measured import flow_of
 from crowdsim.recording.reader import Recording
 from crowdsim.scenario.loader import parse_scenario
 from tests.support.steered_scenes import steered_scene

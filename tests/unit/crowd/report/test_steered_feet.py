@@ -1,10 +1,11 @@
 """Feet of steered characters stand where they stand and stay over the floor, as the summary of a run says."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
 
-from crowdsim.crowd.report.steered_feet import SHORTEST, SteeredFeet
+from crowdsim.crowd.report.steered_feet import LONGEST, SHORTEST, SteeredFeet
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.ecs.world import View
 from crowdsim.library import library_folder
@@ -28,10 +29,11 @@ def walk() -> SteeredFeet:
     return SteeredFeet(read_clip(library_folder("behaviors") / "frontal" / "clips" / "walk.bvh"))
 
 
-def seen(x: float, phase: float, agent: int = 0) -> View:
+def seen(x: float, phase: float, agent: int = 0, number: int | None = None) -> View:
     row = np.zeros(1, ROW)
     row["x"] = x
-    return View({"agent": np.array([agent], np.int32), "id": np.array([agent]), "row": row, "phase": np.array([phase])})
+    ids = np.array([agent if number is None else number])
+    return View({"agent": np.array([agent], np.int32), "id": ids, "row": row, "phase": np.array([phase])})
 
 
 def test_the_lowest_point_is_told_of_a_body_that_sinks() -> None:
@@ -55,3 +57,18 @@ def test_nobody_says_nothing() -> None:
     for _ in range(2 * SHORTEST):
         feet.add(seen(0.0, 0.06, agent=10_000))
     assert feet.measure() == (None, None)
+
+
+def test_what_is_kept_of_a_long_run_does_not_grow() -> None:
+    """On a periodic floor, where tracks end again and again, and for who is steered again and again."""
+    feet = walk()
+    sizes = []
+    for step in range(4 * LONGEST):
+        if step in (LONGEST, 4 * LONGEST - 1):
+            sizes.append(len(pickle.dumps(feet)))
+        feet.add(seen(0.1 * (step % 50), 0.06))
+        feet.add(seen(0.1 * step, 0.06, 1, number=1 + step // 30))
+    assert sizes[0] == sizes[1]
+    speed, lowest = feet.measure()
+    assert speed is not None
+    assert lowest is not None

@@ -18,8 +18,9 @@ from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
 from crowdsim.following.follower.path_follower import FollowOptions
 from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.scenario.cast import place_agents
 from crowdsim.scenario.loader import parse_scenario
-from crowdsim.scenario.placement import STAND_ROOM, place_agents
+from crowdsim.scenario.people.placement import STAND_ROOM
 from crowdsim.scenario.schema.agents import STAND_WITHIN
 from tests.support.motion_search import search_motion
 

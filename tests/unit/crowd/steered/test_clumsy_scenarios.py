@@ -8,7 +8,7 @@ import pytest
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.recording.header import AgentState
-from crowdsim.scenario.crowd_placement import place_crowd
+from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.loader import parse_scenario
 from tests.support.steered_scenes import steered_scene
 

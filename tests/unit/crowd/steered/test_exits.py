@@ -14,7 +14,7 @@ from crowdsim.crowd.steered.exits import FLOW, LEAST_FLOW, exits_summary, flow_t
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.environment.layers import polygons_only
 from crowdsim.errors import ScenarioError
-from crowdsim.scenario.crowd_placement import place_crowd
+from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.steering.guidance.field import ways
 from tests.support.steered_scenes import steered_scene
@@ -184,8 +184,8 @@ def test_exits_are_summed_up() -> None:
         ("exits: {west: -1}", r"agents\.0\.exits: the share of 'west' must be a number from 0 to 1e\+06, got -1"),
         ("exits: {west: 0}", r"agents\.0\.exits: one share at least must be above 0"),
         ("exits: {west: 1}, choice: nearest", r"these 'exits' are assigned by their shares; drop 'choice'"),
-        ("exits: all, wait: 2", r"who goes to an exit leaves there; drop 'wait'"),
-        ("exits: all, on_arrival: stay", r"who goes to an exit leaves there; drop 'on_arrival'"),
+        ("exits: all, wait: 2", r"characters that go to an exit leave there; drop 'wait'"),
+        ("exits: all, on_arrival: stay", r"characters that go to an exit leave there; drop 'on_arrival'"),
         ("goal: {point: [5, 5]}, choice: nearest", r"'choice' is among exits; give 'exits' with it, or drop it"),
         ("goal: {point: [5, 5]}, exits: all", r"give exactly one of goal, goals, exits"),
     ],

@@ -8,13 +8,15 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.steered.parties import HELD_UP, stuck_beside
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.environment.spots import gathered
 from crowdsim.errors import ScenarioError
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
-from crowdsim.scenario.crowd_placement import SPARE, place_crowd
+from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.people.crowd_placement import SPARE
 from tests.support.steered_scenes import steered_scene
 
 HALL = "{rectangle: [0, 0, 24, 12]}"
@@ -161,7 +163,27 @@ def test_a_party_leaves_through_the_exit_of_its_first_one(tmp_path: Path) -> Non
 
 def test_captured_characters_do_not_walk_together() -> None:
     text = steered_scene(f"name: a, count: 2, together: 2, {EAST}", floor=HALL)
-    with pytest.raises(ScenarioError, match=r"agents\.0: who walks 'together' steers; give 'locomotion: auto'"):
+    with pytest.raises(
+        ScenarioError, match=r"agents\.0: parties that walk 'together' are steered; give 'locomotion: auto'"
+    ):
         parse_scenario(text.replace("locomotion: steered", "locomotion: captured"))
     auto = parse_scenario(text.replace("locomotion: steered", "locomotion: auto"))
     assert auto.locomotions() == {"steered"}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_stuck_agents_beside_are_those_that_a_look_at_all_pairs_finds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = 120
+    places = rng.uniform(0.0, 6.0, (count, 2))
+    places[5] = places[4]
+    first = np.arange(count) // 8 * 8
+    # Whole parties in one place, whose own members are the nearest.
+    places[16:24] = places[16] + rng.uniform(-0.1, 0.1, (8, 2))
+    rows, stuck = np.flatnonzero(rng.random(count) < 0.5), np.flatnonzero(rng.random(count) < 0.4 + 0.15 * seed)
+    expected = [any(first[a] != first[b] and np.hypot(*(places[a] - places[b])) < HELD_UP for b in stuck) for a in rows]
+    assert stuck_beside(places, first, rows, stuck).tolist() == expected
+    assert any(expected)
+    nobody = np.zeros(0, np.int64)
+    assert not stuck_beside(places, first, rows, nobody).any()
+    assert len(stuck_beside(places, first, nobody, stuck)) == 0

@@ -157,8 +157,14 @@ def test_a_periodic_floor_along_y_with_an_obstacle(tmp_path: Path) -> None:
         ((", periodic: x", ""), r"agents\.0\.goal\.along: the floor ends along x; give it 'periodic: x', or name"),
         (("along: +x", "along: +y"), r"agents\.0\.goal\.along: the floor ends along y"),
         (("along: +x", "along: x"), r"agents\.0\.goal\.along: unknown value 'x'"),
-        (("along: +x}", "along: +x}, on_arrival: stay"), r"nobody arrives on a way without end; drop 'on_arrival'"),
-        (("goal: {along: +x}", "goals: [{along: +x}, {point: [1, 1]}]"), r"a way along an axis has no end; give it as"),
+        (
+            ("along: +x}", "along: +x}, on_arrival: stay"),
+            r"characters never arrive on an endless way; drop 'on_arrival'",
+        ),
+        (
+            ("goal: {along: +x}", "goals: [{along: +x}, {point: [1, 1]}]"),
+            r"a way 'along' an axis is endless; give it as",
+        ),
         (("along: +x", "along: +x, point: [1, 1]"), r"give exactly one of rectangle, point, circle, polygon, along"),
         (("locomotion: steered", "locomotion: captured"), r"agents\.0: captured characters go to a region; give 'loc"),
         (("[-3, 0, 17, 3], p", "[-3, 0, 5, 3], p"), r"floor: a periodic floor is 10 m long at least, this one 8 m"),

@@ -76,7 +76,7 @@ def test_a_run_ends_if_nobody_left_has_a_way(tmp_path: Path) -> None:
     summary = summary_of(two_rooms(VISITORS, door_a="closed", door_b="closed", duration=120), tmp_path / "run.h5")
     assert summary["arrived"] == 0
     assert len(summary["unreachable"]) == 30
-    assert "no way leads" in summary["unreachable"]["0"]
+    assert "no path leads" in summary["unreachable"]["0"]
     assert summary["steps"] < 100
 
 

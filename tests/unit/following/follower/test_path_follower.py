@@ -301,7 +301,7 @@ def test_input_that_does_not_fit_is_refused(maps: MotionMaps) -> None:
     world, path = scene(OPEN_GROUND), sample([(0.0, 0.0), (5.0, 0.0)])
     with pytest.raises(MotionError, match="each of the 3 behaviors"):
         follow_path(Character(GRAPH, maps, RADII[:2], FACINGS[:2]), path, world.meshes, np.zeros(3))
-    with pytest.raises(MotionError, match="one candidate and looks at one branch"):
+    with pytest.raises(MotionError, match="at least one candidate and one branch"):
         follow(maps, world, path, (0.0, 0.0, 0.0), branches=0)
     short = Samples(path.pose[:1], path.arc[:1], path.behavior[:1])
     with pytest.raises(MotionError, match="two samples"):

@@ -87,13 +87,13 @@ def test_another_version_is_built_anew(captures: Path, tmp_path: Path, monkeypat
 def test_what_is_no_graph_is_refused(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "graph.npz"
     file.write_bytes(content)
-    with pytest.raises(MotionError, match=r"graph\.npz: not a motion graph"):
+    with pytest.raises(MotionError, match=r"graph\.npz: cannot be read as a motion graph"):
         load_graph(file)
 
 
 def test_another_archive_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "graph.npz", header=np.arange(3))
-    with pytest.raises(MotionError, match="not a motion graph"):
+    with pytest.raises(MotionError, match="cannot be read as a motion graph"):
         load_graph(tmp_path / "graph.npz")
 
 
@@ -101,7 +101,7 @@ def test_a_file_cut_short_is_refused(graph: MotionGraph, tmp_path: Path) -> None
     file = tmp_path / "graph.npz"
     save_graph(graph, file)
     file.write_bytes(file.read_bytes()[:-200])
-    with pytest.raises(MotionError, match="not a motion graph"):
+    with pytest.raises(MotionError, match="cannot be read as a motion graph"):
         load_graph(file)
 
 

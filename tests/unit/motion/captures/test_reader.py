@@ -152,11 +152,11 @@ def write_amc(folder: Path, motion: str, asf: str | None = None) -> Path:
         (":DEGREES\n1\nroot 0 0 zero 0 0 0\n", "not numbers"),
         (":DEGREES\n1\nroot 0 0 nan 0 0 0\n", "not finite"),
         (":DEGREES\n2\nroot 0 0 0 0 0 0\n", "frame 2 follows frame 0"),
-        (":DEGREES\n1\ntail 1 2 3\n", "'tail' is no bone"),
-        ("root 0 0 0 0 0 0\n", "no frame yet"),
+        (":DEGREES\n1\ntail 1 2 3\n", "'tail' is not a bone"),
+        ("root 0 0 0 0 0 0\n", "before the first frame"),
         (":RADIANS\n1\nroot 0 0 0 0 0 0\n", "radians"),
         (":DEGREES\n1\nroot 0 0 0 0 0 0\nlfoot 1 2 3\n2\nroot 0 0 0 0 0 0\n", "1 of 2 frames"),
-        ("\x00\xff", "text file"),
+        ("\x00\xff", "read as text"),
     ],
 )
 def test_what_is_wrong_in_an_amc_file_is_said(tmp_path: Path, motion: str, said: str) -> None:
@@ -173,7 +173,7 @@ def test_what_is_wrong_in_an_amc_file_is_said(tmp_path: Path, motion: str, said:
         ("", "hierarchy has no root"),
         (":bonedata\nbegin\nname a\nend\n", "no direction, length, axis"),
         (":hierarchy\nbegin\nroot a\nend\n", "order"),
-        (":root\norder TX TY TZ RX RY RZ\n:hierarchy\nbegin\nroot a\nend\n", "not there: a"),
+        (":root\norder TX TY TZ RX RY RZ\n:hierarchy\nbegin\nroot a\nend\n", "not defined: a"),
     ],
 )
 def test_what_is_wrong_in_an_asf_file_is_said(tmp_path: Path, asf: str, said: str) -> None:
@@ -340,3 +340,12 @@ def test_resampling_turns_along_the_shorter_arc() -> None:
 )  # fmt: skip
 def test_roles_of_the_usual_conventions(names: list[str]) -> None:
     assert find_roles(names) == {role: index for index, role in enumerate(ROLES)}
+
+
+def test_the_trunk_is_told_by_where_the_arms_hang() -> None:
+    names = ["Root", "A", "B", "LeftClav", "LeftUpperArm", "RightClav", "RightUpperArm", "N", "Top"]
+    parents = [-1, 0, 1, 2, 3, 2, 5, 2, 7]
+    roles = find_roles(names, parents)
+    assert (roles["chest"], roles["neck"], roles["head"]) == (2, 7, 8)
+    assert roles["hips"] == 0
+    assert "chest" not in find_roles(names)

@@ -194,7 +194,7 @@ def test_smoothing_keeps_ends_and_lowers_acceleration() -> None:
         (lambda track: set_cell(track, 30, 0, 50.0), "jumps after row 29"),
         (lambda track: set_cell(track, 30, 3, 0.0), "goes back after row 29"),
         (lambda track: track + np.outer(np.arange(len(track)) > 30, [0, 0, 0, 1]), "phase that jumps"),
-        (lambda track: set_cell(track, 30, 2, 2.5), "turns at once"),
+        (lambda track: set_cell(track, 30, 2, 2.5), "turns too fast"),
     ],
 )
 def test_tracks_that_nobody_can_walk_are_refused(change: object, message: str) -> None:

@@ -7,6 +7,7 @@ import shapely
 from crowdsim.jit import kernel
 from crowdsim.navmesh.editing import edit_kernels, outline_kernels
 from crowdsim.navmesh.editing.point_kernels import INSERT, REMOVE, edit_point
+from crowdsim.navmesh.editing.removable_kernels import is_free_point, removable
 from crowdsim.navmesh.editing.removal_kernels import remove_vertex
 from crowdsim.navmesh.editing.settle_kernels import settle
 from crowdsim.navmesh.mesh.address_kernels import mesh_at, places_of, workshop_at
@@ -26,6 +27,11 @@ def _take_out(m, w, v):
     w.progress[0].pairs = 0
     done = remove_vertex(m, w, v)
     return done and restore_delaunay(m, w, w.progress[0].pairs) == 0
+
+
+@kernel
+def _may_go(m, w, v):
+    return removable(m, w, v), is_free_point(m, v)
 
 
 @kernel
@@ -81,6 +87,29 @@ def test_vertices_come_out_in_any_order_and_leave_a_delaunay_triangulation(on_a_
     # What was freed is used again.
     again = {insert_point(mesh, x, y, -1, work) for x, y in places}
     assert again == set(ids.tolist())
+
+
+def test_what_may_go_has_no_constraint_or_lies_within_one():
+    mesh = resized(NavMesh(random_area(np.random.default_rng(6), "boxes", count=10)).arrays, 1000)
+    work, rng = workshop(1000), np.random.default_rng(5)
+    free = {insert_point(mesh, *place, -1, work) for place in rng.uniform(0.5, 11.0, (30, 2))}
+    sides = mesh.sides[: 3 * int(mesh.frame["triangles"][0])]
+    # On which lines the two constraints of a vertex lie says whether they could be one side.
+    inner = 0
+    hull = sides["org"][sides["twin"] < 0]
+    inside = mesh.vertices["vref"][sides["org"]] <= 0
+    for v in np.setdiff1d(sides["org"][inside], hull):
+        leaving = np.flatnonzero((sides["org"] == v) & (sides["constraints"] != 0))
+        removes, points = _may_go(mesh, work, v)
+        assert points == (len(leaving) == 0)
+        ends = mesh.vertices[sides["org"][sides["twin"][leaving]]]
+        steps = np.stack([ends["x"] - mesh.vertices["x"][v], ends["y"] - mesh.vertices["y"][v]], axis=1)
+        straight = len(leaving) == 2 and abs(np.linalg.det(steps)) < 1e-9
+        assert not removes or len(leaving) == 0 or straight
+        assert removes or len(leaving) > 0
+        inner += removes and straight
+    assert inner > 0
+    assert all(_may_go(mesh, work, v)[0] for v in free)
 
 
 def test_windings_kept_up_to_date_are_those_of_a_flood():

@@ -6,7 +6,7 @@ from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.jit import kernel
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.planner import Planner
-from crowdsim.steering.guidance.field import SIDEWAYS, asked_of, guide, solve_field, ways
+from crowdsim.steering.guidance.field import SIDEWAYS, asked_of, guide, solve_field, way_end, ways
 from crowdsim.steering.guidance.field_kernels import eighth_of
 from crowdsim.steering.guidance.ground_kernels import PACE
 from crowdsim.steering.guidance.guidance import solve_fields
@@ -46,6 +46,34 @@ def test_ways_around_corners_are_nearly_as_short_as_the_shortest():
     assert longer.min() > -0.01
     assert longer.mean() < 0.01
     assert longer.max() < 0.04
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_way_ends_in_the_goal_as_far_off_as_it_is_long(seed):
+    areas = scene(seed)
+    ground = ground_of(areas)
+    goal = shapely.Point(*free_places(areas, 1, seed + 50, 0.4)[0]).buffer(1.5)
+    field = solve_field(ground, goal)
+    places = free_places(areas, 60, seed, 0.26)
+    lengths = ways(ground, field, places).length
+    ends = np.array([way_end(ground, field, place) for place in places])
+    leads = np.isfinite(lengths)
+    assert (leads & (lengths > 0.0)).sum() > 20
+    assert np.isnan(ends[~leads]).all()
+    np.testing.assert_array_equal(ends[lengths == 0.0], places[lengths == 0.0])
+    assert shapely.contains_xy(goal, *ends[leads & (lengths > 0.0)].T).all()
+    # No way to there is shorter.
+    for row in np.flatnonzero(leads)[:6]:
+        there = ways(ground, solve_field(ground, ends[row]), places[row]).length[0]
+        assert lengths[row] == pytest.approx(there, rel=0.02, abs=0.05)
+
+
+def test_no_way_ends_nowhere():
+    area = shapely.box(0.0, 0.0, 4.0, 4.0)
+    ground = ground_of([area, area])
+    field = solve_field(ground, np.array([9.0, 9.0]))
+    assert np.isnan(way_end(ground, field, (2.0, 2.0))).all()
+    assert np.isnan(way_end(ground, field, (9.0, 2.0))).all()
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

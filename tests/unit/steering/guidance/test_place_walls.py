@@ -53,7 +53,7 @@ def test_a_single_layer_is_met_by_both():
 @pytest.mark.parametrize("seed", [0, 1])
 def test_an_edit_gives_what_new_walls_are(seed):
     areas = scene(seed)
-    things = [[shapely.box(4.0, 4.2, 4.9, 4.5), None], None]
+    things = {0: [shapely.box(4.0, 4.2, 4.9, 4.5), None]}
     walls = PlaceWalls(areas, things)
     first = walls.legs
     distances = first.distances.copy()
@@ -65,7 +65,8 @@ def test_an_edit_gives_what_new_walls_are(seed):
     ]
     for thing, outlines in moves:
         assert walls.put(thing, outlines) is not None
-        things[thing] = outlines
+        things = {**things, thing: outlines}
+        things = {number: each for number, each in things.items() if each is not None}
         anew = PlaceWalls(areas, things)
         assert_alike(walls.legs, anew.legs)
         assert_alike(walls.torso, anew.torso)
@@ -84,7 +85,7 @@ def test_walls_beyond_the_frame_are_built_from_the_start():
 def test_a_door_that_closes_changes_fields_and_walls():
     area = ROOM.difference(shapely.box(5.9, -1.0, 6.1, 9.0).difference(shapely.box(5.0, 3.0, 7.0, 4.2)))
     door = shapely.box(5.95, 2.9, 6.05, 4.3)
-    walls = PlaceWalls([area, area], [None])
+    walls = PlaceWalls([area, area])
     open_ground = build_ground(walls.segments().layers, NEED)
     start, goal = [[2.0, 3.5]], [10.0, 3.5]
     assert ways(open_ground, solve_field(open_ground, goal), start).length[0] == pytest.approx(8.0, abs=0.01)
@@ -100,4 +101,4 @@ def test_arguments():
     with pytest.raises(GeometryError, match="at least one layer"):
         PlaceWalls([])
     with pytest.raises(GeometryError, match="layers"):
-        PlaceWalls([ROOM, ROOM], [[BENCH]])
+        PlaceWalls([ROOM, ROOM], {0: [BENCH]})

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from crowdsim.scenario.draws import draw_spread, quantiles
+from crowdsim.scenario.people.draws import draw_spread, quantiles
 from crowdsim.scenario.schema.spreads import Spread
 
 COUNT = 10_000

@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from crowdsim.errors import ScenarioError
-from crowdsim.scenario.crowd_placement import BODY_DEPTH, SPARE, place_crowd
+from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.people.crowd_placement import BODY_DEPTH, SPARE
 from tests.support.steered_scenes import steered_scene
 
 FLOOR = "{rectangle: [0, 0, 60, 60]}"

@@ -6,8 +6,9 @@ import shapely
 
 from crowdsim.environment.spots import pieces_of
 from crowdsim.errors import ScenarioError
+from crowdsim.scenario.cast import place_agents
 from crowdsim.scenario.loader import load_scenario, parse_scenario
-from crowdsim.scenario.placement import NOMINAL_RADIUS, STAND_ROOM, place_agents
+from crowdsim.scenario.people.placement import NOMINAL_RADIUS, STAND_ROOM
 from crowdsim.scenario.schema.agents import STAND_WITHIN
 from tests.unit.scenario.sample import TEXT, change
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import ScenarioError
-from crowdsim.scenario.arrivals import start_times
+from crowdsim.scenario.cast import place_agents
 from crowdsim.scenario.loader import parse_scenario
-from crowdsim.scenario.placement import place_agents
+from crowdsim.scenario.people.arrivals import start_times
 from tests.unit.scenario.sample import change
 
 

@@ -13,8 +13,8 @@ from crowdsim.errors import ScenarioError
 from crowdsim.playback.crowd_mesh import CrowdMesh
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
-from crowdsim.scenario.attributes import draw_attributes
 from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.people.attributes import draw_attributes
 from tests.support.steered_scenes import steered_scene
 
 FLOOR = "{rectangle: [0, 0, 30, 30]}"
@@ -62,8 +62,11 @@ def test_stratified_words_have_their_shares() -> None:
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        ("{Age: 3}", r"7:\d+: agents\.0\.attributes: 'Age' is no name of an attribute; take small letters"),
-        ("{level: 3}", r"7:\d+: agents\.0\.attributes: the name 'level' is taken"),
+        (
+            "{Age: 3}",
+            r"7:\d+: agents\.0\.attributes: 'Age' is not a valid name of an attribute; use lower-case letters",
+        ),
+        ("{level: 3}", r"7:\d+: agents\.0\.attributes: the name 'level' has a meaning in playback colors"),
         ("{age: {mean: 3, words: {a: 1}}}", r"7:\d+: agents\.0\.attributes\.age: give exactly one of mean, .*words"),
         ("{age: {words: {a: 1}, max: 3}}", r"7:\d+: agents\.0\.attributes\.age: words have no bounds"),
         ("{age: {words: {a: -1}}}", r"7:\d+: agents\.0\.attributes\.age\.words\.a: must be greater than 0"),

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from crowdsim.errors import ScenarioError
-from crowdsim.scenario.draws import draw_spread
+from crowdsim.scenario.cast import place_agents
 from crowdsim.scenario.loader import parse_scenario
-from crowdsim.scenario.placement import place_agents
+from crowdsim.scenario.people.draws import draw_spread
+from crowdsim.scenario.people.walkers import draw_walkers
 from crowdsim.scenario.schema.spreads import Spread
-from crowdsim.scenario.walkers import draw_walkers
 from tests.support.steered_scenes import steered_scene
 
 FLOOR = "{rectangle: [0, 0, 60, 60]}"

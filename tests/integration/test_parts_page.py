@@ -1,0 +1,19 @@
+"""What docs/parts.md shows runs as it stands there, block after block."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.doc_blocks import printed_by
+
+
+def test_blocks_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert printed_by("parts.md") == [
+        "10.78 m, clearance 0.30 m in the gap",
+        "10.81 m around the crate",
+        "['frontal', 'lateral', 'frontal']",
+        "10.94 m, at most 4 % above the cheapest there can be",
+        "91 nodes, 219480 branches",
+        "FOUND after 11.1 m with 12 nodes",
+    ]

@@ -1,0 +1,14 @@
+"""Benchmark of live simulations on few characters."""
+
+from crowdsim.bench.live import measure
+
+
+def test_a_row_for_each_level():
+    measured = measure(seconds=4.0, characters=4)
+    assert [row["locomotion"] for row in measured.rows] == ["captured", "auto", "steered"]
+    for row in measured.rows:
+        assert row["steps"] > 10
+        assert row["clicks"] > 0
+        assert row["click_steps_most"] >= 1
+        assert row["pictures_lost"] >= 0
+        assert 0.0 <= row["late_percent"] <= 100.0

@@ -1,0 +1,148 @@
+"""Points of sweeps, what is kept of them, and their table."""
+
+import csv
+import io
+import json
+import math
+
+import pytest
+from scipy import stats
+
+from crowdsim.errors import CrowdSimError, ScenarioError
+from crowdsim.sweeps.picture import draw_sweep
+from crowdsim.sweeps.points import Point, points_of, read_seeds, read_setting
+from crowdsim.sweeps.running import Outcome
+from crowdsim.sweeps.store import Store
+from crowdsim.sweeps.table import means_of, table_of, usual_figures
+
+
+def test_points_are_all_combinations_with_the_seeds_innermost():
+    points = points_of("doorway", "1-2", ["agents.0.count=2,3", "duration=10,20"])
+    assert len(points) == 8
+    assert [point.seed for point in points[:2]] == [1, 2]
+    assert points[0].overrides == ["agents.0.count=2", "duration=10", "seed=1"]
+    assert [dict(point.settings)["agents.0.count"] for point in points] == ["2"] * 4 + ["3"] * 4
+    assert points_of("doorway")[0].overrides == ["seed=3"]
+
+
+def test_the_name_depends_on_text_changes_seed_and_version(monkeypatch):
+    point = Point("a", "/x", (("k", "1"),), 1)
+    names = {point.name, point._replace(text="b").name, point._replace(settings=(("k", "2"),)).name}
+    names |= {point._replace(seed=2).name, point._replace(settings=()).name}
+    assert len(names) == 5
+    assert point._replace(file="/y").name == point.name
+    before = point.name
+    monkeypatch.setattr("crowdsim.sweeps.points.__version__", "999")
+    assert point.name != before
+    assert len(before) == 64
+
+
+@pytest.mark.parametrize(
+    ("text", "seeds"), [("1-3", [1, 2, 3]), ("7", [7]), ("1,3,5-6,3", [1, 3, 5, 6]), (" 2 , 4 ", [2, 4])]
+)
+def test_seeds_are_read(text, seeds):
+    assert read_seeds(text) == seeds
+
+
+@pytest.mark.parametrize("text", ["", "a", "3-1", "1-", "-1", "1.5", "1-99999999999"])
+def test_wrong_seeds_are_refused(text):
+    with pytest.raises(CrowdSimError, match="--seeds"):
+        read_seeds(text)
+
+
+def test_commas_in_brackets_and_quotes_belong_to_a_value():
+    assert read_setting("a.b=1,2") == ("a.b", ["1", "2"])
+    key, values = read_setting("floor={rectangle: [0, 0, 4, 4]},{rectangle: [0, 0, 5, 5]}")
+    assert (key, values) == ("floor", ["{rectangle: [0, 0, 4, 4]}", "{rectangle: [0, 0, 5, 5]}"])
+    assert read_setting("name='a,b',c") == ("name", ["'a,b'", "c"])
+
+
+@pytest.mark.parametrize("text", ["a", "=1", "a=", "a=1,,2"])
+def test_wrong_settings_are_refused(text):
+    with pytest.raises(CrowdSimError, match="expected KEY=v1,v2"):
+        read_setting(text)
+
+
+def test_settings_given_twice_and_seeds_among_them_are_refused():
+    with pytest.raises(CrowdSimError, match="given twice"):
+        points_of("doorway", None, ["duration=1", "duration=2"])
+    with pytest.raises(CrowdSimError, match="--seeds"):
+        points_of("doorway", None, ["seed=1,2"])
+    with pytest.raises(ScenarioError):
+        points_of("no such scenario")
+
+
+def a_point(value: str, seed: int) -> Point:
+    return Point("text", "/file.yaml", (("width", value),), seed)
+
+
+def test_a_store_gives_back_what_it_keeps_and_forgets_what_is_damaged(tmp_path):
+    point, outcome = a_point("1", 1), Outcome({"t95": 1.5, "arrived": 3, "none": None})
+    with Store(tmp_path / "sweep") as store:
+        assert store.done(point) is None
+        store.keep(point, outcome)
+        store.keep(a_point("1", 2), Outcome({}, "the process died", lasting=False))
+        assert store.done(point) == outcome
+        assert store.done(a_point("1", 2)) is None
+        (store.points / ".left-behind.json").write_text("{", encoding="utf-8")
+        with pytest.raises(CrowdSimError, match="another sweep works"), Store(tmp_path / "sweep"):
+            pass
+    with Store(tmp_path / "sweep") as store:
+        assert store.done(point) == outcome
+        assert sorted(file.name for file in store.points.iterdir()) == [f"{point.name}.json"]
+        (store.points / f"{point.name}.json").write_text('{"figures": ', encoding="utf-8")
+        assert store.done(point) is None
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(CrowdSimError, match="no folder"):
+        Store(tmp_path / "file")
+
+
+def rows_of_two_widths():
+    rows = [
+        (a_point(width, seed), Outcome({"t95": float(width) * seed, "steps": 5}))
+        for width in "12"
+        for seed in (1, 2, 4)
+    ]
+    return [*rows, (a_point("3", 1), Outcome({}, 'no way, "at all"'))]
+
+
+def test_the_table_has_a_row_for_each_point_and_errors_too():
+    rows = rows_of_two_widths()
+    read = list(csv.DictReader(io.StringIO(table_of(rows))))
+    assert list(read[0]) == ["width", "seed", "error", "t95", "steps", "point"]
+    assert [row["t95"] for row in read] == ["1.0", "2.0", "4.0", "2.0", "4.0", "8.0", ""]
+    assert read[-1]["error"] == 'no way, "at all"'
+    assert read[0]["point"] == rows[0][0].name
+
+
+def test_means_have_students_band():
+    means = means_of(rows_of_two_widths(), "t95")
+    assert [dict(mean.settings)["width"] for mean in means] == ["1", "2"]
+    low, high = stats.t.interval(0.95, 2, 7 / 3, stats.sem([1.0, 2.0, 4.0]))
+    assert means[0][1:] == pytest.approx((3, 7 / 3, low, high))
+    (single,) = means_of(rows_of_two_widths()[:1], "t95")
+    assert single.mean == 1.0
+    assert math.isnan(single.low)
+
+
+def test_a_picture_is_drawn_of_any_sweep():
+    rows = rows_of_two_widths()
+    assert usual_figures(rows) == ["t95"]
+    figure = draw_sweep(rows, ["t95"])
+    assert "1 of 7 runs failed" in figure.get_suptitle()
+    assert draw_sweep(rows[-1:], []).axes[0].texts
+    named = [
+        (point._replace(settings=(("kind", value), ("n", "1"))), outcome)
+        for value in ("a", "b")
+        for point, outcome in rows[:3]
+    ]
+    labels = [label.get_text() for label in draw_sweep(named, ["t95"]).axes[0].get_xticklabels()]
+    assert labels == ["a", "b"]
+
+
+def test_kept_summaries_are_plain_json(tmp_path):
+    with Store(tmp_path) as store:
+        store.keep(a_point("1", 1), Outcome({"t95": 0.1 + 0.2}))
+    (file,) = (tmp_path / "points").iterdir()
+    held = json.loads(file.read_text(encoding="utf-8"))
+    assert held == {"settings": {"width": "1"}, "seed": 1, "error": "", "figures": {"t95": 0.1 + 0.2}}
