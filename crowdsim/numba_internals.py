@@ -164,9 +164,14 @@ class _CheckedCacheFile(IndexDataCacheFile):
         self._write(self._data_path(name), self._dump(data))
 
     def _write(self, path: str, data: bytes) -> None:
-        os.makedirs(self._cache_path, exist_ok=True)
-        with self._open_for_write(path) as file:
-            file.write(hashlib.sha256(data).digest() + data)
+        try:
+            os.makedirs(self._cache_path, exist_ok=True)
+            with self._open_for_write(path) as file:
+                file.write(hashlib.sha256(data).digest() + data)
+        except OSError as error:
+            folder = Path(self._cache_path).parent
+            message = f"compiled kernels are not stored in {folder} ({error.strerror or error}), so that the next run "
+            warnings.warn(message + "compiles them again; make room on its disk", CacheWarning, stacklevel=2)
 
     def _checked(self, path: str) -> bytes | None:
         """Return the content that was written, or None if the file is damaged."""

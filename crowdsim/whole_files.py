@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -12,6 +13,14 @@ from crowdsim.errors import CrowdSimError
 
 MOST_BYTES = 1_000_000_000
 """Largest file that is read into memory [bytes]."""
+
+NO_ROOM = frozenset({errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO})
+"""Error numbers of writing to a disk that is full, a file that has reached its limit, or a broken disk."""
+
+
+def not_written(file: str | os.PathLike[str], error: OSError) -> str:
+    """Return the message that ``file`` cannot be written because of ``error``, and what to do."""
+    return f"cannot write {file} ({error.strerror or error}); make room on its disk, or choose another place"
 
 
 def require_regular(path: Path, kind: type[CrowdSimError], most: int = MOST_BYTES) -> None:
@@ -44,7 +53,7 @@ def whole_file(path: str | os.PathLike[str], suffixes: Sequence[str], what: str)
     Raises
     ------
     CrowdSimError
-        If the suffix is not allowed, the folder does not exist, or ``path`` is not a regular file.
+        If the suffix is not allowed, the folder does not exist, ``path`` is not a regular file, or its disk is full.
     """
     file = Path(path)
     if file.suffix.lower() not in suffixes:
@@ -54,12 +63,24 @@ def whole_file(path: str | os.PathLike[str], suffixes: Sequence[str], what: str)
         raise CrowdSimError(f"cannot write {file}: it is no regular file; choose another name")
     if not file.parent.is_dir():
         raise CrowdSimError(f"the folder {file.parent} does not exist; make it first")
-    handle, written = tempfile.mkstemp(suffix=file.suffix, prefix=f".{file.stem}-", dir=file.parent)
-    os.close(handle)
+    with _room_for(file):
+        handle, written = tempfile.mkstemp(suffix=file.suffix, prefix=f".{file.stem}-", dir=file.parent)
+        os.close(handle)
+        try:
+            yield Path(written)
+            os.chmod(written, 0o644)
+            os.replace(written, file)
+        except BaseException:
+            Path(written).unlink(missing_ok=True)
+            raise
+
+
+@contextmanager
+def _room_for(file: Path) -> Iterator[None]:
+    """Turn errors of a full disk into one that names ``file`` and what to do."""
     try:
-        yield Path(written)
-        os.chmod(written, 0o644)
-        os.replace(written, file)
-    except BaseException:
-        Path(written).unlink(missing_ok=True)
+        yield
+    except OSError as error:
+        if error.errno in NO_ROOM:
+            raise CrowdSimError(not_written(file, error)) from None
         raise

@@ -18,6 +18,7 @@ import typer
 from typer.core import TyperGroup
 
 from crowdsim.errors import CacheWarning, CrowdSimError, GeometryWarning
+from crowdsim.whole_files import NO_ROOM
 
 BAD_INPUT = 2
 BUG = 1
@@ -101,7 +102,8 @@ def describe(error: BaseException) -> tuple[str, int]:
         return "\n".join(f"error: {line}" for line in str(error).splitlines()), error.exit_code
     if isinstance(error, OSError):
         place = f"{error.filename}: " if error.filename else ""
-        return f"error: {place}{error.strerror or error}", BAD_INPUT
+        remedy = "; make room on the disk, or choose another place" if error.errno in NO_ROOM else ""
+        return f"error: {place}{error.strerror or error}{remedy}", BAD_INPUT
     what = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
     return f"internal error: {what}; run again with --debug to see where", BUG
 

@@ -31,6 +31,7 @@ from crowdsim.recording.header import (
 from crowdsim.recording.header_file import rewrite_movables, write_header
 from crowdsim.recording.measured import Measured, write_measured
 from crowdsim.recording.part_file import CHANGE, MOVABLE, PATH, STEP, PartFile
+from crowdsim.whole_files import not_written
 
 MOST_STEPS_HELD = 64
 """Largest number of steps held in memory, and in one compressed chunk of the file."""
@@ -279,9 +280,7 @@ class RecordingWriter:
         self._commit()
 
     def _failed(self, error: OSError) -> RecordingError:
-        return RecordingError(
-            f"cannot write {self.path} ({error.strerror or error}); make room on its disk, or choose another one"
-        )
+        return RecordingError(not_written(self.path, error))
 
     def _discard(self) -> None:
         file, self._file = self._file, None

@@ -118,22 +118,11 @@ def test_a_full_disk_is_told(environment):
     assert "No space left" in finished.stderr
 
 
-def heed_interrupts() -> None:
-    """A shell's background job ignores Ctrl-C, and so would its children: the tests too may run in one."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 def begin_run(environment: dict[str, str], folder: Path) -> subprocess.Popen[str]:
     """A run of the corridor that has begun to write its file."""
     command = [sys.executable, "-m", "crowdsim", "run", "corridor", "-o", "run.h5"]
     child = subprocess.Popen(
-        command,
-        cwd=folder,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=heed_interrupts,
+        command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     deadline = time.monotonic() + 300
     while not list(folder.iterdir()):

@@ -5,6 +5,7 @@ Meters, z up. A time code is a frame, the first one 0. All characters inherit on
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 from typing import Any
 
@@ -253,9 +254,15 @@ class _Stage:
         return turn.SetTranslateOnly(self._gf.Vec3d(*place))
 
     def write(self, file: Path) -> None:
-        """Write the stage."""
-        if not self._layer.Export(str(file)):
-            raise CrowdSimError(f"USD could not write {file.name}; check the room on the disk")
+        """Write the stage; raise OSError if the disk is full."""
+        from pxr import Tf
+
+        try:
+            written = self._layer.Export(str(file))
+        except Tf.ErrorException:
+            written = False
+        if not written:  # USD does not tell a full disk from a broken one
+            raise OSError(errno.EIO, "USD could not write it")
 
 
 def _offsets(skeleton: Skeleton) -> NDArray[np.float64]:

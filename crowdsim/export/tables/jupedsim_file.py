@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
@@ -35,10 +36,19 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
     ------
     RecordingError
         If the recording holds no free floors, or lacks the layer.
+    OSError
+        If the disk is full.
     """
+    try:
+        _fill(recording, file, choice, options)
+    except sqlite3.OperationalError as error:  # SQLite does not tell a full disk from a broken one
+        raise OSError(errno.EIO, f"SQLite: {error}") from None
+
+
+def _fill(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
+    """Write all tables into ``file``; it is deleted if anything fails, so a rollback is unnecessary."""
     steps = choice.steps
     first = int(steps[0]) // choice.every if len(steps) else 0
-    # If anything fails the file is deleted, so a rollback is unnecessary.
     with closing(sqlite3.connect(file)) as base:
         base.execute("PRAGMA synchronous=OFF")
         base.execute("PRAGMA journal_mode=OFF")

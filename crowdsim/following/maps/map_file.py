@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.errors import CacheWarning, MotionError
+from crowdsim.errors import CacheWarning, CrowdSimError, MotionError
 from crowdsim.following.maps.motion_maps import DEPTH, MAX_ENTRIES, REACH, MapArrays, MotionMaps
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.whole_files import whole_file
@@ -41,7 +41,8 @@ def maps_in_file(
     """Return the maps of ``graph`` from a file in ``folder``, or build them and store them there.
 
     The file's name is a hash of the graph and the numbers, so maps of another graph are never taken. A damaged file is
-    replaced, with a warning. Arguments as of :meth:`MotionMaps.build`.
+    replaced, with a warning; so is a full disk told, and the maps are used all the same. Arguments as of
+    :meth:`MotionMaps.build`.
     """
     file = folder / f"{maps_key(graph, depth, reach, max_entries)}{SUFFIX}"
     if file.is_file():
@@ -51,8 +52,13 @@ def maps_in_file(
             message = f"stored motion maps are rebuilt: {error}"
             warnings.warn(message, CacheWarning, stacklevel=2)
     maps = MotionMaps.build(graph, depth, reach, max_entries, progress, workers)
-    folder.mkdir(parents=True, exist_ok=True)
-    save_maps(maps, file)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        save_maps(maps, file)
+    except (CrowdSimError, OSError) as error:
+        warnings.warn(
+            f"motion maps are not stored, and built again in the next run: {error}", CacheWarning, stacklevel=2
+        )
     return maps
 
 

@@ -79,3 +79,13 @@ def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(CrowdSimError, match=r"\.maps"):
         save_maps(maps, tmp_path / "maps.txt")
     assert not list(tmp_path.iterdir())
+
+
+def test_maps_that_cannot_be_stored_are_used_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(maps: MotionMaps, file: Path) -> None:
+        raise CrowdSimError(f"cannot write {file} (No space left on device); make room on its disk")
+
+    monkeypatch.setattr(map_file, "save_maps", full)
+    with pytest.warns(CacheWarning, match="built again in the next run.*make room"):
+        maps = maps_in_file(tmp_path, GRAPH, **SMALL)
+    assert equal(maps, MotionMaps.build(GRAPH, **SMALL))
