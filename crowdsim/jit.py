@@ -1,14 +1,16 @@
 """The only module that configures numba: decorators for kernels, compiler options, cache folder.
 
 Kernels are compiled at their first call and cached on disk. numba's own cache notices an edit of the file that holds a
-kernel, but not an edit of another file whose functions the kernel calls. The cache folder is therefore named by a hash
-of all kernel sources, the numba version and the options: any edit starts a new folder.
+kernel, but not an edit of another file whose functions the kernel calls or whose constants it uses. The cache folder is
+therefore named by a hash of all kernel sources and what they import, the numba version and the options: any edit starts
+a new folder.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +23,16 @@ from numba.extending import intrinsic
 
 from crowdsim.cache_place import cache_base, temporary_base
 
-__all__ = ["array_at", "cache_folder", "compiled_kernels", "helper", "is_cold", "kernel", "kernel_name"]
+__all__ = [
+    "array_at",
+    "cache_folder",
+    "compiled_kernels",
+    "helper",
+    "is_cold",
+    "kernel",
+    "kernel_name",
+    "kernel_sources",
+]
 
 _OPTIONS = {
     "nogil": True,
@@ -37,12 +48,31 @@ numba.config.OPT = type(numba.config.OPT)(1)
 numba.config.LOOP_VECTORIZE = 0
 
 
+_IMPORTED = re.compile(rb"^from crowdsim\.([\w.]+) import", re.MULTILINE)
+
+
+def kernel_sources(package: Path) -> dict[Path, bytes]:
+    """Return the content of all files of ``package`` that compiled kernels depend on, by path, in order.
+
+    These are the kernels, and whatever they import, directly or not: numba compiles constants of other files into them.
+    """
+    waiting = [*package.rglob("*_kernels.py"), package / "jit.py", package / "numba_internals.py"]
+    sources: dict[Path, bytes] = {}
+    while waiting:
+        path = waiting.pop()
+        if path not in sources and path.is_file():
+            sources[path] = path.read_bytes()
+            names = _IMPORTED.findall(sources[path])
+            waiting += [package.joinpath(*name.decode().split(".")).with_suffix(".py") for name in names]
+    return dict(sorted(sources.items()))
+
+
 def _sources_key(kind: str) -> str:
     digest = hashlib.sha256(f"{numba.__version__} {sorted(_OPTIONS.items())} {kind}".encode())
     package = Path(__file__).parent
-    for path in [*sorted(package.rglob("*_kernels.py")), Path(__file__), package / "numba_internals.py"]:
+    for path, content in kernel_sources(package).items():
         digest.update(str(path.relative_to(package)).encode())
-        digest.update(path.read_bytes())
+        digest.update(content)
     return digest.hexdigest()[:16]
 
 
@@ -101,7 +131,7 @@ def is_cold() -> bool:
 
 def compiled_kernels() -> set[str]:
     """Return the names of the kernels that are compiled on this machine, as :func:`kernel_name` gives them."""
-    return {f"{file.parent.name.rpartition('_')[0]}/{file.name.partition('-')[0]}" for file in _FOLDER.rglob("*.nbi")}
+    return {f"{file.parent.name.rpartition('_')[0]}/{file.name.partition('-')[0]}" for file in _FOLDER.rglob("*.nbc")}
 
 
 def kernel_name(dispatcher: Any) -> str | None:

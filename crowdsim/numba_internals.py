@@ -32,7 +32,7 @@ _OVERRIDDEN = (
     (Lower, ("pre_lower", "lower_assign", "delvar")),
     (NativeLowering, ("lowering_class",)),
     (CompilerBase, ("define_pipelines",)),
-    (IndexDataCacheFile, ("_load_index", "_save_index", "_load_data", "_save_data", "_open_for_write", "_dump")),
+    (IndexDataCacheFile, ("save", "load", "_open_for_write", "_dump")),
     (JITCodeLibrary, ("codegen", "get_pointer_to_function", "_optimize_final_module", "_finalize_final_module")),
 )
 """Methods that the classes below override, by class. If numba no longer has one of them, its override has no effect."""
@@ -138,49 +138,42 @@ class _HelperCompiler(_KernelCompiler):
 
 
 class _CheckedCacheFile(IndexDataCacheFile):
-    """Cache file of compiled kernels with checksums: a damaged entry is compiled again, with a warning, never run."""
+    """Cache files of a compiled kernel, one for each signature, named by it, with its key and a checksum inside.
 
-    def _load_index(self) -> Any:
-        """Return the cached overloads by signature; none if there is no index, or it is damaged or out of date."""
-        try:
-            data = self._checked(self._index_path)
-            if data is None:
-                return {}
-            version, stamp, overloads = pickle.loads(data)
-        except FileNotFoundError:
-            return {}
-        return overloads if version == self._version and stamp == self._source_stamp else {}
+    numba numbers these files instead, and keeps an index. Two processes that compile two signatures at the same time
+    choose the same number, and then each may run the other's code. A damaged entry is compiled again, with a warning.
+    """
 
-    def _save_index(self, overloads: Any) -> None:
-        self._write(self._index_path, self._dump((self._version, self._source_stamp, overloads)))
-
-    def _load_data(self, name: str) -> Any:
-        data = self._checked(self._data_path(name))
-        if data is None:
-            raise OSError("damaged")  # numba then compiles again
-        return pickle.loads(data)
-
-    def _save_data(self, name: str, data: Any) -> None:
-        self._write(self._data_path(name), self._dump(data))
-
-    def _write(self, path: str, data: bytes) -> None:
+    def save(self, key: Any, data: Any) -> None:
+        """Save a compiled function; without effect, but for a warning, if the disk is full."""
+        content = self._dump((self._version, self._source_stamp, repr(key), data))
         try:
             os.makedirs(self._cache_path, exist_ok=True)
-            with self._open_for_write(path) as file:
-                file.write(hashlib.sha256(data).digest() + data)
+            with self._open_for_write(self._entry_path(key)) as file:
+                file.write(hashlib.sha256(content).digest() + content)
         except OSError as error:
             folder = Path(self._cache_path).parent
             message = f"compiled kernels are not stored in {folder} ({error.strerror or error}), so that the next run "
             warnings.warn(message + "compiles them again; make room on its disk", CacheWarning, stacklevel=2)
 
-    def _checked(self, path: str) -> bytes | None:
-        """Return the content that was written, or None if the file is damaged."""
-        with open(path, "rb") as file:
-            content = file.read()
+    def load(self, key: Any) -> Any:
+        """Return the compiled function of a key, None if there is none, or if it is damaged or out of date."""
+        path = self._entry_path(key)
+        try:
+            with open(path, "rb") as file:
+                content = file.read()
+        except OSError:
+            return None
         if hashlib.sha256(content[32:]).digest() == content[:32]:
-            return content[32:]
+            version, stamp, name, data = pickle.loads(content[32:])
+            if name == repr(key):
+                return data if version == self._version and stamp == self._source_stamp else None
         warnings.warn(f"a cached kernel is damaged and compiled again: {path}", CacheWarning, stacklevel=2)
         return None
+
+    def _entry_path(self, key: Any) -> str:
+        name = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
+        return os.path.join(self._cache_path, f"{self._index_name.removesuffix('.nbi')}.{name}.nbc")
 
 
 def _cache_path(function: Callable[..., Any], usual: str) -> str:
@@ -204,8 +197,10 @@ def borrowing_kernel(**options: Any) -> Callable[..., Any]:
         dispatcher = decorator(function)
         if options.get("cache"):
             kept = dispatcher._cache
-            stamp = kept._impl.locator.get_source_stamp()
-            kept._cache_path = _cache_path(function, kept._cache_path)
+            usual = kept._cache_path
+            kept._cache_path = _cache_path(function, usual)
+            # The folder of the package's kernels tells their sources; the times of other files tell theirs.
+            stamp = kept._impl.locator.get_source_stamp() if kept._cache_path == usual else None
             kept._cache_file = _CheckedCacheFile(kept._cache_path, kept._impl.filename_base, stamp)
         return dispatcher
 

@@ -234,6 +234,31 @@ def speed_at_density(case: str, area: str, bands: Sequence[tuple[float, float, f
     return judge
 
 
+def speeds_fall(cases: Sequence[str], area: str, source: str) -> Criterion:
+    """Check that the mean speed in an area falls from case to case [m/s]: the smallest fall must be positive."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        speeds = [runs[case].summary["areas"][area]["speed"] for case in cases]
+        falls = -np.diff(np.array([np.nan if speed is None else speed for speed in speeds]))
+        return [Finding(f"speed in the {area}, least fall", float(falls.min()), "m/s", 0.0, np.inf, source)]
+
+    return judge
+
+
+def takes_between(short: str, case: str, long: str, source: str) -> Criterion:
+    """Check that a case takes a time between those of two others [s]: the last character, and the mean."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        last = [runs[each].last for each in (short, case, long)]
+        mean = [float(runs[each].left.mean()) for each in (short, case, long)]
+        return [
+            Finding(f"last one out, {case}", last[1], "s", last[0], last[2], source),
+            Finding(f"mean time, {case}", mean[1], "s", mean[0], mean[2], source),
+        ]
+
+    return judge
+
+
 def leaves_through(case: str, assigned: Mapping[str, int], source: str) -> Criterion:
     """Check the number of characters that leave through each exit."""
 

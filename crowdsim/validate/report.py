@@ -76,6 +76,7 @@ def as_json(outcomes: Sequence[Outcome], locomotion: str) -> dict[str, Any]:
                 "title": outcome.test.title,
                 "source": outcome.test.source,
                 "passed": outcome.passed,
+                "verdict": outcome.verdict,
                 "seeds": list(outcome.seeds),
                 "seconds": round(outcome.seconds, 1),
                 "figures": [figure(findings) for findings in outcome.findings],
@@ -87,32 +88,45 @@ def as_json(outcomes: Sequence[Outcome], locomotion: str) -> dict[str, Any]:
     }
 
 
-def as_markdown(outcomes: Sequence[Outcome], locomotion: str, pictures: str) -> str:
-    """Return the page of the docs; ``pictures`` is the folder beside it with a picture of each test."""
+_VERDICTS = {
+    "passed": "passed",
+    "departs": "departs from the guideline on purpose",
+    "failed": "**failed**",
+}
+
+
+def as_markdown(outcomes: Sequence[Outcome], locomotion: str, page: Path) -> str:
+    """Return the page of the docs; ``images/NAME`` beside ``page`` (``NAME.md``) has a picture of each test."""
     seeds = outcomes[0].seeds
-    passed = sum(outcome.passed for outcome in outcomes)
+    counts = {verdict: sum(outcome.verdict == verdict for outcome in outcomes) for verdict in _VERDICTS}
+    minutes = sum(outcome.seconds for outcome in outcomes) / 60.0
+    departing = f", {counts['departs']} departs from its guideline on purpose" if counts["departs"] else ""
     text = [
-        "# Validation",
+        f"# Validation, {locomotion}",
         "",
-        "Made by `crowdsim validate --seeds "
-        f"{len(seeds)} --locomotion {locomotion} --markdown docs/validation.md`: do not edit by hand.",
+        f"How `{locomotion}` characters ([levels.md](levels.md)) do in the tests by which evacuation models are "
+        "judged. For readers who compare models, or have to show that one is fit for use.",
         "",
-        f"{passed} of {len(outcomes)} tests pass: every figure is in its band with each seed ({_span(seeds)}).",
-        f"Characters are `{locomotion}` ([levels.md](levels.md)). A figure that is unknown, as a character stayed,",
-        "is `nan` or `inf` and does not pass. Pictures show the ways of the first run of a test, each group in a color",
-        "of its own, with the areas and lines that are measured; `--html OUT.html` writes one page with them in it.",
+        f"{counts['passed']} of {len(outcomes)} tests pass{departing}, {counts['failed']} fail. A test passes if every "
+        f"figure is in its band with each seed ({_span(seeds)}).",
+        "",
+        f"Made by `crowdsim validate --seeds {len(seeds)} --locomotion {locomotion} --markdown docs/{page.name}`, do "
+        f"not edit by hand: {minutes:.0f} minutes of computing, two runs at a time.",
+        "A figure that is unknown, as a character stayed, is `nan` or `inf` and does not pass. Pictures show the ways",
+        "of the first run of a test, each group in a color of its own, with the areas and lines that are measured;",
+        "`--html OUT.html` writes one page with them in it.",
         "`--list` names the tests, `--jobs` is how many runs go on at once, `--json` gives everything with the hash of",
         "each run. The exit code is 4 if a test fails.",
         "",
     ]
     for outcome in outcomes:
-        verdict = "passed" if outcome.passed else "**failed**"
+        verdict = _VERDICTS[outcome.verdict]
         text += [f"## {outcome.test.name}: {outcome.test.title}", "", f"{outcome.test.source}: {verdict}.", ""]
         text += [outcome.test.meaning, ""]
         text += ["| figure | least | median | most | band | in it | from |", "|---|---|---|---|---|---|---|"]
         for row in rows_of([outcome]):
             text.append("| " + " | ".join(row[column] for column in COLUMNS[1:]) + " |")
-        picture = f"{pictures}/{outcome.test.name}.png"
+        picture = f"images/{page.stem}/{outcome.test.name}.png"
         text += ["", f"![Ways of {outcome.test.cases[0].name}]({picture})", ""]
     text += ["## Not run", "", "| test | what it is about | why not |", "|---|---|---|"]
     text += [f"| {missing.source} | {missing.title} | {missing.reason} |" for missing in MISSING]
@@ -123,7 +137,7 @@ def as_html(outcomes: Sequence[Outcome], locomotion: str, pictures: Path) -> str
     """Return one page that contains the pictures."""
     parts = [f"<h1>Validation, {html.escape(locomotion)} characters, seeds {_span(outcomes[0].seeds)}</h1>"]
     for outcome in outcomes:
-        verdict = "passed" if outcome.passed else "failed"
+        verdict = outcome.verdict
         parts.append(
             f"<h2 class='{verdict}'>{html.escape(f'{outcome.test.name}: {outcome.test.title}, {verdict}')}</h2>"
         )
@@ -144,7 +158,8 @@ def as_html(outcomes: Sequence[Outcome], locomotion: str, pictures: Path) -> str
     parts.append(f"<h2>Not run</h2><table>{missing}</table>")
     style = (
         "body{font-family:sans-serif;max-width:70em;margin:2em auto}table{border-collapse:collapse}"
-        "td,th{border:1px solid #ccc;padding:.2em .5em;text-align:left}.failed{color:#b00}.passed{color:#060}"
+        "td,th{border:1px solid #ccc;padding:.2em .5em;text-align:left}"
+        ".failed{color:#b00}.departs{color:#850}.passed{color:#060}"
     )
     return (
         "<!doctype html><html lang='en'><head><meta charset='utf-8'><title>crowdsim validate</title>"

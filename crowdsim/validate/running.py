@@ -50,6 +50,14 @@ class Outcome(NamedTuple):
         """Return whether every figure of every seed is within its band."""
         return all(finding.passed for row in self.findings for finding in row)
 
+    @property
+    def verdict(self) -> str:
+        """Return ``passed``, ``departs`` if only figures that do so on purpose are outside, or ``failed``."""
+        outside = {finding.what for row in self.findings for finding in row if not finding.passed}
+        if not outside:
+            return "passed"
+        return "departs" if outside <= set(self.test.departs) else "failed"
+
 
 def run_tests(
     tests: Sequence[Test],

@@ -42,6 +42,6 @@ def _sum_of_filled(n):
 
 def test_a_helper_is_linked_into_its_kernels_and_has_no_cache_of_its_own() -> None:
     assert _sum_of_filled(5) == 10.0
-    kept = {file.name for file in cache_folder().rglob("*.nbi")}
+    kept = {file.name for file in cache_folder().rglob("*.nbc")}
     assert any("_sum_of_filled" in name for name in kept)
     assert not any("._filled" in name for name in kept)

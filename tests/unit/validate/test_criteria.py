@@ -175,3 +175,27 @@ def test_parties_are_held_to_their_share_of_time_together() -> None:
     for share, passed in ((0.96, True), (0.94, False), (None, False)):
         (found,) = test({"run": made_up(summary={"together": {"pairs": share}})})
         assert found.passed == passed
+
+
+def test_speeds_fall_from_case_to_case() -> None:
+    test = criteria.speeds_fall(("a", "b", "c"), "corridor", "x")
+
+    def seen(speed: float | None) -> Observed:
+        return made_up(summary={"areas": {"corridor": {"speed": speed}}})
+
+    assert judged(test, a=seen(1.2), b=seen(1.0), c=seen(0.9)) == [(0.1, True)]
+    assert judged(test, a=seen(1.2), b=seen(0.9), c=seen(0.95)) == [(-0.05, False)]
+    assert not judged(test, a=seen(1.2), b=seen(None), c=seen(0.9))[0][1]
+
+
+def test_a_corner_takes_a_time_between_those_of_two_corridors() -> None:
+    test = criteria.takes_between("short", "corner", "long", "x")
+    short, long = made_up(left=np.array([8.0, 9.0, 10.0])), made_up(left=np.array([18.0, 19.0, 20.0]))
+    assert judged(test, short=short, corner=made_up(left=np.array([9.0, 10.0, 14.0])), long=long) == [
+        (14.0, True),
+        (11.0, True),
+    ]
+    slow = made_up(left=np.array([9.0, 10.0, 21.0]))
+    assert [passed for _, passed in judged(test, short=short, corner=slow, long=long)] == [False, True]
+    stays = made_up(left=np.array([9.0, 10.0, np.nan]))
+    assert [passed for _, passed in judged(test, short=short, corner=stays, long=long)] == [False, False]

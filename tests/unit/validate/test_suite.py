@@ -6,19 +6,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from typer.testing import CliRunner
 
+from crowdsim.analysis.measured_people import ONE_WAY_SPEEDS
 from crowdsim.cli.app import app
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.recording.header import AgentState
 from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.loader import load_scenario
 from crowdsim.validate import report
+from crowdsim.validate.criteria import Finding
 from crowdsim.validate.observed import SET_OUT, observe
-from crowdsim.validate.running import judge, load_case, run_case
-from crowdsim.validate.suite import FOLDER, MISSING, TESTS, find_tests
+from crowdsim.validate.running import Outcome, judge, load_case, run_case
+from crowdsim.validate.suite import FILE_SPEEDS, FOLDER, MISSING, TESTS, find_tests
 
-DOCS = Path(__file__).parents[3] / "docs" / "validation.md"
+DOCS = Path(__file__).parents[3] / "docs"
+PAGES = (DOCS / "validation.md", DOCS / "validation-auto.md")
 PLAIN = CliRunner()
 
 
@@ -42,13 +46,14 @@ def test_names_are_told_from_each_other_and_sources_are_named() -> None:
     assert all(missing.reason for missing in MISSING)
 
 
-def test_the_page_of_the_docs_has_every_test_and_what_is_not_run() -> None:
-    page = DOCS.read_text(encoding="utf-8")
+@pytest.mark.parametrize("file", PAGES, ids=lambda file: file.stem)
+def test_the_pages_of_the_docs_have_every_test_and_what_is_not_run(file: Path) -> None:
+    page = file.read_text(encoding="utf-8")
     assert set(re.findall(r"^## ([\w.-]+):", page, re.M)) == {test.name for test in TESTS}
     for missing in MISSING:
         assert f"| {missing.source} | {missing.title} | {missing.reason} |" in page
     for test in TESTS:
-        assert (DOCS.parent / "images" / "validation" / f"{test.name}.png").is_file()
+        assert (DOCS / "images" / file.stem / f"{test.name}.png").is_file()
 
 
 def test_a_run_is_observed_as_a_slow_look_at_its_recording_has_it(tmp_path: Path) -> None:
@@ -87,7 +92,7 @@ def test_a_test_passes_is_reported_and_comes_out_the_same_again(tmp_path: Path, 
     page = report.as_html([outcome], locomotion, tmp_path / "pictures")
     assert page.count("data:image/png;base64,") == 1
     assert "rimea-1: speed in a corridor, passed" in page
-    assert f"| time between the lines [s] | {value:.3g} |" in report.as_markdown([outcome], locomotion, "images/page")
+    assert f"| time between the lines [s] | {value:.3g} |" in report.as_markdown([outcome], locomotion, Path("page.md"))
 
 
 def test_a_test_that_fails_says_so() -> None:
@@ -99,7 +104,61 @@ def test_a_test_that_fails_says_so() -> None:
     outcome = judge(test, [1], {("rimea-1", "corridor", 1): wrong})
     assert not outcome.passed
     assert report.rows_of([outcome])[0]["passed"] == "0 of 1"
-    assert "**failed**" in report.as_markdown([outcome], "steered", "images/page")
+    assert "**failed**" in report.as_markdown([outcome], "steered", Path("page.md"))
+
+
+def test_a_test_departs_only_in_the_figures_that_it_names() -> None:
+    test = find_tests(["imo-4"])[0]
+    (name,) = test.departs
+    outside, inside = Finding(name, 2.0, "/s", 0.0, 1.33, "x"), Finding("flow, room", 2.0, "/s", 1.4, 2.5, "x")
+    hashes = {"room": ("00",)}
+    assert Outcome(test, (1,), ((outside,), (inside,)), hashes, 1.0).verdict == "departs"
+    assert Outcome(test, (1,), ((outside,), (inside._replace(value=3.0),)), hashes, 1.0).verdict == "failed"
+    assert Outcome(test, (1,), ((outside._replace(value=1.0),), (inside,)), hashes, 1.0).verdict == "passed"
+
+
+TARGETS = {
+    "rimea_01_corridor": ("rimea_01", 0),
+    "rimea_04_fd_periodic": ("rimea_04", 0),
+    "rimea_05_premovement": ("rimea_05", 0),
+    "rimea_06_corner": ("rimea_06", 0),
+    "rimea_09_hall_4": ("rimea_09", 0),
+    "rimea_12_bottleneck": ("rimea_12", 0),
+    "rimea_12d_width_080": ("rimea_12d_080", 0),
+    "rimea_12d_width_120": ("rimea_12d_120", 0),
+    "rimea_12d_width_200": ("rimea_12d_200", 0),
+    "imo_08_counterflow_000": ("imo_08_one_way", 0),
+    "imo_08_counterflow_050": ("imo_08_both_ways", 0),
+    # The hall with two doors shut keeps the niches of these, and the ring's floor has chords of its own.
+    "rimea_09_hall_2": ("rimea_09", 2.0),
+    "seyfried_ring_2005": ("rimea_16", 0.05),
+}
+"""Scenario of each target, and by how much their floors differ [m2]."""
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_scenarios_are_laid_out_as_their_targets(shared: Path, name: str) -> None:
+    target = json.loads((shared / "targets" / f"{name}.json").read_text())
+    scenario = load_scenario(FOLDER / f"{TARGETS[name][0]}.yaml")
+    floor = scenario.environment.layers[0].free
+    differing = shapely.from_wkt(target["walkable_wkt"]).symmetric_difference(floor).area
+    assert differing == pytest.approx(TARGETS[name][1], abs=1e-6) or differing < TARGETS[name][1]
+    if name == "seyfried_ring_2005":
+        return  # its people are spread over the ring by quarters
+    for group, wanted in zip(scenario.agents, target["groups"], strict=True):
+        start = shapely.from_wkt(wanted["start_wkt"])
+        assert group.start.shape().symmetric_difference(start).area < 1e-9
+        if name not in ("rimea_04_fd_periodic", "imo_08_counterflow_050"):  # these are swept
+            assert group.count == wanted["n"]
+
+
+def test_every_target_has_its_scenario_and_its_bands(shared: Path) -> None:
+    assert {file.stem for file in (shared / "targets").glob("*.json")} == {*TARGETS, "targets"}
+    targets = json.loads((shared / "targets" / "targets.json").read_text())
+    one_way = {row["rho"]: (row["v_p5"], row["v_p95"]) for row in targets["fd_unidirectional"]["method_C_classic"]}
+    assert {density: tuple(band) for density, *band in ONE_WAY_SPEEDS} == one_way
+    single_file = [(row[0], row[1], row[3]) for row in targets["rimea16_1d"]["rows"]]
+    np.testing.assert_allclose(FILE_SPEEDS, single_file[: len(FILE_SPEEDS)], atol=5e-5)
 
 
 def test_tests_are_listed_and_unknown_ones_refused(tmp_path: Path) -> None:
