@@ -41,9 +41,7 @@ def play(
     agent: Annotated[int | None, typer.Option("--agent", min=0, help="Character to follow.")] = None,
     color: Annotated[
         str,
-        typer.Option(
-            "--color", help="Meaning of shirt colors: behavior, agent, level, or an attribute of the scenario."
-        ),
+        typer.Option("--color", help="Meaning of shirt colors: behavior, group, agent, level, or an attribute."),
     ] = "behavior",
     size: Annotated[
         str | None,

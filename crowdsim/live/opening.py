@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.export.page.packed_bodies import LEVELS, pack_bodies
+from crowdsim.export.page.packed_bodies import LEVELS, pack_bodies, pack_looks
 from crowdsim.export.page.packed_place import density_cells, pack_scenery
 from crowdsim.export.page.packed_poses import pack_gaits, pack_nodes, pack_stretches, skeleton_facts
 from crowdsim.export.page.packing import Block
 from crowdsim.export.page.page import group_facts, page_units
 from crowdsim.export.page.track_chunks import Events, pack_events
 from crowdsim.live.pictures import TURN, picture_columns
-from crowdsim.playback.crowd_mesh import looks_of
 
 LONGEST_KEPT = 60.0
 """Time that a page looks back at most: trails, density and footsteps come of it [s]."""
@@ -65,5 +64,5 @@ def pack_opening(simulation: Simulation) -> bytes:
         block.add(name, np.zeros(0, np.float32))
     block.add("chunk_sizes", none.astype(np.uint32))
     block.add("density", np.zeros(0, np.float32))
-    block.add("looks", looks_of(count))
+    pack_looks(block, motion.skeleton, agents)
     return block.packed(facts)

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.playback.body_mesh import BodyMesh, Tissue, build_body
+from crowdsim.playback.bodies.builds import builds_of
+from crowdsim.playback.bodies.sculptor import build_body
+from crowdsim.playback.body_mesh import BodyMesh, Tissue
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.levels import Level
 from crowdsim.recording.reader import Recording
@@ -18,6 +20,9 @@ _TROUSERS = np.array([[74, 84, 108], [112, 100, 86], [66, 76, 88], [134, 128, 11
 _SKIN = np.array([[246, 208, 182], [226, 182, 148], [188, 136, 100], [142, 98, 72], [236, 194, 164]], np.uint8)
 _HAIR = np.array([[48, 36, 28], [86, 60, 38], [28, 26, 26], [142, 108, 66], [104, 98, 94]], np.uint8)
 _SHOES = np.array([[52, 50, 50], [92, 68, 52], [84, 86, 92]], np.uint8)
+
+_SHADES = np.array([0.0, -0.18, 0.16, -0.09, 0.26, 0.08, -0.26])
+"""How much of the shirts of characters is black, below 0, or white: they differ within the hue of their behavior."""
 
 LEVEL_COLORS = {Level.CAPTURED: "#2f8f6b", Level.STEERED: "#d2882b"}
 """Colors of shirts that show the level of a character."""
@@ -93,10 +98,18 @@ class CrowdMesh:
         self.colors = np.zeros((count, size, 3), np.uint8)
         self._color_by = color_by
         self._looks = looks_of(recording.agent_count)
+        self._shades = shades_of(recording.agent_count)
+        self._builds = builds_of(recording.agent_count, recording.header.motion.skeleton)
         self.legend: list[tuple[str, str]] = []
-        if color_by in recording.header.agents.attributes:
-            shirts, self.legend = attribute_colors(recording.header.agents.attributes[color_by])
+        agents = recording.header.agents
+        if color_by in agents.attributes:
+            shirts, self.legend = attribute_colors(agents.attributes[color_by])
             self._looks[:, Tissue.SHIRT] = shirts
+        elif color_by == "group":
+            names = sorted(set(agents.groups))
+            colors = np.array(group_colors(len(names)), np.uint8)
+            self._looks[:, Tissue.SHIRT] = shaded(colors[np.searchsorted(names, agents.groups)], self._shades)
+            self.legend = [(name, _hex(color)) for name, color in zip(names, colors, strict=True)]
         self._behaviors = np.array([hex_color(behavior.color) for behavior in recording.header.behaviors])
         angle = 2.0 * np.pi * np.arange(_SHADOW_SIDES) / _SHADOW_SIDES
         rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -121,11 +134,11 @@ class CrowdMesh:
         if not count:
             return
         positions, rotations = self._recording.poses_at(time, here)
-        self.points[:count], self.normals[:count] = self._body.place(positions, rotations)
+        self.points[:count], self.normals[:count] = self._body.place(positions, rotations, self._builds[here])
         self._cast_shadows(count, positions)
         looks = self._looks[here]
         if self._color_by == "behavior":
-            looks[:, Tissue.SHIRT] = self._behaviors[frame.behavior[here]]
+            looks[:, Tissue.SHIRT] = shaded(self._behaviors[frame.behavior[here]], self._shades[here])
         elif self._color_by == "level":
             steered = frame.steered[here, None]
             looks[:, Tissue.SHIRT] = np.where(steered, *(hex_color(LEVEL_COLORS[level]) for level in _LEVELS))
@@ -151,6 +164,26 @@ class CrowdMesh:
             disc = disc + _FOOT[1] * self._shadow[None, :, 1:] * across[:, None]
             middle = 0.5 * (heel + ball) + 0.03 * along
             shadows[:, number * size : (number + 1) * size, :2] = middle[:, None] + size_of * disc
+
+
+def shades_of(count: int) -> NDArray[np.float64]:
+    """Return (count,) how much of the shirt of each character is black, below 0, or white."""
+    return _SHADES[np.arange(count) % len(_SHADES)]
+
+
+def shaded(colors: Colors, shades: NDArray[np.float64]) -> Colors:
+    """Return colors (n, 3) mixed with black or white by ``shades`` (n,), as those of :func:`shades_of`."""
+    share = shades[:, None]
+    mixed: Colors = np.rint(colors + share * np.where(share > 0.0, 255.0 - colors, 1.0 * colors)).astype(np.uint8)
+    return mixed
+
+
+def group_colors(count: int) -> list[tuple[int, int, int]]:
+    """Return colors of groups: first eight that color-blind people tell apart (after Okabe and Ito), then by hue."""
+    known = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#8c6bb1", "#b8a500")
+    colors = [hex_color(text) for text in known[:count]]
+    colors += list(looks_of(max(count, 8))[8:count, 0])
+    return [(int(red), int(green), int(blue)) for red, green, blue in colors]
 
 
 def looks_of(count: int) -> Colors:

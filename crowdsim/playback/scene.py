@@ -29,7 +29,7 @@ from crowdsim.recording.reader import Recording
 TALL = 1.1
 """Height above which solids are drawn as glass, so that they do not hide characters behind them [m]."""
 
-COLORINGS = ("behavior", "agent", "level")
+COLORINGS = ("behavior", "group", "agent", "level")
 
 _SKY = ("#dfe6ec", "#f7f8f9")
 _FLOOR = "#f8f5ef"

@@ -20,6 +20,7 @@ from crowdsim.scenario.scenario import Scenario
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
 _DPI = 110
 _PANEL = 7.5
@@ -27,7 +28,10 @@ _PANEL = 7.5
 
 _FLOOR = "#f2f2ef"
 _BLOCKED = "#50545b"
-_START, _GOAL = "#2ca02c", "#ff7f0e"
+_GROUPS = ("#0072b2", "#d55e00", "#008060", "#b0488a", "#8a6d00", "#5b4bb5", "#00788c", "#a03030")
+"""Colors of groups, dark enough for their names."""
+_LINE = 15.0
+"""Distance between names that would overlap [points]."""
 
 
 def reachable_areas(scenario: Scenario, behaviors: Sequence[Behavior]) -> tuple[MultiPolygon, ...]:
@@ -58,6 +62,10 @@ def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
             fill(axes, area.difference(wider), facecolor=behavior.color, alpha=0.45, edgecolor="none", label=label)
         _draw_ends(axes, scenario)
     _finish(figure, scenario.name)
+    # Whether names overlap shows only once panels have their places.
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        _name_groups(axes, scenario)
     return figure
 
 
@@ -100,24 +108,44 @@ def _panels(scenario: Scenario) -> tuple[Figure, list[Axes]]:
 def _finish(figure: Figure, title: str) -> None:
     labels = dict(zip(*reversed(figure.axes[0].get_legend_handles_labels()), strict=True))
     figure.legend(labels.values(), labels.keys(), loc="outside lower center", ncols=2, frameon=False)
-    figure.suptitle(title)
+    figure.suptitle(title, x=0.01, ha="left", fontsize="medium")
 
 
 def _draw_layer(axes: Axes, scenario: Scenario, layer: ClearanceLayer) -> None:
     fill(axes, scenario.environment.floor, facecolor=_FLOOR, edgecolor=_BLOCKED, linewidth=0.8)
     fill(axes, layer.obstacles.intersection(scenario.environment.floor), facecolor=_BLOCKED, edgecolor="none")
     heights = f"{layer.low:g} to {layer.high:g} m" if layer.high > layer.low else f"at {layer.low:g} m"
-    axes.set_title(f"{layer.name}, {heights}", fontsize="medium")
+    axes.set_title(f"{layer.name}, {heights}", fontsize="medium", loc="left")
 
 
 def _draw_ends(axes: Axes, scenario: Scenario) -> None:
-    """Draw start and goals of each group, with its name in the middle of them."""
+    """Draw start and goals of each group in its color, starts solid and goals dashed."""
     for number, group in enumerate(scenario.agents):
-        goals = [("goal", shape, _GOAL) for _, shape in scenario.destinations(number)]
-        for what, shape, color in (("start", group.start.shape(), _START), *goals):
+        color = _GROUPS[number % len(_GROUPS)]
+        goals = [("goal", shape, "--") for _, shape in scenario.destinations(number)]
+        for what, shape, style in (("start", group.start.shape(), "-"), *goals):
             if isinstance(shape, Point):
-                axes.plot(shape.x, shape.y, "o", color=color, markersize=7.0, label=what)
+                marker = "o" if what == "start" else "s"
+                axes.plot(shape.x, shape.y, marker, color=color, markersize=7.0, label=what)
             else:
-                fill(axes, shape, facecolor="none", edgecolor=color, linewidth=1.6, label=what)
-            place = shape.centroid
-            axes.annotate(group.name, (place.x, place.y), color=color, fontsize="small", ha="center", va="center")
+                fill(axes, shape, facecolor="none", edgecolor=color, linewidth=1.6, linestyle=style, label=what)
+
+
+def _name_groups(axes: Axes, scenario: Scenario) -> None:
+    """Name each group once, at its start, shifted up or down where names would overlap."""
+    taken: list[Bbox] = []
+    for number, group in enumerate(scenario.agents):
+        color = _GROUPS[number % len(_GROUPS)]
+        place = group.start.shape().centroid
+        name = axes.annotate(
+            group.name, (place.x, place.y), xytext=(0, 0), textcoords="offset points", color=color, fontsize="small",
+            ha="center", va="center", annotation_clip=False,
+            bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+        )  # fmt: skip
+        # Try places ever farther below and above the middle of the start.
+        for step in range(2 * len(scenario.agents)):
+            name.set_position((0, _LINE * ((step + 1) // 2) * (-1 if step % 2 else 1)))
+            box = name.get_window_extent()
+            if not any(box.overlaps(other) for other in taken):
+                break
+        taken.append(box)

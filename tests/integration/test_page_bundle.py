@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.browser import missing
+from tests.support.browser import NPM_CI, missing
 
 PAGE = Path(__file__).parents[2] / "crowdsim" / "export" / "page"
 SOURCE = PAGE / "viewer"
@@ -18,12 +18,12 @@ SOURCE = PAGE / "viewer"
 def built(tmp_path_factory):
     """A copy of the viewer's folder in which its bundle was made anew."""
     if shutil.which("npm") is None:
-        missing("npm is not installed: apt-get install npm")
+        missing("npm is not installed: apt-get install npm", NPM_CI)
     copy = tmp_path_factory.mktemp("page") / "viewer"
     shutil.copytree(SOURCE, copy, ignore=shutil.ignore_patterns("node_modules"))
     for command in (["npm", "ci", "--no-audit", "--no-fund", "--ignore-scripts"], ["npm", "run", "build"]):
         done = subprocess.run(command, cwd=copy, capture_output=True, text=True, timeout=600)
-        if done.returncode and command[1] == "ci" and not os.environ.get("CROWDSIM_CI"):
+        if done.returncode and command[1] == "ci" and not os.environ.get(NPM_CI):
             pytest.skip(f"no npm registry is to be reached: {done.stderr[-300:]}")
         assert done.returncode == 0, done.stdout + done.stderr
     return copy.parent
@@ -50,7 +50,7 @@ def test_what_live_pages_add_is_small_and_holds_no_copy_of_the_viewer():
 
 def test_every_module_can_be_read_by_node():
     if shutil.which("node") is None:
-        missing("node is not installed: apt-get install nodejs")
+        missing("node is not installed: apt-get install nodejs", NPM_CI)
     for module in (*SOURCE.glob("source/**/*.js"), SOURCE / "build.mjs"):
         done = subprocess.run(["node", "--check", str(module)], capture_output=True, text=True)
         assert done.returncode == 0, done.stderr

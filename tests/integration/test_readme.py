@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "README.md", ROOT / "docs" / "quickstart.md")
@@ -92,6 +93,15 @@ def test_files_that_a_page_points_to_exist(page):
 
 def test_the_readme_fits_two_screens():
     assert PAGES[0].read_text(encoding="utf-8").count("\n") <= 110
+
+
+def test_the_first_screen_moves_and_tells_of_the_page():
+    first = PAGES[0].read_text(encoding="utf-8").splitlines()[:25]
+    assert any(re.search(r"\bpage\b", line) and "crowdsim export" in line for line in first)
+    (picture,) = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", "\n".join(first))
+    assert (ROOT / picture).stat().st_size < 3_000_000
+    with Image.open(ROOT / picture) as moving:
+        assert moving.n_frames > 1
 
 
 MADE_BY_A_COMMAND = {"validation.md", "validation-auto.md"}

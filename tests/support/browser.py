@@ -15,14 +15,17 @@ import pytest
 CI = "CROWDSIM_CI"
 """Environment variable: a missing browser fails the test instead of skipping it."""
 
+NPM_CI = "CROWDSIM_CI_NPM"
+"""Environment variable: npm and its registry must be there."""
+
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 _FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 
-def missing(what: str) -> None:
-    """Skip the test, or fail it if everything must be installed."""
-    if os.environ.get(CI):
-        pytest.fail(f"{what}; this machine has to have it ({CI} is set)")
+def missing(what: str, switch: str = CI) -> None:
+    """Skip the test, or fail it if the environment variable ``switch`` says that this must be installed."""
+    if os.environ.get(switch):
+        pytest.fail(f"{what}; this machine has to have it ({switch} is set)")
     pytest.skip(what)
 
 

@@ -104,11 +104,13 @@ class _Parts:
         """Return the collected prisms as one body."""
         points, triangles = np.concatenate(self._points), np.concatenate(self._triangles)
         joint = np.concatenate(self._joints)
+        tissue = np.concatenate(self.tissue)
         return BodyMesh(
             triangles=triangles,
-            tissue=np.concatenate(self.tissue),
+            tissue=tissue,
             joints=np.stack([joint, joint], axis=1),
             weights=np.tile(np.array([1.0, 0.0], np.float32), (len(points), 1)),
             places=np.repeat((points - self._rest[joint])[:, None], 2, axis=1).astype(np.float32),
-            normals=vertex_normals(points, triangles).astype(np.float32),
+            normals=np.repeat(vertex_normals(points, triangles)[:, None], 2, axis=1).astype(np.float32),
+            fullness=np.isin(tissue, (Tissue.SHIRT, Tissue.TROUSERS)).astype(np.float32),
         )

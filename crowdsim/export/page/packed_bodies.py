@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.export.page.far_body import build_far_body
-from crowdsim.export.page.packing import Block
+from crowdsim.export.page.packing import Block, Ints
 from crowdsim.motion.clips.skeleton import Skeleton
-from crowdsim.playback.body_mesh import BodyMesh, build_body
+from crowdsim.playback.bodies.builds import builds_of
+from crowdsim.playback.bodies.sculptor import build_body
+from crowdsim.playback.body_mesh import BodyMesh
+from crowdsim.playback.crowd_mesh import looks_of, shades_of
 
 LEVELS = 200
 """Number of characters present at once above which distant ones are drawn with few vertices."""
@@ -35,6 +38,13 @@ def pack_bodies(block: Block, skeleton: Skeleton, most_present: int) -> dict[str
     return facts
 
 
+def pack_looks(block: Block, skeleton: Skeleton, agents: Ints) -> None:
+    """Add the looks of ``agents`` (n,) to the block: colors of tissues; stature, girth [m], and shade of the shirt."""
+    count = int(agents.max(initial=-1)) + 1
+    block.add("looks", looks_of(count)[agents])
+    block.add("builds", np.column_stack([builds_of(count, skeleton), shades_of(count)])[agents].astype(np.float32))
+
+
 def _pack(block: Block, name: str, body: BodyMesh) -> None:
     block.add(f"{name}_triangles", body.triangles.astype(np.uint16))
     block.add(f"{name}_tissue", body.tissue.astype(np.uint8))
@@ -42,6 +52,7 @@ def _pack(block: Block, name: str, body: BodyMesh) -> None:
     block.add(f"{name}_weights", np.rint(255.0 * body.weights[:, 0]).astype(np.uint8))
     block.add(f"{name}_places", _whole(body.places * PLACES))
     block.add(f"{name}_normals", np.rint(127.0 * body.normals).astype(np.int8))
+    block.add(f"{name}_fullness", np.rint(255.0 * body.fullness).astype(np.uint8))
 
 
 def _whole(values: NDArray[np.float32]) -> NDArray[np.int16]:

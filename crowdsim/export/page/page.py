@@ -16,7 +16,7 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.export.choice import Choice, choose
 from crowdsim.export.options import ExportOptions
 from crowdsim.export.page.choice import Chosen, shown_of
-from crowdsim.export.page.packed_bodies import LEVELS, pack_bodies
+from crowdsim.export.page.packed_bodies import LEVELS, pack_bodies, pack_looks
 from crowdsim.export.page.packed_place import pack_density, pack_paths, pack_place
 from crowdsim.export.page.packed_poses import (
     PHASES,
@@ -31,7 +31,7 @@ from crowdsim.export.page.packed_poses import (
 from crowdsim.export.page.packing import Block, Ints
 from crowdsim.export.page.track_chunks import PLACES, pack_events, pack_tracks, plan_chunks, turn_units
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
-from crowdsim.playback.crowd_mesh import hex_color, looks_of
+from crowdsim.playback.crowd_mesh import group_colors
 from crowdsim.playback.moments import telling_time
 from crowdsim.recording.header import AgentsRecord, AgentState, MotionRecord
 from crowdsim.recording.reader import Recording
@@ -188,7 +188,7 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
     pack_switches(block, recording, chosen)
     facts["paths"] = paths = paths or ("all" if most <= _PATHS_OF_ALL else "selected")
     facts["path_count"] = 0 if paths == "none" else pack_paths(block, recording, chosen)
-    block.add("looks", looks_of(recording.agent_count)[chosen.agents])
+    pack_looks(block, motion.skeleton, chosen.agents)
     return block.packed(facts)
 
 
@@ -225,14 +225,6 @@ def group_facts(agents: AgentsRecord, chosen: Ints) -> dict[str, Any]:
 
 def _number(value: float) -> float | None:
     return round(value, 2) if np.isfinite(value) else None
-
-
-def group_colors(count: int) -> list[tuple[int, int, int]]:
-    """Return colors of groups: first eight that color-blind people tell apart (after Okabe and Ito), then by hue."""
-    known = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#8c6bb1", "#b8a500")
-    colors = [hex_color(text) for text in known[:count]]
-    colors += list(looks_of(max(count, 8))[8:count, 0])
-    return [(int(red), int(green), int(blue)) for red, green, blue in colors]
 
 
 def activity(recording: Recording, chosen: Chosen) -> tuple[Ints, Ints, Ints]:

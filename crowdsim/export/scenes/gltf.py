@@ -17,8 +17,10 @@ from crowdsim.export.choice import Choice
 from crowdsim.export.options import ExportOptions
 from crowdsim.export.scenes.bodies import BodyMotion, body_motions, jumps
 from crowdsim.export.scenes.glb_file import INDICES, VERTICES, GltfBuffer
-from crowdsim.export.scenes.looks import VARIETY, body_of, paints, rest_points, tissue_triangles
+from crowdsim.export.scenes.looks import VARIETY, body_of, bound_points, build_of, paints, tissue_triangles
 from crowdsim.export.scenes.place import Paint, place_parts
+from crowdsim.motion.clips.kinematics import rotate
+from crowdsim.playback.bodies.bare_parts import sculpted_pose
 from crowdsim.recording.reader import Recording
 from crowdsim.version import __version__
 
@@ -99,9 +101,10 @@ class _Scene:
         joints, weights = np.zeros((body.vertex_count, 4), np.uint8), np.zeros((body.vertex_count, 4), np.float32)
         joints[:, :2], weights[:, :2] = body.joints, body.weights
         joints[weights == 0.0] = 0
+        points, normals = bound_points(body, skeleton)
+        self._points = [add(build, VERTICES, bounds=True) for build in points]
         self._attributes = {
-            "POSITION": add(rest_points(body, skeleton), VERTICES, bounds=True),
-            "NORMAL": add(body.normals, VERTICES),
+            "NORMAL": add(normals, VERTICES),
             "JOINTS_0": add(joints, VERTICES),
             "WEIGHTS_0": add(weights, VERTICES),
         }
@@ -109,17 +112,21 @@ class _Scene:
             (tissue, add(triangles.reshape(-1).astype(np.uint16), INDICES))
             for tissue, triangles in tissue_triangles(body)
         ]
+        positions, rotations = sculpted_pose(skeleton)
         binds = np.tile(np.eye(4, dtype=np.float32), (skeleton.joint_count, 1, 1))
-        binds[:, 3, :3] = -skeleton.rest_positions()  # glTF stores matrices column by column
+        # From the body to a joint: the transposed rotation. glTF stores matrices column by column.
+        axes = rotate(rotations[:, None], np.eye(3))
+        binds[:, :3, :3] = axes.transpose(0, 2, 1)
+        binds[:, 3, :3] = -(axes @ positions[:, :, None])[..., 0]
         self._binds = add(binds)
         self._offsets = np.round(skeleton.offsets, 7).tolist()
 
     def _body_mesh(self, look: int) -> int:
-        """Return the number of the mesh of a body in a look; all share the same points."""
+        """Return the number of the mesh of a body in a look; all share the points of their build."""
         if look not in self._bodies:
             primitives = [
                 {
-                    "attributes": self._attributes,
+                    "attributes": {"POSITION": self._points[build_of(look)], **self._attributes},
                     "indices": indices,
                     "material": self._material(self._looks[look][tissue]),
                 }

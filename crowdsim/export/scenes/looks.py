@@ -7,7 +7,10 @@ from numpy.typing import NDArray
 
 from crowdsim.export.scenes.place import Paint
 from crowdsim.motion.clips.skeleton import Skeleton
-from crowdsim.playback.body_mesh import BodyMesh, Tissue, build_body
+from crowdsim.playback.bodies.bare_parts import sculpted_pose
+from crowdsim.playback.bodies.builds import GIRTHS
+from crowdsim.playback.bodies.sculptor import build_body
+from crowdsim.playback.body_mesh import BodyMesh, Tissue
 from crowdsim.playback.crowd_mesh import looks_of
 
 VARIETY = 30
@@ -27,15 +30,22 @@ def paints(variety: int) -> list[list[Paint]]:
 
 
 def body_of(skeleton: Skeleton) -> BodyMesh:
-    """Return the body that all characters share."""
+    """Return the body that all characters share, in three builds."""
     return build_body(skeleton, _SIDES)
 
 
-def rest_points(body: BodyMesh, skeleton: Skeleton) -> NDArray[np.float32]:
-    """Return the vertices (V, 3) in rest pose, with the root joint at the origin [m]."""
-    rest = skeleton.rest_positions()[body.joints[:, 0]]
-    points: NDArray[np.float32] = (rest + body.places[:, 0]).astype(np.float32)
-    return points
+def build_of(look: int) -> int:
+    """Return which of the builds of GIRTHS the characters of a look have."""
+    return look % len(GIRTHS)
+
+
+def bound_points(body: BodyMesh, skeleton: Skeleton) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the vertices of each build (B, V, 3) and the normals (V, 3) in the bind pose, its root at the origin."""
+    positions, rotations = sculpted_pose(skeleton)
+    builds = np.array([[1.0, girth] for girth in GIRTHS], np.float32)
+    count = len(builds)
+    points, normals = body.place(np.repeat(positions[None], count, 0), np.repeat(rotations[None], count, 0), builds)
+    return points, normals[0]
 
 
 def tissue_triangles(body: BodyMesh) -> list[tuple[Tissue, NDArray[np.int64]]]:

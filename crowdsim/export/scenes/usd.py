@@ -16,9 +16,10 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.export.choice import Choice
 from crowdsim.export.options import ExportOptions
 from crowdsim.export.scenes.bodies import BodyMotion, body_motions, jumps
-from crowdsim.export.scenes.looks import VARIETY, body_of, paints, rest_points, tissue_triangles
+from crowdsim.export.scenes.looks import VARIETY, body_of, bound_points, build_of, paints, tissue_triangles
 from crowdsim.export.scenes.place import Paint, place_parts
 from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.playback.bodies.bare_parts import sculpted_pose
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
 
@@ -148,11 +149,12 @@ class _Stage:
         stage.CreateClassPrim("/_body").SetTypeName("SkelRoot")
         rig = skel.Skeleton.Define(stage, "/_body/Skeleton")
         rig.CreateJointsAttr(joints)
-        rest = skeleton.rest_positions()
-        rig.CreateBindTransformsAttr([self._at(place) for place in rest.tolist()])
+        bind = zip(*(values.tolist() for values in sculpted_pose(skeleton)), strict=True)
+        rig.CreateBindTransformsAttr([self._at(place, turned) for place, turned in bind])
         rig.CreateRestTransformsAttr([self._at(offset) for offset in _offsets(skeleton).tolist()])
         body = body_of(skeleton)
-        mesh = self._mesh("/_body/Body", rest_points(body, skeleton), body.normals, body.triangles)
+        self._builds, normals = bound_points(body, skeleton)
+        mesh = self._mesh("/_body/Body", self._builds[0], normals, body.triangles)
         bound = skel.BindingAPI.Apply(mesh.GetPrim())
         bound.CreateSkeletonRel().SetTargets([rig.GetPath()])
         bound.CreateJointIndicesPrimvar(False, 2).Set(self._vt.IntArray.FromNumpy(body.joints.reshape(-1)))
@@ -172,6 +174,12 @@ class _Stage:
         """Add a class of bodies with its materials."""
         self._stage.CreateClassPrim(f"/_look_{look}").SetTypeName("SkelRoot")
         self._stage.GetPrimAtPath(f"/_look_{look}").GetInherits().AddInherit("/_body")
+        points = self._builds[build_of(look)]
+        if build_of(look):
+            shaped = self._geom.Mesh(self._stage.OverridePrim(f"/_look_{look}/Body"))
+            shaped.CreatePointsAttr(self._vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points)))
+            extent = np.stack([points.min(axis=0), points.max(axis=0)])
+            shaped.CreateExtentAttr(self._vt.Vec3fArray.FromNumpy(extent))
         for tissue, name in self._tissues:
             self._bind(self._stage.OverridePrim(f"/_look_{look}/Body/{name}"), worn[tissue])
 

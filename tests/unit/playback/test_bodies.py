@@ -6,8 +6,19 @@ import numpy as np
 import pytest
 
 from crowdsim.motion.clips.kinematics import about_axis, forward_kinematics, rotate
-from crowdsim.playback.body_mesh import Tissue, build_body
-from crowdsim.playback.crowd_mesh import CrowdMesh, attribute_colors, distinct_colors, hex_color
+from crowdsim.playback.bodies.bare_parts import sculpted_pose
+from crowdsim.playback.bodies.builds import builds_of
+from crowdsim.playback.bodies.sculptor import build_body
+from crowdsim.playback.body_mesh import Tissue
+from crowdsim.playback.crowd_mesh import (
+    CrowdMesh,
+    attribute_colors,
+    distinct_colors,
+    group_colors,
+    hex_color,
+    shaded,
+    shades_of,
+)
 from crowdsim.playback.surfaces import ellipsoid, limb, loft, vertex_normals
 from tests.support.small_recording import small_skeleton
 
@@ -89,7 +100,7 @@ def test_a_bent_knee_moves_the_shank_and_nothing_else():
     after, _ = body.place(*forward_kinematics(skeleton, np.zeros((1, 3)), bent))
     moved = np.linalg.norm(after - before, axis=-1)[0] > 1e-6
     lower = [skeleton.roles[f"left_{part}"] for part in ("knee", "ankle", "toe")]
-    hanging = np.isin(body.joints[:, 0], lower)
+    hanging = (np.isin(body.joints, lower) & (body.weights > 0.0)).any(axis=1)
     assert not moved[~hanging].any()
     # Only what lies on the axis of the knee itself stays.
     assert moved[hanging].mean() > 0.95
@@ -102,9 +113,9 @@ def test_crowd_mesh_follows_tracks_and_behaviors(recording):
     middle = 0.5 * (crowd.points.min(axis=1) + crowd.points.max(axis=1))
     np.testing.assert_allclose(middle[:, 0], frame.x, atol=0.35)
     np.testing.assert_allclose(middle[:, 1], frame.y, atol=0.35)
-    for agent in range(3):
+    for agent, shade in enumerate(shades_of(3)):
         shirt = hex_color(recording.header.behaviors[frame.behavior[agent]].color)
-        assert (crowd.colors[agent] == shirt).all(axis=1).any()
+        assert (crowd.colors[agent] == shaded(shirt[None], np.array([shade]))).all(axis=1).any()
     assert crowd.triangles.max() == crowd.points.shape[0] * crowd.points.shape[1] - 1
 
 
@@ -137,3 +148,45 @@ def test_words_have_colors_of_their_own_and_numbers_lie_on_a_scale():
     shirts, legend = attribute_colors(np.array([3.0, 3.0]))
     assert len(legend) == 1
     assert (shirts[0] == shirts[1]).all()
+
+
+def test_builds_differ_and_stand_on_the_floor():
+    skeleton = small_skeleton()
+    body, builds = build_body(skeleton, 10), builds_of(15, skeleton)
+    assert len(np.unique(builds, axis=0)) == 15
+    positions, rotations = sculpted_pose(skeleton)
+    plain, _ = body.place(positions[None], rotations[None])
+    standing = positions - [0.0, 0.0, plain[0, :, 2].min()]
+    posed, _ = body.place(np.tile(standing, (15, 1, 1)), np.tile(rotations, (15, 1, 1)), builds)
+    assert np.abs(posed[..., 2].min(axis=1)).max() < 1e-3
+    heights = posed[..., 2].max(axis=1)
+    assert heights.min() >= 1.55
+    assert heights.max() <= 1.9
+    assert np.ptp(heights) > 0.12
+    # Shoes stay where the recording has them, whatever the build.
+    shoes = body.tissue == Tissue.SHOES
+    np.testing.assert_allclose(posed[:, shoes, :2], np.tile(posed[:1, shoes, :2], (15, 1, 1)), atol=1e-6)
+
+
+def test_parts_have_one_tissue_and_shoulders_follow_both_trunk_and_arm():
+    skeleton = small_skeleton()
+    body = build_body(skeleton, 10)
+    assert (body.tissue[body.triangles] == body.tissue[body.triangles[:, :1]]).all()
+    arm = skeleton.joint("left_shoulder")
+    shirt = body.tissue == Tissue.SHIRT
+    shared = shirt & (body.joints == arm).any(axis=1) & (body.weights.min(axis=1) > 0.05)
+    assert shared.sum() > 20
+
+
+def test_shades_keep_the_order_of_colors():
+    blue = np.tile(hex_color("#1f77b4"), (14, 1))
+    shirts = shaded(blue, shades_of(14))
+    assert len(np.unique(shirts, axis=0)) == 7
+    assert (np.argsort(shirts, axis=1) == np.argsort(blue, axis=1)).all()
+
+
+def test_groups_have_the_colors_of_pages_and_a_legend(recording):
+    crowd = CrowdMesh(recording, "group")
+    names = sorted(set(recording.header.agents.groups))
+    assert [name for name, _ in crowd.legend] == names
+    assert [tuple(hex_color(color)) for _, color in crowd.legend] == group_colors(len(names))

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from crowdsim.errors import CrowdSimError
-from crowdsim.playback.body_mesh import build_body
+from crowdsim.playback.bodies.sculptor import build_body
 from crowdsim.playback.camera import place_camera
 from crowdsim.playback.crowd_mesh import CrowdMesh
 from crowdsim.playback.film import film

@@ -51,7 +51,7 @@ def test_the_wide_stays_in_its_room_and_the_narrow_passes():
 def test_the_picture_has_a_panel_a_layer_and_names_what_it_shows(tmp_path):
     scenario = parse_scenario(TEXT)
     figure = draw_scenario(scenario, BEHAVIORS)
-    assert [axes.get_title() for axes in figure.axes] == ["legs, 0.1 to 2 m", "torso, 0.65 to 1.5 m"]
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["legs, 0.1 to 2 m", "torso, 0.65 to 1.5 m"]
     areas = reachable_areas(scenario, BEHAVIORS)
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert {"start", "goal", f"within reach, wide: {areas[1].area:.1f} m²"} < set(texts)
@@ -62,4 +62,21 @@ def test_the_picture_has_a_panel_a_layer_and_names_what_it_shows(tmp_path):
 def test_a_plane_is_named_with_its_one_height():
     planes = "layers: [{name: legs, height: 0.3}, {name: torso, height: 1.2}]\n"
     figure = draw_scenario(parse_scenario(TEXT + planes), BEHAVIORS)
-    assert [axes.get_title() for axes in figure.axes] == ["legs, at 0.3 m", "torso, at 1.2 m"]
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["legs, at 0.3 m", "torso, at 1.2 m"]
+
+
+def test_names_of_groups_do_not_overlap_and_stand_once_in_each_panel():
+    same = "".join(
+        f"  - {{name: from the {side}, count: 1, start: {{rectangle: [1, 1, 2, 3]}}, goal: {{point: [8, {y}]}}}}\n"
+        for y, side in enumerate(("north", "south", "east"), start=1)
+    )
+    figure = draw_scenario(parse_scenario(TEXT + same), BEHAVIORS)
+    for axes in figure.axes:
+        names = [text for text in axes.texts if text.get_text()]
+        assert [name.get_text() for name in names] == [
+            "guests", "from the north", "from the south", "from the east",
+        ]  # fmt: skip
+        assert len({name.get_color() for name in names}) == 4
+        boxes = [name.get_window_extent() for name in names]
+        assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
+        assert axes.get_title(loc="left")

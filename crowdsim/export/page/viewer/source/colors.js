@@ -14,13 +14,18 @@ function along(stops, share) {
   return stops[k].map((value, c) => Math.round(value + (place - k) * (stops[k + 1][c] - value)));
 }
 
-/** A function from an agent to its color in a frame. */
-export function shirts(by, facts, source, frame) {
+/** A color mixed with black, if the share is below 0, or with white. */
+function shaded(color, share) {
+  return color.map((value) => Math.round(value + share * (share > 0 ? 255 - value : value)));
+}
+
+/** A function from an agent to its color in a frame; builds: (stature, girth, shade of the shirt) of each agent. */
+export function shirts(by, facts, source, frame, builds) {
   const behaviors = facts.behaviors.map(({ color }) => rgb(color));
-  if (by === "group") return (agent) => facts.group_colors[facts.group_of[agent]];
+  if (by === "group") return (agent) => shaded(facts.group_colors[facts.group_of[agent]], builds[3 * agent + 2]);
   if (by === "speed") return (agent) => along(SPEEDS, frame.speed[agent] / FASTEST);
   if (by === "waiting") return (agent) => heat(source.waitedUntil(agent, frame.time) / LONGEST);
-  return (agent) => behaviors[frame.behavior[agent]] ?? [150, 150, 150];
+  return (agent) => shaded(behaviors[frame.behavior[agent]] ?? [150, 150, 150], builds[3 * agent + 2]);
 }
 
 /** Words and colors of a legend. */

@@ -16,6 +16,7 @@ export class Crowd {
     this.levels = facts.levels;
     this.group = new THREE.Group();
     this.chosen = { value: -1 };
+    this.builds = block.array("builds"); // stature, girth, and shade of the shirt
     this.looks = { value: looksTexture(block.array("looks"), source.count) };
     const capacity = Math.max(1, Math.min(facts.most, facts.levels));
     const texels = 3 * bodies.joints;
@@ -51,14 +52,14 @@ export class Crowd {
     for (const agent of near) {
       if (!this.bodies.pose(agent, frame)) continue;
       this.bodies.writeMatrices(this.matrices, row * size);
-      this.near.put(row, agent, row, color(agent));
+      this.near.put(row, agent, row, color(agent), this.builds);
       row += 1;
     }
     this.texture.needsUpdate = true;
     this.near.finish(row);
     if (this.far) {
       far.forEach((agent, k) => {
-        this.far.put(k, agent, this.poses.rowOf(agent, frame, this.source), color(agent));
+        this.far.put(k, agent, this.poses.rowOf(agent, frame, this.source), color(agent), this.builds);
         this.far.track.setXYZ(k, frame.x[agent], frame.y[agent], frame.heading[agent]);
       });
       this.far.track.needsUpdate = true;
@@ -77,9 +78,10 @@ class Level {
     this.row = new THREE.InstancedBufferAttribute(new Float32Array(capacity), 1);
     this.agent = new THREE.InstancedBufferAttribute(new Float32Array(capacity), 1);
     this.shirt = new THREE.InstancedBufferAttribute(new Uint8Array(3 * capacity), 3, true);
+    this.build = new THREE.InstancedBufferAttribute(new Float32Array(2 * capacity), 2);
     this.track = new THREE.InstancedBufferAttribute(new Float32Array(3 * (far ? capacity : 1)), 3);
     const body = bodyGeometry(block, name);
-    for (const [key, attribute] of [["row", this.row], ["agent", this.agent], ["shirt", this.shirt]]) {
+    for (const [key, attribute] of [["row", this.row], ["agent", this.agent], ["shirt", this.shirt], ["build", this.build]]) {
       body.setAttribute(key, attribute);
     }
     const shadow = shadowGeometry(facts.skeleton.roles, far);
@@ -95,17 +97,18 @@ class Level {
     this.vertices = facts.bodies[name];
   }
 
-  put(at, agent, row, shirt) {
+  put(at, agent, row, shirt, builds) {
     this.row.array[at] = row;
     this.agent.array[at] = agent;
     this.shirt.array.set(shirt, 3 * at);
+    this.build.setXY(at, builds[3 * agent], builds[3 * agent + 1]);
   }
 
   finish(count) {
     this.mesh.geometry.instanceCount = count;
     this.shadows.geometry.instanceCount = count;
     this.mesh.visible = this.shadows.visible = count > 0;
-    for (const attribute of [this.row, this.agent, this.shirt]) attribute.needsUpdate = true;
+    for (const attribute of [this.row, this.agent, this.shirt, this.build]) attribute.needsUpdate = true;
   }
 }
 
@@ -128,7 +131,10 @@ function bodyGeometry(block, name) {
   add("joint1", split(joints, 1, 1, 1), 1);
   add("weight", Float32Array.from(block.array(`${name}_weights`), (w) => w / 255), 1);
   add("tissue", Float32Array.from(block.array(`${name}_tissue`)), 1);
-  add("normal", Float32Array.from(block.array(`${name}_normals`), (n) => n / 127), 3);
+  const normals = block.array(`${name}_normals`);
+  add("normal", split(normals, 3, 0, 1 / 127), 3);
+  add("normal1", split(normals, 3, 1, 1 / 127), 3);
+  add("fullness", Float32Array.from(block.array(`${name}_fullness`), (w) => w / 255), 1);
   geometry.setIndex(new THREE.BufferAttribute(block.array(`${name}_triangles`), 1));
   return geometry;
 }

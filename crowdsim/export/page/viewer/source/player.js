@@ -200,7 +200,8 @@ export class Player {
   draw() {
     const began = performance.now(), { frame } = this;
     this.source.frameAt(this.time - this.start, frame);
-    const color = shirts(this.color, this.facts, this.source, { ...frame, time: frame.time });
+    const now = { ...frame, time: frame.time };
+    const color = shirts(this.color, this.facts, this.source, now, this.crowd.builds);
     if (this.cameras.view === "follow" && this.selected >= 0 && frame.state[this.selected]) {
       this.cameras.followTo(frame.x[this.selected], frame.y[this.selected]);
     }

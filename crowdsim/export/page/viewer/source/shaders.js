@@ -31,7 +31,8 @@ const BONES = /* glsl */ `
 
 const BODY_VERTEX = /* glsl */ `
   in vec3 place1; in float joint0; in float joint1; in float weight; in float tissue;
-  in float row; in float agent; in vec3 shirt;
+  in vec3 normal1; in float fullness;
+  in float row; in float agent; in vec3 shirt; in vec2 build;
   #ifdef FAR
   in vec3 track;
   #endif
@@ -48,12 +49,15 @@ const BODY_VERTEX = /* glsl */ `
       bone(int(row), joint1, a, b, c);
       p = vec4(place1, 1.0);
       world = mix(vec3(dot(a, p), dot(b, p), dot(c, p)), world, weight);
+      n = mix(vec3(dot(a.xyz, normal1), dot(b.xyz, normal1), dot(c.xyz, normal1)), n, weight);
     }
     #else
     float cosine = cos(track.z), sine = sin(track.z);
     world = vec3(cosine * world.x - sine * world.y + track.x, sine * world.x + cosine * world.y + track.y, world.z);
     n = vec3(cosine * n.x - sine * n.y, sine * n.x + cosine * n.y, n.z);
     #endif
+    // A girth moves skin outward; a stature stretches the body upward from the floor, where feet stay planted.
+    world = (world + build.y * fullness * normalize(n)) * vec3(1.0, 1.0, build.x);
     vAgent = agent;
     vShirt = shirt;
     vTissue = tissue;

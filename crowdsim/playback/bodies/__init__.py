@@ -1,0 +1,1 @@
+"""How bodies are modeled: clothes, heads, hands, shoes, and builds."""

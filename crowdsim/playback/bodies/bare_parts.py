@@ -1,0 +1,188 @@
+"""Parts of a body beside its clothes: head, hands and shoes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion.clips.kinematics import forward_kinematics, rotate
+from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.playback.body_mesh import Tissue
+from crowdsim.playback.surfaces import COARSE, Floats, Surface, ellipsoid, limb, loft, unit, vertex_normals
+
+_LEG_LENGTH = 0.84
+"""Distance from hip to ankle of the adult for whom the sizes below are given [m]; other bodies are scaled."""
+_OUTWARD, _AHEAD = 0.156, 0.03
+"""Parts of the direction of a hanging upper arm that point aside and ahead."""
+
+X, Y, Z = np.eye(3)
+
+
+def sculpted_pose(skeleton: Skeleton) -> tuple[Floats, Floats]:
+    """Return positions (J, 3) and rotations (J, 4) of the joints around which bodies are modeled: the arms hang."""
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (1, skeleton.joint_count, 1))
+    rest = skeleton.rest_positions()
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        shoulder = skeleton.joint(f"{side}_shoulder")
+        way = unit(rest[skeleton.joint(f"{side}_elbow")] - rest[shoulder])
+        hanging = unit([_AHEAD, sign * _OUTWARD, -1.0])
+        turns[0, shoulder] = unit(np.concatenate([[1.0 + way @ hanging], np.cross(way, hanging)]))
+    positions, rotations = forward_kinematics(skeleton, np.zeros((1, 3)), turns)
+    return positions[0], rotations[0]
+
+
+class BodyParts:
+    """Collects the parts of one body, and adds those that are bare."""
+
+    def __init__(self, skeleton: Skeleton, sides: int) -> None:
+        self.skeleton = skeleton
+        self.sides = sides
+        self.places, self.turns = sculpted_pose(skeleton)
+        self.scale = skeleton.leg_length() / _LEG_LENGTH
+        self.points: list[Floats] = []
+        self.normals: list[Floats] = []
+        self.triangles: list[NDArray[np.int64]] = []
+        self.tissue: list[NDArray[np.int8]] = []
+        self.joints: list[NDArray[np.int32]] = []
+        self.weights: list[Floats] = []
+        self.fullness: list[Floats] = []
+
+    def at(self, role: str) -> Floats:
+        """Return the position of the joint with ``role``."""
+        place: Floats = self.places[self.skeleton.joint(role)]
+        return place
+
+    def end_of(self, role: str) -> Floats | None:
+        """Return the position of the end site at the joint with ``role``, if any."""
+        joint = self.skeleton.joint(role)
+        rows = np.flatnonzero(self.skeleton.end_parents == joint)
+        if not rows.size:
+            return None
+        end: Floats = self.places[joint] + rotate(self.turns[joint], self.skeleton.end_offsets[rows[0]])
+        return end
+
+    def add(
+        self,
+        surface: Surface,
+        tissue: Tissue,
+        joints: NDArray[np.int32] | int,
+        weights: Floats | None = None,
+        fullness: Floats | float = 0.0,
+        normals: Floats | None = None,
+    ) -> None:
+        """Add a surface with its tissue, and the joints and weights that its vertices follow."""
+        count = len(surface.points)
+        self.triangles.append(surface.triangles + sum(len(points) for points in self.points))
+        self.points.append(surface.points)
+        self.normals.append(vertex_normals(surface.points, surface.triangles) if normals is None else normals)
+        self.tissue.append(np.full(count, tissue, np.int8))
+        self.joints.append(np.broadcast_to(np.asarray(joints, np.int32), (count, 2)))
+        self.weights.append(np.tile([1.0, 0.0], (count, 1)) if weights is None else weights)
+        self.fullness.append(np.broadcast_to(fullness, count))
+
+    def head(self) -> None:
+        """Add neck, skull, hair down to the nape, and what a face needs to be one from afar."""
+        k = self.scale
+        skull, neck = self.at("head"), self.at("neck")
+        top = self.end_of("head")
+        up = unit(top - skull) if top is not None and np.linalg.norm(top - skull) > 0.01 * k else Z
+        head, base = self.skeleton.joint("head"), self.skeleton.joint("neck")
+        self.add(
+            limb(neck - 0.06 * k * Z, skull + 0.04 * k * up, [0.066 * k, 0.056 * k, 0.054 * k], self.sides),
+            Tissue.SKIN,
+            base,
+        )
+        ahead = unit(X - np.dot(X, up) * up)
+        left = np.cross(up, ahead)
+        center = skull + 0.085 * k * up + 0.018 * k * ahead
+        axes = np.array([0.098 * k * ahead, 0.076 * k * left, 0.118 * k * up])
+        surface = ellipsoid(center, axes, self.sides + 4)
+        local = (surface.points - center) @ unit(axes).T / np.linalg.norm(axes, axis=1)
+        # Chin and jaw are narrower than the brow, and the chin lies ahead of the neck.
+        jaw = np.clip(-local[:, 2], 0.0, 1.0)[:, None]
+        shaped = (
+            surface.points - jaw * 0.30 * local[:, 1:2] * axes[1] - jaw * 0.22 * np.minimum(local[:, :1], 0.0) * axes[0]
+        )
+        self.add(Surface(shaped, surface.triangles), Tissue.SKIN, head)
+        # Hair lies around the skull, shifted back and up: where both surfaces cross is the hairline.
+        hair = np.array([0.094 * k * unit(ahead + 0.25 * up), 0.084 * k * left, 0.112 * k * unit(up - 0.25 * ahead)])
+        middle = center + 0.022 * k * up - 0.014 * k * ahead
+        self.add(ellipsoid(middle, hair, self.sides + 2), Tissue.HAIR, head)
+        if self.sides <= COARSE:
+            return
+        nose = center + 0.092 * k * ahead - 0.014 * k * up
+        self.add(
+            limb(nose + 0.024 * k * up - 0.006 * k * ahead, nose - 0.010 * k * up + 0.006 * k * ahead,
+                 [0.008 * k, 0.013 * k], 8),
+            Tissue.SKIN,
+            head,
+        )  # fmt: skip
+        for sign in (1.0, -1.0):
+            ear = center + 0.074 * sign * k * left - 0.008 * k * up - 0.012 * k * ahead
+            shape = np.array([0.018 * ahead, 0.009 * left, 0.031 * up]) * k
+            self.add(ellipsoid(ear, shape, 8), Tissue.SKIN, head)
+            eye = center + 0.030 * sign * k * left + 0.010 * k * up + 0.0855 * k * ahead
+            self.add(ellipsoid(eye, np.array([0.006 * ahead, 0.011 * left, 0.0055 * up]) * k, 6), Tissue.HAIR, head)
+            brow = eye + 0.021 * k * up - 0.001 * k * ahead
+            self.add(ellipsoid(brow, np.array([0.006 * ahead, 0.017 * left, 0.0038 * up]) * k, 6), Tissue.HAIR, head)
+
+    def hand(self, side: str) -> None:
+        """Add a hand: palm, bent fingers and thumb."""
+        k = self.scale
+        elbow, wrist = self.at(f"{side}_elbow"), self.at(f"{side}_wrist")
+        hand = self.skeleton.joint(f"{side}_wrist")
+        along = unit(wrist - elbow)
+        wide = unit(X - np.dot(X, along) * along)
+        flat = np.cross(along, wide)
+        if self.sides <= COARSE:
+            palm = np.array([0.042 * wide, 0.021 * flat, 0.095 * along]) * k
+            self.add(ellipsoid(wrist + 0.075 * k * along, palm, self.sides), Tissue.SKIN, hand)
+            return
+        palm = np.array([0.040 * wide, 0.017 * flat, 0.062 * along]) * k
+        self.add(ellipsoid(wrist + 0.042 * k * along, palm, self.sides), Tissue.SKIN, hand)
+        inward = -1.0 if side == "left" else 1.0
+        bent = unit(along + 0.28 * inward * Y + 0.10 * X)
+        fingers = np.array([0.034 * unit(wide - (wide @ bent) * bent), 0.013 * np.cross(bent, wide), 0.058 * bent]) * k
+        self.add(ellipsoid(wrist + 0.115 * k * along + 0.012 * k * inward * Y, fingers, self.sides), Tissue.SKIN, hand)
+        thumb = wrist + (0.02 * along + 0.028 * wide) * k
+        self.add(limb(thumb, thumb + (0.055 * along + 0.020 * wide) * k, [0.013 * k, 0.010 * k], 8), Tissue.SKIN, hand)
+
+    def foot(self, side: str) -> None:
+        """Add a shoe with a flat sole that bends at the ball."""
+        k = self.scale
+        ankle, ball = self.at(f"{side}_ankle"), self.at(f"{side}_toe")
+        tip = self.end_of(f"{side}_toe")
+        reach = (ball - ankle) * [1.0, 1.0, 0.0]
+        ahead = unit(reach) if np.linalg.norm(reach) > 0.02 * k else X
+        heel_to_ball = max(float(np.dot(ball - ankle, ahead)), 0.08 * k)
+        to_tip = 0.06 * k if tip is None else float(np.clip(np.dot(tip - ball, ahead), 0.05 * k, 0.08 * k))
+        sole = ball[2] - 0.028 * k
+        rise = max(ankle[2] - sole, 0.06 * k)
+        # Each ring: position along the foot from the ankle, half breadth, height above the sole.
+        rings = np.array(
+            [
+                [-0.068 * k, 0.020 * k, 0.5 * rise],
+                [-0.060 * k, 0.034 * k, 0.85 * rise],
+                [-0.030 * k, 0.040 * k, 1.08 * rise],
+                [0.020 * k, 0.041 * k, 1.10 * rise],
+                [0.45 * heel_to_ball, 0.042 * k, 0.80 * rise],
+                [heel_to_ball, 0.050 * k, 0.056 * k],
+                [heel_to_ball + 0.55 * to_tip, 0.046 * k, 0.047 * k],
+                [heel_to_ball + 0.92 * to_tip, 0.032 * k, 0.040 * k],
+                [heel_to_ball + to_tip, 0.016 * k, 0.026 * k],
+            ]
+        )
+        half = rings[:, 2:3] / 2.0
+        centers = np.array([ankle[0], ankle[1], sole]) + rings[:, :1] * ahead + half * Z
+        surface = loft(centers, rings[:, 1:2] * np.cross(ahead, Z)[None] * -1.0, half * Z, self.sides, squareness=3.0)
+        along = (surface.points - ankle) @ ahead
+        share = np.clip((along - heel_to_ball) / (0.25 * to_tip) + 0.5, 0.0, 1.0)
+        foot, toe = self.skeleton.joint(f"{side}_ankle"), self.skeleton.joint(f"{side}_toe")
+        first, second = np.where(share > 0.5, toe, foot), np.where(share > 0.5, foot, toe)
+        weight = np.maximum(share, 1.0 - share)
+        self.add(
+            surface,
+            Tissue.SHOES,
+            np.stack([first, second], axis=1).astype(np.int32),
+            np.stack([weight, 1.0 - weight], axis=1),
+        )
