@@ -1,12 +1,13 @@
 """Simulations that are stepped, read and commanded, and the scenarios that they save."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
-from crowdsim import CrowdSimError, Recording, ScenarioError, Simulation, load_scenario
+from crowdsim import ColumnError, CrowdSimError, Recording, ScenarioError, Simulation, load_scenario
 from crowdsim.recording.header import AgentState
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.scenario import Scenario
@@ -98,6 +99,47 @@ def test_columns_are_those_of_the_recording_and_cannot_be_written(locomotion: st
             agents.x[0] = 3.0
         with pytest.raises(AttributeError):
             simulation.agents = agents  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("name", "instead"),
+    [
+        ("x", "simulation.set_goal"),
+        ("heading", "simulation.set_goal"),
+        ("state", "simulation.add"),
+        ("level", "follows from the room"),
+        ("own", "add_column"),
+        ("mood", "add_column"),
+    ],
+)
+def test_what_is_assigned_is_refused_with_what_to_do_instead(name: str, instead: str) -> None:
+    with Simulation(rooms("steered")) as simulation:
+        simulation.add_column("mood", float, 0.5)
+        simulation.step()
+        agents = simulation.agents
+        before = {column: agents[column].copy() for column in ("x", "mood")}
+        with pytest.raises(ColumnError, match="only read") as refused:
+            setattr(agents, name, np.zeros(4))
+        assert f"'{name}'" in str(refused.value)
+        assert instead in str(refused.value)
+        with pytest.raises(ColumnError, match="only read"):
+            agents[name] = np.zeros(4)
+        with pytest.raises(TypeError):
+            agents.own["mood"] = np.zeros(4)  # type: ignore[index]
+        with pytest.raises(ValueError, match="read-only"):
+            agents.own["mood"][0] = 1.0
+        simulation.step()
+        assert np.array_equal(agents["mood"], before["mood"])
+        assert np.array_equal(simulation.agents["mood"], before["mood"])
+        assert np.array_equal(agents.x, before["x"], equal_nan=True)
+
+
+def test_a_table_without_pandas_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with Simulation(rooms("steered")) as simulation:
+        simulation.step()
+        with pytest.raises(CrowdSimError, match=r"pip install 'crowdsim\[table\]'"):
+            simulation.agents.table()
 
 
 @pytest.mark.parametrize(
