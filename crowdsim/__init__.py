@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from crowdsim.crowd.live_poses import Poses
     from crowdsim.crowd.own_systems import Columns, System
     from crowdsim.crowd.simulation import Simulation
+    from crowdsim.crowd.state.assets import load_behaviors
     from crowdsim.errors import ColumnError, CrowdSimError, PathNotFound, ScenarioError, StageError, SystemFailed
     from crowdsim.following.follower.path_follower import Character, FollowOptions, follow_path
     from crowdsim.following.maps.motion_maps import MotionMaps
@@ -48,6 +49,7 @@ _HOMES = {
     "build_motion_graph": "crowdsim.motion.graph.motion_graph",
     "follow_path": "crowdsim.following.follower.path_follower",
     "load_behavior_set": "crowdsim.behaviors.library",
+    "load_behaviors": "crowdsim.crowd.state.assets",
     "load_scenario": "crowdsim.scenario.loader",
 }
 
@@ -75,6 +77,7 @@ __all__ = [
     "build_motion_graph",
     "follow_path",
     "load_behavior_set",
+    "load_behaviors",
     "load_scenario",
 ]
 

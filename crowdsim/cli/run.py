@@ -174,10 +174,18 @@ def recover(
     ] = None,
     debug: Debug = False,
 ) -> None:
-    """Make a recording from the file that a killed run left, and mark it as incomplete."""
+    """Make a recording from the file that a killed run left, marked as incomplete; and the scenario, if commanded."""
     from crowdsim.recording.recovery import recover as recover_part
+    from crowdsim.whole_files import whole_file
 
     with recover_part(part, output) as recording:
         typer.echo(
             f"{recording.path}: {recording.steps} steps, the first {recording.duration:g} s of a run that was killed"
         )
+        beside = recording.path.with_suffix(".yaml")
+        if recording.commands and not beside.exists():
+            with whole_file(beside, (".yaml",), "scenarios") as written:
+                written.write_text(recording.scenario_yaml(), encoding="utf-8")
+            typer.echo(
+                f"{beside}: its scenario with {len(recording.commands)} commands, whose run gives the same states"
+            )

@@ -76,7 +76,7 @@ def _serve(
             typer.echo(server.address)
             typer.echo("open this address in a browser; Ctrl-C ends the simulation", err=True)
             if open_page:
-                typer.launch(server.address)
+                typer.launch(server.local_address)
             session.run(file)
     assert interruption.asked is not None
     return interruption.asked, session.steps, session.late

@@ -6,14 +6,15 @@ from collections.abc import Mapping
 from copy import copy
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.errors import ColumnError
+from crowdsim.errors import ColumnError, CrowdSimError
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.levels import levels_of
+from crowdsim.recording.track_rows import TABLES_NEED
 from crowdsim.yamlfile.messages import nearest
 
 if TYPE_CHECKING:
@@ -22,6 +23,15 @@ if TYPE_CHECKING:
 
 COLUMNS = ("x", "y", "heading", "behavior", "state", "level")
 """Names of the columns that every simulation has."""
+
+_INSTEAD = {
+    **dict.fromkeys(("x", "y"), "send characters elsewhere with simulation.set_goal(agents, goal)"),
+    "heading": "characters face where they walk; simulation.set_goal(agents, goal) sends them elsewhere",
+    **dict.fromkeys(("behavior", "level"), "it follows from the room that a character has"),
+    "state": "simulation.add(group), set_goal(agents, goal) and remove(agents) change it",
+}
+"""What to do instead of writing a column, by name."""
+_OWN_INSTEAD = "a system writes own columns; see simulation.add_column and add_system"
 
 
 class Agents:
@@ -45,7 +55,22 @@ class Agents:
         Name of the group of each character.
     own : mapping of str to array
         Columns (N, ...) that :meth:`Simulation.add_column` added; ``agents["name"]`` is one, or one of the above.
+
+    Raises
+    ------
+    ColumnError
+        If an attribute or a column is assigned; it names the command to give instead.
     """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    heading: NDArray[np.float64]
+    behavior: NDArray[np.int64]
+    state: NDArray[np.int64]
+    level: NDArray[np.int64]
+    groups: tuple[str, ...]
+    behaviors: tuple[str, ...]
+    own: Mapping[str, NDArray[Any]]
 
     def __init__(
         self,
@@ -54,15 +79,28 @@ class Agents:
         behaviors: tuple[str, ...],
         own: Mapping[str, NDArray[Any]] = MappingProxyType({}),
     ) -> None:
-        self.x = _column(frame.x, np.float64)
-        self.y = _column(frame.y, np.float64)
-        self.heading = _column(frame.heading, np.float64)
-        self.behavior = _column(frame.behavior, np.int64)
-        self.state = _column(frame.state, np.int64)
-        self.level = _column(levels_of(frame.state, frame.node, frame.phase), np.int64)
-        self.groups = groups
-        self.behaviors = behaviors
-        self.own = own
+        given = {
+            "x": _column(frame.x, np.float64),
+            "y": _column(frame.y, np.float64),
+            "heading": _column(frame.heading, np.float64),
+            "behavior": _column(frame.behavior, np.int64),
+            "state": _column(frame.state, np.int64),
+            "level": _column(levels_of(frame.state, frame.node, frame.phase), np.int64),
+            "groups": groups,
+            "behaviors": behaviors,
+            "own": own,
+        }
+        for name, value in given.items():
+            object.__setattr__(self, name, value)  # as __setattr__ refuses
+
+    def __setattr__(self, name: str, value: Any) -> NoReturn:
+        self._refuse(name)
+
+    def __setitem__(self, name: str, values: Any) -> NoReturn:
+        self._refuse(name)
+
+    def _refuse(self, name: str) -> NoReturn:
+        raise ColumnError(f"agents are only read, so '{name}' cannot be set; {_INSTEAD.get(name, _OWN_INSTEAD)}")
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name in COLUMNS:
@@ -75,7 +113,7 @@ class Agents:
     def with_own(self, own: Mapping[str, NDArray[Any]]) -> Agents:
         """Return the same characters with other own columns."""
         agents = copy(self)
-        agents.own = own
+        object.__setattr__(agents, "own", own)
         return agents
 
     def __len__(self) -> int:
@@ -87,9 +125,17 @@ class Agents:
         return _column(np.flatnonzero(self.state != AgentState.ABSENT), np.int64)
 
     def table(self) -> DataFrame:
-        """Return the characters in the world as a pandas frame, one row each; needs the extra ``table``."""
-        import pandas
+        """Return the characters in the world as a pandas frame, one row each.
 
+        Raises
+        ------
+        CrowdSimError
+            Without pandas, which the extra ``table`` installs.
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise CrowdSimError(TABLES_NEED) from None
         here = self.present
         return pandas.DataFrame(
             {

@@ -31,6 +31,7 @@ class Commandable(ABC):
         self.crowd = crowd
         self._commands = Commands(scenario)
         self._removed = np.zeros(crowd.count, np.bool_)
+        self._carried_out: list[Command] = []
 
     @property
     @abstractmethod
@@ -178,7 +179,7 @@ class Commandable(ABC):
 
     def _carry_out(self) -> None:
         """Carry out the commands that are due."""
-        due = self._commands.due(self.step_count)
+        due = self._carried_out = self._commands.due(self.step_count)
         if any(command.changes_place for command in due):
             self.crowd.take_timetable(self._commands.timetable())
         for command in due:

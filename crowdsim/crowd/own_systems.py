@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -86,7 +87,7 @@ class Systems:
     """
 
     def __init__(self, count: int) -> None:
-        self.columns: Mapping[str, NDArray[Any]] = {}
+        self.columns: Mapping[str, NDArray[Any]] = MappingProxyType({})
         self.running = ""
         self._count = count
         self._order: list[str] = list(STAGES)
@@ -109,7 +110,7 @@ class Systems:
             values = np.full((self._count, *shape), fill, kind)
         except ValueError as error:
             raise ColumnError(f"column '{name}': {error}") from None
-        self.columns = {**self.columns, name: _frozen(values)}
+        self.columns = MappingProxyType({**self.columns, name: _frozen(values)})
 
     def add_system(self, system: System, before: str) -> None:
         """Add a system; see :meth:`Extensible.add_system`."""
@@ -158,7 +159,7 @@ class Systems:
             finally:
                 self.running = ""
             if columns.written:
-                self.columns = {**self.columns, **columns.written}
+                self.columns = MappingProxyType({**self.columns, **columns.written})
 
     def require_sound(self) -> None:
         """Raise SystemFailed if a system failed."""

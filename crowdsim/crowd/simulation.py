@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import overload
+from typing import Any, overload
 
 from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.crowd.agents import Agents
@@ -17,16 +19,15 @@ from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.live_poses import LivePoses, Poses
 from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
 from crowdsim.crowd.own_systems import Extensible
-from crowdsim.crowd.report.attribute_statistics import AttributeStatistics
-from crowdsim.crowd.report.measured_places import MeasuredPlaces
-from crowdsim.crowd.report.party_statistics import PartyStatistics
 from crowdsim.crowd.report.recording_header import solid_record
-from crowdsim.crowd.state.assets import load_behaviors
+from crowdsim.crowd.report.run_measures import RunMeasures
+from crowdsim.crowd.state.assets import load_behaviors, require_fitting
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.errors import CrowdSimError
-from crowdsim.recording.header import RecordingHeader
+from crowdsim.recording.header import RecordedFrame, RecordingHeader
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
+from crowdsim.scenario.composing.plain_values import plain_keys
 from crowdsim.scenario.people.attributes import Values, draw_attributes
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.schema.commands import Command
@@ -57,13 +58,12 @@ class Simulation(Commandable, Extensible):
     keep_poses : bool
         Keep the last steps for :meth:`poses`: up to 11 kB for each character at 30 steps per second.
     behavior_set : BehaviorSet, optional
-        That of the scenario, if it is loaded already; runs may share one, see
-        :func:`crowdsim.crowd.state.assets.motion_key`.
+        What :func:`crowdsim.load_behaviors` returned for the scenario, if it is loaded already; runs may share one.
 
     Raises
     ------
     ScenarioError, GeometryError, BehaviorError, MotionError
-        If a file cannot be used.
+        If a file cannot be used, or ``behavior_set`` is of other behaviors or layers.
 
     Examples
     --------
@@ -84,11 +84,12 @@ class Simulation(Commandable, Extensible):
         keep_poses: bool = False,
         behavior_set: BehaviorSet | None = None,
     ) -> None:
-        behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
+        behavior_set = load_behaviors(scenario) if behavior_set is None else require_fitting(behavior_set, scenario)
         Commandable.__init__(self, scenario, _crowd_of(scenario, workers, preparing, behavior_set))
         Extensible.__init__(self, self.crowd.count)
         self._closed = False
         self._agents: Agents | None = None
+        self._summary: dict[str, Any] | None = None
         self.step_limit = round(scenario.duration * scenario.steps_per_second)
         self.notes = behavior_set.notes
         """What was left out of captures, and what was made of them, one sentence each."""
@@ -149,6 +150,21 @@ class Simulation(Commandable, Extensible):
         return draw_attributes(self.scenario)
 
     @property
+    def summary(self) -> dict[str, Any]:
+        """Return the figures of the run, as ``crowdsim run --json`` prints them; those of ``Recording.summary``.
+
+        Raises
+        ------
+        CrowdSimError
+            Before :meth:`run` has ended, or if steps were taken before it.
+        """
+        if self._summary is None:
+            raise CrowdSimError(
+                f"{self.scenario.name}: there is no summary; run() makes one, if step() took none before"
+            )
+        return self._summary
+
+    @property
     def finished(self) -> bool:
         """Return True if all characters that can arrive have arrived, or the scenario's time is over."""
         return self.step_count >= self.step_limit or (self._commands.over and self.crowd.finished)
@@ -188,11 +204,11 @@ class Simulation(Commandable, Extensible):
     def run(
         self, output: str | os.PathLike[str] | None, progress: Progress | None = None, until: Until | None = None
     ) -> Recording | None:
-        """Step to the end, and write the recording ``output``.
+        """Step to the end, and write the recording ``output``; :attr:`summary` has the figures.
 
         Parameters
         ----------
-        output : path, optional
+        output : path or None
             File of the recording. It appears under its name only when the run is complete.
         progress : callable, optional
             Called as ``progress(step, step_limit, simulation)`` after every step.
@@ -212,51 +228,35 @@ class Simulation(Commandable, Extensible):
         """
         self._require_open()
         self._systems.require_outside()
-        if output is None:
-            with self:
-                while not (self.finished if until is None else until(self)):
-                    self.step()
-                    if progress is not None:
-                        progress(self.step_count, self.step_limit, self)
-            return None
-        if self.step_count > 0:
+        begins = self.step_count == 0
+        if output is not None and not begins:
             raise CrowdSimError(
                 f"{self.scenario.name}: the simulation has taken {self.step_count} steps, which the recording would "
                 "lack; make a new Simulation and run that"
             )
         crowd, rate = self.crowd, self.scenario.steps_per_second
-        with self, RecordingWriter(output, self.header) as writer:
-            before: list[Placing | None] = [None] * len(self.scenario.environment.timetable.movables)
-            places = MeasuredPlaces(self.scenario)
-            parties = PartyStatistics(self.scenario)
-            told = AttributeStatistics(self.attributes, rate, self.scenario.span)
+        before: list[Placing | None] = [None] * len(self.scenario.environment.timetable.movables)
+        with self, nullcontext() if output is None else self._writer(Path(output)) as writer:
+            measures = RunMeasures(self.scenario, self.attributes)
             started = time.perf_counter()
             while not (self.finished if until is None else until(self)):
                 self._advance()
-                for route in crowd.new_routes():
-                    writer.add_path(*route)
-                self._record_movables(writer, before)
                 frame = crowd.frame()
-                writer.append(frame, crowd.hash)
-                crowd.measure(frame)
-                places.add(frame)
-                parties.add(frame)
-                told.add(frame)
+                if writer is not None:
+                    self._record(writer, frame, before)
+                if begins:
+                    crowd.measure(frame)
+                    measures.add(frame)
                 crowd.end_step()
                 if progress is not None:
                     progress(self.step_count, self.step_limit, self)
             seconds = time.perf_counter() - started
-            expected = crowd.expected
-            measures = {
-                "removed": int(self._removed.sum()),
-                "not_added": int((~expected & ~self._removed).sum()),
-                **places.summary(),
-                "together": parties.summary(),
-                "attributes": told.summary(),
-                "real_time_factor": self.step_count / rate / seconds,
-            }
-            writer.finish({**crowd.summary(), **measures}, places.measured())
-        return Recording.open(Path(output))
+            if begins:
+                told = measures.summary(self._removed, crowd.expected)
+                self._summary = {**crowd.summary(), **told, "real_time_factor": self.step_count / rate / seconds}
+            if writer is not None:
+                writer.finish(self.summary, measures.measured())
+        return None if output is None else Recording.open(Path(output))
 
     def movables(self) -> list[tuple[Movable, Placing | None]]:
         """Return everything that may move, come or go, doors too, with its placing; None while it is absent."""
@@ -299,6 +299,19 @@ class Simulation(Commandable, Extensible):
         self._systems.require_sound()
         if self._closed:
             raise CrowdSimError(f"{self.scenario.name}: the simulation was run or closed; make a new Simulation")
+
+    def _writer(self, output: Path) -> RecordingWriter:
+        keys = self.scenario.to_yaml(output.resolve().parent)
+        return RecordingWriter(output, replace(self.header, scenario_keys=keys))
+
+    def _record(self, writer: RecordingWriter, frame: RecordedFrame, before: list[Placing | None]) -> None:
+        """Record a step, and what it began with: new routes, and changes that events and commands made."""
+        for command in plain_keys({"commands": self._carried_out})[0]["commands"]:
+            writer.add_command(command)
+        for route in self.crowd.new_routes():
+            writer.add_path(*route)
+        self._record_movables(writer, before)
+        writer.append(frame, self.crowd.hash)
 
     def _record_movables(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
         """Record the movables whose placing differs from ``before``, and update that."""

@@ -7,6 +7,7 @@ import contextlib
 import hmac
 import http
 import secrets
+import socket
 import threading
 from collections.abc import Callable
 from typing import Self
@@ -70,8 +71,15 @@ class Server:
 
     @property
     def address(self) -> str:
-        """Return the address of the page, with the token."""
-        host = "127.0.0.1" if self._host in _ANYWHERE else self._host
+        """Return the address of the page, with the token; if all may connect, with the name of this machine."""
+        return self._address(socket.gethostname() if self._host in _ANYWHERE else self._host)
+
+    @property
+    def local_address(self) -> str:
+        """Return the address of the page on this machine."""
+        return self._address("127.0.0.1" if self._host in _ANYWHERE else self._host)
+
+    def _address(self, host: str) -> str:
         host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self._port}{_PAGE}?token={self.token}"
 

@@ -238,6 +238,9 @@ class RecordingHeader:
         Free floor of each layer between the obstacles that are always present, as WKT; empty in older files.
     areas, lines : sequences of ShapeRecord
         Areas and lines at which the run was measured.
+    scenario_keys : str
+        Text of a scenario file with overrides applied, whose file names start from the folder of the recording; empty
+        in older files.
     """
 
     scenario_name: str
@@ -256,6 +259,7 @@ class RecordingHeader:
     walkable: Sequence[str] = ()
     areas: Sequence[ShapeRecord] = ()
     lines: Sequence[ShapeRecord] = ()
+    scenario_keys: str = ""
 
 
 class RecordedFrame(NamedTuple):

@@ -68,6 +68,8 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
     if header.ends is not None:
         scenario.attrs["ends"] = np.array(header.ends, np.float64)
     scenario.create_dataset("text", data=header.scenario_text, dtype=_STRINGS)
+    if header.scenario_keys:
+        scenario.create_dataset("keys", data=header.scenario_keys, dtype=_STRINGS)
 
     layers = file.create_group("layers")
     _write_strings(layers, "names", [layer.name for layer in header.layers])
@@ -189,6 +191,7 @@ def read_header(file: h5py.File) -> RecordingHeader:
         walkable=tuple(_read_strings(environment, "walkable")) if "walkable" in environment else (),
         areas=_read_shapes(environment, "area"),
         lines=_read_shapes(environment, "line"),
+        scenario_keys=scenario["keys"].asstr()[()] if "keys" in scenario else "",
     )
 
 

@@ -22,8 +22,9 @@ from typing import Any
 
 from crowdsim.errors import RecordingError
 
-BLOCKS, STEP, PATH, CHANGE, MOVABLE = range(1, 6)
-"""Kinds of frames: blocks of HDF5, and additions to a recording (step, path, change of a movable, another movable)."""
+BLOCKS, STEP, PATH, CHANGE, MOVABLE, COMMAND = range(1, 7)
+"""Kinds of frames: blocks of HDF5, and additions to a recording (step, path, change of a movable, another movable,
+command)."""
 
 _MARK = b"\x93crowdsim\xf5frame\n"
 _HEAD = struct.Struct("<16sIIQ")

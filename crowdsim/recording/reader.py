@@ -49,6 +49,8 @@ from crowdsim.recording.measured import Measured, read_measured
 from crowdsim.recording.shown.bodies import ShownBodies
 from crowdsim.recording.track_rows import all_rows, steps_a_frame, track_blocks, track_frame
 from crowdsim.whole_files import require_regular
+from crowdsim.yamlfile.document import read_document
+from crowdsim.yamlfile.written import written_document
 
 if TYPE_CHECKING:
     import pandas
@@ -209,6 +211,39 @@ class Recording(ShownBodies):
             for movable, footprint in sorted(latest.items())
             if footprint is not None
         )
+
+    @cached_property
+    def commands(self) -> tuple[dict[str, Any], ...]:
+        """Return the commands that the run carried out, in order, each with its keys in a scenario file."""
+        if "commands" not in self._file:
+            return ()
+        try:
+            commands = [json.loads(text) for text in self._file["commands"].asstr()[:]]
+            if not all(isinstance(command["at"], int | float) for command in commands):
+                raise ValueError("a command without a time")
+        except UNREADABLE as error:
+            raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
+        return tuple(commands)
+
+    def scenario_yaml(self) -> str:
+        """Return the text of a scenario file for the folder of the recording, whose run gives the same states.
+
+        It has the overrides and all commands of the run, and those of its scenario that were still to come. Meshes, and
+        floors with holes, that were given in Python are named, but not part of it.
+
+        Raises
+        ------
+        RecordingError
+            If the file is from before overrides and commands were kept.
+        """
+        if not self.header.scenario_keys:
+            raise RecordingError(f"{self.path} was written before overrides and commands were kept; {AGAIN}")
+        keys = dict(read_document(self.header.scenario_keys, str(self.path))[0].value)
+        # The last command may be of a step that a kill cut off.
+        done = max((round(command["at"] * self.steps_per_second) for command in self.commands), default=-1)
+        done = max(done, self.steps - 1)
+        later = [each for each in keys.get("commands", ()) if round(each["at"] * self.steps_per_second) > done]
+        return written_document({**keys, "commands": [*self.commands, *later]})
 
     def table(self, rate: float | None = None) -> pandas.DataFrame:
         """Return a pandas frame: id, frame, time, x, y, heading, behavior, state, group of all present agents.

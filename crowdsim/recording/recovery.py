@@ -13,9 +13,9 @@ from crowdsim.errors import RecordingError
 from crowdsim.recording.checks import UNREADABLE
 from crowdsim.recording.header import COLUMN_TYPES, SolidRecord, stored_columns
 from crowdsim.recording.header_file import read_header, rewrite_movables
-from crowdsim.recording.part_file import CHANGE, MOVABLE, PATH, STEP, is_held, put_frames
+from crowdsim.recording.part_file import CHANGE, COMMAND, MOVABLE, PATH, STEP, is_held, put_frames
 from crowdsim.recording.reader import Recording
-from crowdsim.recording.writer import PATH_HEAD, STEP_HEAD, extend
+from crowdsim.recording.writer import PATH_HEAD, STEP_HEAD, append_command, extend
 from crowdsim.whole_files import whole_file
 
 
@@ -92,3 +92,5 @@ def _append(file: h5py.File, left: list[tuple[int, memoryview]]) -> None:
         elif kind == CHANGE:
             for name, value in zip(("movable", "step", "footprint"), json.loads(bytes(content)), strict=True):
                 extend(changes[name], np.array([value], changes[name].dtype))
+        elif kind == COMMAND:
+            append_command(file, bytes(content).decode())

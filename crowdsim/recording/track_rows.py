@@ -15,6 +15,8 @@ from crowdsim.recording.header import AgentState
 if TYPE_CHECKING:
     import pandas
 
+TABLES_NEED = "tables need pandas; install it with: pip install 'crowdsim[table]'"
+
 _STEPS_AT_ONCE = 64
 """Steps that are read at once: as many as a chunk of the file holds."""
 
@@ -132,7 +134,7 @@ def track_frame(recording: RecordedFile, rows: TrackRows, rate: float) -> pandas
     try:
         import pandas
     except ImportError:
-        raise RecordingError("tables need pandas; install it with: pip install 'crowdsim[table]'") from None
+        raise RecordingError(TABLES_NEED) from None
     header = recording.header
     names, groups = np.unique(np.array(header.agents.groups, np.str_), return_inverse=True)
     categories = pandas.Categorical.from_codes

@@ -30,7 +30,7 @@ from crowdsim.recording.header import (
 )
 from crowdsim.recording.header_file import rewrite_movables, write_header
 from crowdsim.recording.measured import Measured, write_measured
-from crowdsim.recording.part_file import CHANGE, MOVABLE, PATH, STEP, PartFile
+from crowdsim.recording.part_file import CHANGE, COMMAND, MOVABLE, PATH, STEP, PartFile
 from crowdsim.whole_files import not_written
 
 MOST_STEPS_HELD = 64
@@ -193,6 +193,12 @@ class RecordingWriter:
             extend(group[name], np.array([value], group[name].dtype))
         self._add_frame(CHANGE, json.dumps([movable, self._steps, footprint or ""]).encode())
 
+    def add_command(self, keys: Mapping[str, Any]) -> None:
+        """Add a command that the next step carries out, by its keys in a scenario file."""
+        text = json.dumps(dict(keys))
+        append_command(self._open_file(), text)
+        self._add_frame(COMMAND, text.encode())
+
     def finish(self, summary: Mapping[str, Any], measured: Measured | None = None) -> None:
         """Write the rest, the ``summary`` (anything JSON can hold) and the measurements; give the file its name."""
         file = self._open_file()
@@ -309,6 +315,13 @@ def extend(dataset: h5py.Dataset, rows: np.ndarray) -> None:
     first = dataset.shape[0]
     dataset.resize(first + len(rows), axis=0)
     dataset[first:] = rows
+
+
+def append_command(file: h5py.File, text: str) -> None:
+    """Append a command, as JSON; a file without commands has no dataset of them."""
+    if "commands" not in file:
+        _growing(file, "commands", (), h5py.string_dtype("utf-8"), (256,))
+    extend(file["commands"], np.array([text], object))
 
 
 def _plain(value: object) -> object:

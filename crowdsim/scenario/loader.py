@@ -29,6 +29,11 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
     ------
     ScenarioError
         With every problem of the file and the overrides.
+
+    Examples
+    --------
+    >>> load_scenario("doorway", ["agents.0.count=2"]).agents[0].count
+    2
     """
     path = _find(source)
     text, problems = read_text(path, str(source))

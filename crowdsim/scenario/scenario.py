@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Unpack
 
 from pydantic import PrivateAttr
 from shapely import MultiPolygon, Polygon
@@ -32,7 +33,14 @@ _USUAL = {"crowdsim": FORMAT_VERSION, "name": "untitled", "seed": 1, "duration":
 """Keys that are required in a file but optional in Python, with their defaults."""
 
 
-class ScenarioKeys(TypedDict, total=False):
+class _RequiredKeys(TypedDict):
+    """The keys that have no default."""
+
+    floor: Polygon | MultiPolygon | Mapping[str, Any] | Part
+    agents: Entries
+
+
+class ScenarioKeys(_RequiredKeys, total=False):
     """The keys of a scenario in Python; docs/scenarios.md describes each.
 
     Entries are mappings with the keys of the file, or models of :mod:`crowdsim.scenario.schema`. A shapely polygon is
@@ -45,7 +53,6 @@ class ScenarioKeys(TypedDict, total=False):
     seed: int
     duration: float
     steps_per_second: int
-    floor: Polygon | MultiPolygon | Mapping[str, Any] | Part
     obstacles: Sequence[Polygon | Trimesh | Mapping[str, Any] | Part]
     clutter: Mapping[str, Any]
     doors: Entries
@@ -54,12 +61,37 @@ class ScenarioKeys(TypedDict, total=False):
     behaviors: Sequence[str]
     planner: Literal["layered", "greedy_literal", "collision3d"]
     motion: Mapping[str, Any]
-    agents: Entries
     exits: Entries
     routes: Entries
     areas: Entries
     lines: Entries
     captured_near: Mapping[str, Any]
+    commands: Entries
+
+
+def _signature() -> inspect.Signature:
+    """Return what :class:`Scenario` takes: the keys of a file, with their defaults in Python."""
+    parameters = [inspect.Parameter("self", inspect.Parameter.POSITIONAL_OR_KEYWORD)]
+    for name, field in ScenarioFields.model_fields.items():
+        key = field.alias or name
+        if key not in ScenarioKeys.__annotations__:
+            continue  # the version of the format
+        default = _USUAL.get(key, inspect.Parameter.empty if field.is_required() else field.default)
+        annotation = ScenarioKeys.__annotations__[key].__forward_arg__
+        parameters.append(
+            inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+        )
+    return inspect.Signature(parameters)
+
+
+Init = TypeVar("Init", bound=Callable[..., None])
+
+
+def _with_signature(init: Init) -> Init:
+    """Return ``init`` with the signature that the library of the models then shows for the class."""
+    described: Any = init
+    described.__signature__ = _signature()
+    return init
 
 
 class Scenario(ScenarioFields):
@@ -87,6 +119,7 @@ class Scenario(ScenarioFields):
     _files: Files = PrivateAttr()
     _environment: Environment = PrivateAttr()
 
+    @_with_signature
     def __init__(self, **keys: Unpack[ScenarioKeys]) -> None:
         plain, made = plain_keys({**_USUAL, **keys})
         document = Document(SOURCE, plain, {(): Position(SOURCE)}, complete=True)
@@ -144,12 +177,21 @@ class Scenario(ScenarioFields):
         """Return the folder of the motion captures; None if the scenario uses a built-in motion set."""
         return None if self.motion.captures is None else self._files.folder / self.motion.captures
 
-    def to_yaml(self) -> str:
+    def to_yaml(self, folder: Path | None = None) -> str:
         """Return the text of a file that describes the same scenario, with overrides applied.
 
         Meshes, and floors with holes, that were given in Python appear as file names; :meth:`save` writes those files.
+
+        Parameters
+        ----------
+        folder : Path or None
+            Folder that file names start from; by default that of the scenario.
         """
-        return written_document(self._document.value)
+        if folder is None:
+            return written_document(self._document.value)
+        return written_document(
+            named_from(self._document.value, self._files, folder, {name: name for name in self._files.made})
+        )
 
     def save(self, path: str | os.PathLike[str], commands: Sequence[Command] | None = None) -> list[Path]:
         """Write the scenario to ``path``, and files beside it for meshes and floors that were given in Python.

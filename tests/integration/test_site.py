@@ -54,9 +54,9 @@ def test_examples_of_the_api_run() -> None:
     assert runner.tries > 10
 
 
-def test_the_gallery_has_ten_examples_with_pictures() -> None:
+def test_the_gallery_has_eleven_examples_with_pictures() -> None:
     examples = GALLERY.split("\n## ")[1:]
-    assert len(examples) == 10
+    assert len(examples) == 11
     for example in examples:
         (picture,) = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", example)
         assert (DOCS / picture).is_file()
@@ -69,7 +69,7 @@ def test_commands_of_the_gallery_can_be_typed(command: str) -> None:
     commands = typer.main.get_command(app).commands
     given = commands[name].make_context(name, list(arguments)).params
     if name in {"run", "check"}:
-        assert str(given["scenario"]) in {*builtin_scenarios(), "street.yaml", "four.yaml"}
+        assert str(given["scenario"]) in {*builtin_scenarios(), "street.yaml", "four.yaml", "session.yaml"}
 
 
 @pytest.mark.parametrize(("number", "drawn"), [(0, draw_pictures.STREET), (1, draw_pictures.FOUR_WAYS)])

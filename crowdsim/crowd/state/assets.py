@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from crowdsim.behaviors.behavior import Behavior
 from crowdsim.behaviors.library import BehaviorSet, load_behavior_set
 from crowdsim.constants import CAPTURE_RATE, NONE, TRACKING_MARGIN
 from crowdsim.environment.layers import ClearanceLayer
-from crowdsim.errors import MotionError, ScenarioError
+from crowdsim.errors import BehaviorError, MotionError, ScenarioError
 from crowdsim.following.follower.path_follower import Character
 from crowdsim.following.maps.map_file import maps_in_file
 from crowdsim.following.maps.motion_maps import MotionMaps
@@ -130,10 +131,21 @@ class Assets:
 def load_behaviors(scenario: Scenario) -> BehaviorSet:
     """Load the behaviors of a scenario, measured on its layers, with their motion graph.
 
+    Runs may share what it returns, in turn or in threads, if their scenarios agree in ``behaviors``, ``layers`` and
+    ``motion``, and name files from the same folder. It is not changed by them.
+
     Raises
     ------
     BehaviorError, MotionError
         If a file cannot be used.
+
+    Examples
+    --------
+    >>> motion = load_behaviors(load_scenario("doorway"))
+    >>> for seed in (1, 2):
+    ...     scenario = load_scenario("doorway", [f"seed={seed}", "agents.0.count=1"])
+    ...     with Simulation(scenario, behavior_set=motion) as simulation:
+    ...         simulation.step()
     """
     bands = [(layer.low, layer.high) for layer in scenario.environment.layers]
     captures = scenario.captures_folder()
@@ -149,6 +161,26 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
         meters_per_unit=None if motion.unit is None else UNITS[motion.unit],
         joints=motion.joints,
     )
+
+
+def require_fitting(behavior_set: BehaviorSet, scenario: Scenario) -> BehaviorSet:
+    """Return a behavior set that was loaded for a scenario like this one.
+
+    Raises
+    ------
+    BehaviorError
+        If it has other behaviors, or its clearances are of another number of layers.
+    """
+    names = [Path(name).name for name in scenario.behaviors]
+    found = [behavior.name for behavior in behavior_set.behaviors]
+    layers = len(scenario.environment.layers)
+    if sorted(found) != sorted(names) or any(len(behavior.radii) != layers for behavior in behavior_set.behaviors):
+        raise BehaviorError(
+            f"{scenario.name}: the behavior set has {', '.join(found)}, measured on "
+            f"{len(behavior_set.behaviors[0].radii)} layers; the scenario has {', '.join(names)} on {layers}; "
+            "call load_behaviors(scenario)"
+        )
+    return behavior_set
 
 
 def motion_key(scenario: Scenario) -> tuple[Any, ...]:

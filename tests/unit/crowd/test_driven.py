@@ -1,12 +1,14 @@
 """Simulations that are stepped, read and commanded, and the scenarios that they save."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
-from crowdsim import CrowdSimError, Recording, ScenarioError, Simulation, load_scenario
+from crowdsim import ColumnError, CrowdSimError, Recording, ScenarioError, Simulation, load_behaviors, load_scenario
+from crowdsim.errors import BehaviorError
 from crowdsim.recording.header import AgentState
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.scenario import Scenario
@@ -78,8 +80,66 @@ def test_without_a_file_it_runs_to_the_same_end(tmp_path: Path) -> None:
         assert isinstance(recording, Recording)
         assert seen == list(range(1, recording.steps + 1))
         assert int(recording.state_hash[-1]) == unrecorded.state_hash
+        timed = {"real_time_factor", "searches"}
+        assert {key: value for key, value in unrecorded.summary.items() if key not in timed} == {
+            key: value for key, value in recording.summary.items() if key not in timed
+        }
     with pytest.raises(CrowdSimError, match="run or closed"):
         unrecorded.step()
+
+
+def test_there_is_a_summary_of_whole_runs_only() -> None:
+    with Simulation(load_scenario("doorway", ["agents.0.locomotion=steered"])) as simulation:
+        with pytest.raises(CrowdSimError, match="no summary"):
+            simulation.summary  # noqa: B018
+        simulation.step()
+        simulation.run(None, until=lambda each: each.step_count > 3)
+        with pytest.raises(CrowdSimError, match=r"step\(\) took none before"):
+            simulation.summary  # noqa: B018
+
+
+@pytest.mark.parametrize("locomotion", LOCOMOTIONS)
+def test_runs_that_share_motion_come_out_as_those_that_do_not(locomotion: str) -> None:
+    motion = load_behaviors(rooms(locomotion))
+    hashes = []
+    for behavior_set in (None, motion, motion):
+        with Simulation(rooms(locomotion), behavior_set=behavior_set) as simulation:
+            for _ in range(30):
+                simulation.step()
+            hashes.append(simulation.state_hash)
+    assert len(set(hashes)) == 1
+
+
+def test_motion_of_another_scenario_is_refused() -> None:
+    motion = load_behaviors(load_scenario("doorway", ["behaviors=[frontal]"]))
+    with pytest.raises(BehaviorError, match=r"the behavior set has frontal, .* call load_behaviors"):
+        Simulation(load_scenario("doorway"), behavior_set=motion)
+
+
+@pytest.mark.parametrize("locomotion", LOCOMOTIONS)
+def test_recorded_commands_give_the_same_run_with_its_overrides(locomotion: str, tmp_path: Path) -> None:
+    scenario = rooms(locomotion)
+
+    def commands(simulation: Simulation) -> bool:
+        match simulation.step_count:
+            case 5:
+                simulation.insert(CRATE)
+                simulation.set_speed([0], 0.8)
+            case 20:
+                simulation.set_goal([1], (2.0, 1.0), on_arrival="stay")
+        return simulation.step_count == 40
+
+    (tmp_path / "runs").mkdir()
+    with Simulation(scenario).run(tmp_path / "runs" / "run.h5", until=commands) as recording:
+        assert [list(command)[:2] for command in recording.commands] == [
+            ["at", "insert"], ["at", "set_speed"], ["at", "set_goal"]
+        ]  # fmt: skip
+        assert recording.commands[0]["insert"] == {**CRATE, "box": {"center": [7.0, 1.2], "size": [0.6, 0.6]}}
+        (tmp_path / "runs" / "again.yaml").write_text(recording.scenario_yaml())
+        with Simulation(load_scenario(tmp_path / "runs" / "again.yaml")) as again:
+            for wanted in recording.state_hash[:]:
+                again.step()
+                assert again.state_hash == wanted
 
 
 @pytest.mark.parametrize("locomotion", LOCOMOTIONS)
@@ -98,6 +158,47 @@ def test_columns_are_those_of_the_recording_and_cannot_be_written(locomotion: st
             agents.x[0] = 3.0
         with pytest.raises(AttributeError):
             simulation.agents = agents  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("name", "instead"),
+    [
+        ("x", "simulation.set_goal"),
+        ("heading", "simulation.set_goal"),
+        ("state", "simulation.add"),
+        ("level", "follows from the room"),
+        ("own", "add_column"),
+        ("mood", "add_column"),
+    ],
+)
+def test_what_is_assigned_is_refused_with_what_to_do_instead(name: str, instead: str) -> None:
+    with Simulation(rooms("steered")) as simulation:
+        simulation.add_column("mood", float, 0.5)
+        simulation.step()
+        agents = simulation.agents
+        before = {column: agents[column].copy() for column in ("x", "mood")}
+        with pytest.raises(ColumnError, match="only read") as refused:
+            setattr(agents, name, np.zeros(4))
+        assert f"'{name}'" in str(refused.value)
+        assert instead in str(refused.value)
+        with pytest.raises(ColumnError, match="only read"):
+            agents[name] = np.zeros(4)
+        with pytest.raises(TypeError):
+            agents.own["mood"] = np.zeros(4)  # type: ignore[index]
+        with pytest.raises(ValueError, match="read-only"):
+            agents.own["mood"][0] = 1.0
+        simulation.step()
+        assert np.array_equal(agents["mood"], before["mood"])
+        assert np.array_equal(simulation.agents["mood"], before["mood"])
+        assert np.array_equal(agents.x, before["x"], equal_nan=True)
+
+
+def test_a_table_without_pandas_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with Simulation(rooms("steered")) as simulation:
+        simulation.step()
+        with pytest.raises(CrowdSimError, match=r"pip install 'crowdsim\[table\]'"):
+            simulation.agents.table()
 
 
 @pytest.mark.parametrize(

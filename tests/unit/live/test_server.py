@@ -2,6 +2,7 @@
 
 import json
 import random
+import socket as sockets
 import time
 import urllib.error
 import urllib.request
@@ -93,6 +94,18 @@ def test_two_servers_have_two_tokens(server):
     with Server(PAGE, OPENING, "127.0.0.1", 0) as other:
         assert other.token != server.token
         assert len(other.token) >= 24
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::"])
+def test_an_address_for_all_names_a_machine_that_others_can_reach(host):
+    if host == "::" and not sockets.has_dualstack_ipv6():
+        pytest.skip("this machine has no IPv6")
+    with Server(PAGE, OPENING, host, 0) as opened:
+        assert urlsplit(opened.address).hostname == sockets.gethostname().lower()
+        assert urlsplit(opened.local_address).hostname == "127.0.0.1"
+        assert urlsplit(opened.address).query == urlsplit(opened.local_address).query
+        if host == "0.0.0.0":
+            assert status_of(opened.local_address, Host=urlsplit(opened.address).netloc)[0] == 200
 
 
 def test_names_of_other_sites_that_lead_here_are_refused(server):

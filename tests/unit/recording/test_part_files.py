@@ -63,6 +63,21 @@ def test_every_step_before_a_kill_can_be_recovered(path, steps):
     assert [p.name for p in path.parent.iterdir()] == ["run.h5"]
 
 
+def test_commands_before_a_kill_are_recovered(path):
+    words = """
+            for committed, at in ((True, 0.5), (False, 0.6)):
+                writer.add_command({"at": at, "open": "gate"})
+                writer._flush() if committed else None
+            writer.append(small_frame(header, 5), 5)
+            os.kill(os.getpid(), signal.SIGKILL)"""
+    assert write_and_die(path, 5, words.strip()) == -signal.SIGKILL
+    with recover(path.with_name("run.h5.part")) as recording:
+        assert recording.commands == ({"at": 0.5, "open": "gate"}, {"at": 0.6, "open": "gate"})
+        # The small recording is like those from before overrides were kept.
+        with pytest.raises(RecordingError, match="before overrides and commands were kept"):
+            recording.scenario_yaml()
+
+
 def test_obstacles_that_came_before_a_kill_are_recovered(path):
     words = """
             from crowdsim.recording.header import SolidRecord

@@ -66,6 +66,17 @@ def test_built_in_scenarios_are_clean_and_point_editors_to_the_schema(name):
     assert scenario.text.splitlines()[0] == "# yaml-language-server: $schema=scenario.schema.json"
 
 
+def test_the_hall_has_everything_that_can_be_played_with():
+    hall = load_scenario("hall")
+    assert [group.name for group in hall.agents if group.on_call] == ["guests"]
+    assert len([obstacle for obstacle in hall.obstacles if obstacle.movable]) == 3
+    assert len(hall.doors) == 2
+    # It does not stand still for some minutes.
+    visitors = hall.agents[0]
+    assert visitors.rounds * len(visitors.regions()) >= 30
+    assert hall.duration >= 600.0
+
+
 def test_the_schema_file_is_current(tmp_path):
     fresh = tmp_path / "schema.json"
     write_json_schema(fresh)

@@ -1,5 +1,6 @@
 """Scenarios that are made in Python are what files give, and become files."""
 
+import inspect
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,25 @@ import crowdsim
 from crowdsim import Scenario, ScenarioError
 from crowdsim.scenario.loader import builtin_scenarios, load_scenario
 from crowdsim.scenario.schema.agents import AgentGroup, Goal
+from crowdsim.scenario.schema.schema import ScenarioFields
 from crowdsim.scenario.schema.values import Region
 from crowdsim.yamlfile.document import read_document
 
 ROOM = shapely.box(0.0, 0.0, 8.0, 5.0)
 HOLLOW = ROOM.difference(shapely.box(1.0, 1.0, 2.0, 2.0))
 WALKERS = {"name": "walkers", "count": 2, "interval": 2.0, "start": {"point": [1, 1]}, "goal": {"point": [7, 4]}}
+
+
+def test_its_signature_is_that_of_the_keys_in_python() -> None:
+    parameters = inspect.signature(Scenario).parameters
+    keys = {field.alias or name for name, field in ScenarioFields.model_fields.items()}
+    assert set(parameters) == keys - {"crowdsim"}
+    assert {name for name, each in parameters.items() if each.default is each.empty} == {"floor", "agents"}
+    assert parameters["seed"].default == 1
+    made = Scenario(floor=ROOM, agents=[WALKERS], commands=[{"at": 3.0, "set_speed": {"agents": [0], "speed": 0.8}}])
+    for name, each in parameters.items():
+        if name not in ("floor", "agents", "commands"):
+            assert getattr(made, "bands" if name == "layers" else name) == each.default, name
 
 
 def test_top_of_the_package_has_it() -> None:
