@@ -44,12 +44,12 @@ def info(
         raise MotionError("\n".join(f"{row['file']}: {row['problem']}" for row in rows))
     notes = _walking(folder, meters, joints)
     if as_json:
-        typer.echo(json.dumps(rows))
+        typer.echo(json.dumps({"files": rows, "notes": notes}))
     else:
         columns = [name for name in rows[0] if any(row[name] is not None for row in rows)]
         print_rows([{name: row[name] for name in columns} for row in rows])
-    for note in notes:
-        typer.echo(note, err=as_json)
+        for note in notes:
+            typer.echo(note)
 
 
 def _read_unit(unit: str | None) -> float | None:
@@ -71,17 +71,17 @@ def _read_joints(given: list[str]) -> dict[str, str]:
 
 def _walking(folder: Path, meters_per_unit: float | None, joints: dict[str, str]) -> list[str]:
     """Return sentences about the walks that a scenario makes of these captures."""
-    from crowdsim.behaviors.behavior import FRONTAL
+    from crowdsim.behaviors.behavior import CAPTURED, FRONTAL
     from crowdsim.behaviors.library import load_behavior_set
     from crowdsim.environment.layers import LEGS, TORSO
     from crowdsim.errors import BehaviorError, MotionError
 
     try:
         bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
-        found = load_behavior_set([FRONTAL], bands, captures=folder, meters_per_unit=meters_per_unit, joints=joints)
+        found = load_behavior_set(CAPTURED, bands, captures=folder, meters_per_unit=meters_per_unit, joints=joints)
     except (MotionError, BehaviorError) as error:
         return [f"walking cannot be made from these captures: {error}"]
-    (frontal,) = found.behaviors
+    frontal = next(behavior for behavior in found.behaviors if behavior.name == FRONTAL)
     legs, torso = frontal.radii
     return [
         f"walking takes {legs:.2f} m to each side at the legs ({frontal.widest[0]}) and {torso:.2f} m at the torso "
