@@ -99,3 +99,14 @@ def test_a_set_that_is_none_is_bad_input(crowdsim, tmp_path):
     done = crowdsim("motion", "synthesize", "hapy", str(tmp_path))
     assert done.returncode == 2
     assert "there are default, happy, dance" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["info", "graph", "coverage"])
+def test_every_command_takes_unit_and_joints(crowdsim, folder, command):
+    for option, said in (("--unit=ell", "'ell' is not one of m, cm"), ("--joint=left_hip", "is not ROLE=NAME")):
+        done = crowdsim("motion", command, str(folder), option)
+        assert done.returncode == 2
+        assert said in done.stderr
+    wrong = crowdsim("motion", command, str(folder), "--joint", "left_hip=Nobody")
+    assert wrong.returncode == 2
+    assert "Nobody" in wrong.stderr
