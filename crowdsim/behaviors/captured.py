@@ -43,7 +43,6 @@ _DETECTORS = ("crossing", "standing")
 _CONTEXT = CAPTURE_RATE // 2
 """Frames kept before and after a transition, so that its ends are smoothed and compared as in the whole walk."""
 
-_NO_CYCLE = "no clip walks ahead for a whole cycle of steps that could be made into"
 _ADD_A_WALK = "add a clip that walks straight on for four steps or more"
 
 _LEAST_REACH = 0.4
@@ -204,7 +203,7 @@ def captured_set(
     Raises
     ------
     MotionError
-        If no clip for standing can be found or made, or a missing movement cannot be synthesized.
+        If anything is missing, and no clip walks ahead for a whole cycle that it could be made of.
     BehaviorError
         If captures cannot give a behavior of this name.
     """
@@ -229,13 +228,13 @@ def captured_set(
             why = "" if make_all else ", as no clip shows it"
             notes.append(f"made of a cycle of clip '{maker.clip.name}'{why}: {', '.join(told)}")
     elif told:
-        notes.append(f"missing, and no walk to synthesize it from: {', '.join(told)}; {_ADD_A_WALK}")
-    if rest is None:
-        raise MotionError(f"no clip stands still in the captures of {folder}, and {_NO_CYCLE} a stand; {_ADD_A_WALK}")
-    if LATERAL in names and maker is None:
         raise MotionError(
-            f"the captures of {folder} give no '{LATERAL}', and {_NO_CYCLE} steps to the side; {_ADD_A_WALK}, "
-            f"or take '{LATERAL}' out of 'behaviors'"
+            f"no clip in the captures of {folder} walks ahead for a whole cycle, from one landing of the left foot to "
+            f"the next, of which what they lack could be made ({', '.join(told)}); {_ADD_A_WALK}"
+        )
+    if rest is None:
+        raise MotionError(
+            f"no clip stands still in the captures of {folder}, not even one that was made; {_ADD_A_WALK}"
         )
     found: dict[str, CapturedBehavior] = {}
     speed = None if maker is None else maker.speed

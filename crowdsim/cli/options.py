@@ -64,3 +64,33 @@ def read_map_depth(text: str | None) -> dict[str, Any]:
         raise typer.BadParameter(f"'{text}' is neither nodes, as 4, nor meters, as 3.5m", param_hint="--depth")
     most = {"max_entries": 100_000}
     return most | ({"depth": 1000, "reach": number} if meters else {"depth": number, "reach": 1e3})
+
+
+Unit = Annotated[
+    str | None,
+    typer.Option("--unit", metavar="UNIT", help="m, cm, mm, ft, inch or 'CMU unit', if leg lengths are ambiguous."),
+]
+
+Joints = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--joint", metavar="ROLE=NAME", help="Name of the joint with a role, as in left_hip=BoneA7; repeatable."
+    ),
+]
+
+
+def read_unit(unit: str | None) -> float | None:
+    """Return the length of a named unit [m]; raise a usage error for an unknown name."""
+    from crowdsim.motion.captures.reader import UNITS
+
+    if unit is not None and unit not in UNITS:
+        raise typer.BadParameter(f"'{unit}' is not one of {', '.join(UNITS)}", param_hint="--unit")
+    return None if unit is None else UNITS[unit]
+
+
+def read_joints(given: list[str]) -> dict[str, str]:
+    """Return joint names by role from ``ROLE=NAME`` entries; raise a usage error for anything else."""
+    for entry in given:
+        if not all(entry.partition("=")):
+            raise typer.BadParameter(f"'{entry}' is not ROLE=NAME, as in left_hip=BoneA7", param_hint="--joint")
+    return {role: name for role, _, name in (entry.partition("=") for entry in given)}

@@ -129,7 +129,7 @@ def check(
         with progress_bar() as bar:
             bar.add_task(f"{scenario}: reading", total=None)  # meshes of thousands of parts take a while
             loaded = load_scenario(scenario, overrides or [])
-            warnings, notes = check_scenario(loaded), [*loaded.environment.report, *_own_behaviors(loaded)]
+            warnings, notes = check_scenario(loaded), [*loaded.environment.report, *_notes_on_captures(loaded)]
     except CrowdSimError as error:
         if not as_json:
             raise
@@ -148,11 +148,11 @@ def check(
     typer.echo(f"{loaded.name}: ok")
 
 
-def _own_behaviors(scenario: LoadedScenario) -> tuple[str, ...]:
-    """Return notes on the captures of own behaviors, and their widths; CrowdSimError if one cannot be used."""
+def _notes_on_captures(scenario: LoadedScenario) -> tuple[str, ...]:
+    """Return notes on captures, and the widths of own behaviors; CrowdSimError if they cannot be used."""
     from crowdsim.behaviors.behavior import is_own
 
-    if not any(is_own(entry) for entry in scenario.behaviors):
+    if scenario.motion.captures is None and not any(is_own(entry) for entry in scenario.behaviors):
         return ()
     from crowdsim.crowd.state.assets import load_behaviors
 

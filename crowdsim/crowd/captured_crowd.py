@@ -88,7 +88,7 @@ class CapturedCrowd:
             lambda agent, route: self._new_routes.append((agent, route)),
             lead=max(1, round(LEAD_SECONDS * scenario.steps_per_second)),
         )
-        self.natural_speed = natural_speed(gait_clips(behavior_set)[-1])
+        self._behavior_set = behavior_set
         if not np.isnan(self.cast.speeds).all():
             self.plans.paces.keep(self.cast.speeds, self.natural_speed)
         self.hash = 0
@@ -109,6 +109,11 @@ class CapturedCrowd:
             if distance(goal, start) > AT_GOAL:
                 MotionSearch(self.assets, self.environment, Request(start, goal, stays=True, within=within)).advance()
                 return
+
+    @cached_property
+    def natural_speed(self) -> float:
+        """Return the speed of the gait [m/s]; MotionError if no clip shows one, which matters to speeds alone."""
+        return natural_speed(gait_clips(self._behavior_set)[-1])
 
     @property
     def count(self) -> int:

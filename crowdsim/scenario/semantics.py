@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from crowdsim.constants import STEERING_RATE
+from crowdsim.errors import MotionError
 from crowdsim.library import library_folder
 from crowdsim.scenario.people.arrivals import start_times
 from crowdsim.scenario.schema.schema import ScenarioFields
@@ -120,23 +121,28 @@ def _captures(keys: ScenarioFields, folder: Path) -> list[Complaint]:
         if name not in CAPTURED:
             message = f"captured walks give no '{name}'; list only {' and '.join(CAPTURED)} under 'behaviors'"
             complaints.append((("behaviors",), message))
-    if "clips" not in keys.motion.model_fields_set and not any(_matches(captures, p) for p in keys.motion.clips):
-        message = f"no file in {captures} matches {' or '.join(keys.motion.clips)}"
-        complaints.append((("motion", "captures"), message))
+    if "clips" not in keys.motion.model_fields_set and (none := _why_none(captures, keys.motion.clips)):
+        complaints.append((("motion", "captures"), none))
     for number, pattern in enumerate(keys.motion.clips):
         path = ("motion", "clips", number)
         if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
             complaints.append((path, f"'{pattern}' leaves the folder of captures"))
-        elif "clips" in keys.motion.model_fields_set and not _matches(captures, pattern):
-            complaints.append((path, f"no file in {captures} matches '{pattern}'"))
+        elif "clips" in keys.motion.model_fields_set and (none := _why_none(captures, [pattern])):
+            complaints.append((path, none))
     return complaints
 
 
-def _matches(folder: Path, pattern: str) -> bool:
+def _why_none(folder: Path, patterns: Sequence[str]) -> str:
+    """Return why no capture in a folder matches ``patterns``, '' if one does."""
+    from crowdsim.motion.captures.reader import capture_paths
+
     try:
-        return any(folder.glob(pattern))
-    except ValueError:  # an invalid pattern such as "**x"
-        return False
+        capture_paths(folder, patterns)
+    except MotionError as error:
+        return str(error)
+    except ValueError as error:
+        return f"'{', '.join(patterns)}' is no pattern of file names: {error}"
+    return ""
 
 
 def _times(keys: ScenarioFields) -> list[Complaint]:

@@ -18,10 +18,11 @@ def folder(tmp_path, shared):
 def test_info_says_what_was_assumed_and_cut(crowdsim, folder):
     done = crowdsim("motion", "info", str(folder), "--json")
     assert done.returncode == 0, done.stderr
-    rows = {row["file"]: row for row in json.loads(done.stdout)}
+    rows = {row["file"]: row for row in json.loads(done.stdout)["files"]}
     straight = rows["16_15_walk_straight_slow_a.bvh"]
     assert (straight["unit"], straight["up"], straight["facing"]) == ("cm", "+y", "+z")
     assert straight["glitches"] == "2"
+    assert any(note.startswith("made of a cycle of clip") for note in json.loads(done.stdout)["notes"])
     assert straight["crossings"] == 4
     assert straight["speed_m_s"] == pytest.approx(1.09, abs=0.02)
     assert rows["16_11_walk_veer_left_slow_a.bvh"]["turn_deg"] == pytest.approx(45, abs=5)
@@ -32,7 +33,7 @@ def test_info_says_what_was_assumed_and_cut(crowdsim, folder):
 def test_info_lists_files_that_cannot_be_read(crowdsim, shared):
     done = crowdsim("motion", "info", str(shared / "faults" / "bvh"), "--json")
     assert done.returncode == 0, done.stderr
-    rows = {row["file"]: row for row in json.loads(done.stdout)}
+    rows = {row["file"]: row for row in json.loads(done.stdout)["files"]}
     assert len(rows) == 21
     assert all(row["problem"] for row in rows.values())  # none of them has legs to walk on
     assert rows["ok.bvh"]["frames"] == 5
@@ -98,3 +99,14 @@ def test_a_set_that_is_none_is_bad_input(crowdsim, tmp_path):
     done = crowdsim("motion", "synthesize", "hapy", str(tmp_path))
     assert done.returncode == 2
     assert "there are default, happy, dance" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["info", "graph", "coverage"])
+def test_every_command_takes_unit_and_joints(crowdsim, folder, command):
+    for option, said in (("--unit=ell", "'ell' is not one of m, cm"), ("--joint=left_hip", "is not ROLE=NAME")):
+        done = crowdsim("motion", command, str(folder), option)
+        assert done.returncode == 2
+        assert said in done.stderr
+    wrong = crowdsim("motion", command, str(folder), "--joint", "left_hip=Nobody")
+    assert wrong.returncode == 2
+    assert "Nobody" in wrong.stderr

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from crowdsim.cli.options import Debug, Json, MapDepth, read_map_depth
+from crowdsim.cli.options import Debug, Joints, Json, MapDepth, Unit, read_joints, read_map_depth, read_unit
 
 if TYPE_CHECKING:
     from crowdsim.motion.graph.motion_graph import MotionGraph
@@ -24,6 +24,8 @@ def coverage(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Threads; the table does not depend on it. By default one per core.")
     ] = None,
+    unit: Unit = None,
+    joint: Joints = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -36,7 +38,7 @@ def coverage(
 
     sizes = read_map_depth(depth)
     threads = workers or os.cpu_count() or 1
-    motion, facings = _load(motions)
+    motion, facings = _load(motions, read_unit(unit), read_joints(joint or []))
     with progress_bar() as bar:
         task = bar.add_task("maps")
 
@@ -58,7 +60,7 @@ def coverage(
     print_rows(rows)
 
 
-def _load(motions: str) -> tuple[MotionGraph, Any]:
+def _load(motions: str, meters_per_unit: float | None, joints: dict[str, str]) -> tuple[MotionGraph, Any]:
     """Return the graph of a folder of captures or a motion set, and the facings of its behaviors, preferred last."""
     import numpy as np
 
@@ -72,7 +74,9 @@ def _load(motions: str) -> tuple[MotionGraph, Any]:
     if motions not in MANNERS:
         if not Path(motions).is_dir():
             raise MotionError(f"'{motions}' is neither a folder of captures nor one of {', '.join(MANNERS)}")
-        found = load_behavior_set([FRONTAL], bands, captures=Path(motions))
+        found = load_behavior_set(
+            [FRONTAL], bands, captures=Path(motions), meters_per_unit=meters_per_unit, joints=joints
+        )
         for note in found.notes:
             typer.echo(note, err=True)
         return found.graph, np.zeros((1, 1))

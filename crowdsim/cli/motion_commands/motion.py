@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.cli.options import Debug, Json
+from crowdsim.cli.options import Debug, Joints, Json, Unit, read_joints, read_unit
 
 motion = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Inspect motion captures and motion graphs.")
 
@@ -19,16 +19,8 @@ Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A folder of capt
 @motion.command()
 def info(
     folder: Folder,
-    unit: Annotated[
-        str | None,
-        typer.Option("--unit", metavar="UNIT", help="m, cm, mm, ft, inch or 'CMU unit', if leg lengths are ambiguous."),
-    ] = None,
-    joint: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--joint", metavar="ROLE=NAME", help="Name of the joint with a role, as in left_hip=BoneA7; repeatable."
-        ),
-    ] = None,
+    unit: Unit = None,
+    joint: Joints = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -38,50 +30,33 @@ def info(
     from crowdsim.motion.analysis.capture_summary import summarize_all
     from crowdsim.motion.captures.reader import capture_paths
 
-    meters, joints = _read_unit(unit), _read_joints(joint or [])
+    meters, joints = read_unit(unit), read_joints(joint or [])
     rows = summarize_all(capture_paths(folder), meters, joints)
     if all(row["frames"] is None for row in rows):
         raise MotionError("\n".join(f"{row['file']}: {row['problem']}" for row in rows))
     notes = _walking(folder, meters, joints)
     if as_json:
-        typer.echo(json.dumps(rows))
+        typer.echo(json.dumps({"files": rows, "notes": notes}))
     else:
         columns = [name for name in rows[0] if any(row[name] is not None for row in rows)]
         print_rows([{name: row[name] for name in columns} for row in rows])
-    for note in notes:
-        typer.echo(note, err=as_json)
-
-
-def _read_unit(unit: str | None) -> float | None:
-    """Return the length of a named unit [m]; raise a usage error for an unknown name."""
-    from crowdsim.motion.captures.reader import UNITS
-
-    if unit is not None and unit not in UNITS:
-        raise typer.BadParameter(f"'{unit}' is not one of {', '.join(UNITS)}", param_hint="--unit")
-    return None if unit is None else UNITS[unit]
-
-
-def _read_joints(given: list[str]) -> dict[str, str]:
-    """Return joint names by role from ``ROLE=NAME`` entries; raise a usage error for anything else."""
-    for entry in given:
-        if not all(entry.partition("=")):
-            raise typer.BadParameter(f"'{entry}' is not ROLE=NAME, as in left_hip=BoneA7", param_hint="--joint")
-    return {role: name for role, _, name in (entry.partition("=") for entry in given)}
+        for note in notes:
+            typer.echo(note)
 
 
 def _walking(folder: Path, meters_per_unit: float | None, joints: dict[str, str]) -> list[str]:
     """Return sentences about the walks that a scenario makes of these captures."""
-    from crowdsim.behaviors.behavior import FRONTAL
+    from crowdsim.behaviors.behavior import CAPTURED, FRONTAL
     from crowdsim.behaviors.library import load_behavior_set
     from crowdsim.environment.layers import LEGS, TORSO
     from crowdsim.errors import BehaviorError, MotionError
 
     try:
         bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
-        found = load_behavior_set([FRONTAL], bands, captures=folder, meters_per_unit=meters_per_unit, joints=joints)
+        found = load_behavior_set(CAPTURED, bands, captures=folder, meters_per_unit=meters_per_unit, joints=joints)
     except (MotionError, BehaviorError) as error:
         return [f"walking cannot be made from these captures: {error}"]
-    (frontal,) = found.behaviors
+    frontal = next(behavior for behavior in found.behaviors if behavior.name == FRONTAL)
     legs, torso = frontal.radii
     return [
         f"walking takes {legs:.2f} m to each side at the legs ({frontal.widest[0]}) and {torso:.2f} m at the torso "
@@ -122,6 +97,8 @@ def graph(
     standard: Annotated[
         bool, typer.Option("--standard", help="Build a standard graph instead of a feature-based one.")
     ] = False,
+    unit: Unit = None,
+    joint: Joints = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -137,7 +114,8 @@ def graph(
     names = tuple(name.strip() for name in detectors.split(",") if name.strip())
     if not names:
         raise typer.BadParameter("give the name of one at least, as in crossing,standing", param_hint="--detectors")
-    settings = GraphSettings(standard, threshold, branching, best, drift, names)
+    meters, joints = read_unit(unit), read_joints(joint or [])
+    settings = GraphSettings(standard, threshold, branching, best, drift, names, meters, joints or None)
     paths = capture_paths(folder)
     if output is None:
         made, built = build_graph(paths, settings), True
@@ -197,7 +175,7 @@ def _draw(paths: list[Path], settings: Any, picture: Path) -> None:
     from crowdsim.motion.analysis.graph_picture import draw_motion_graph
     from crowdsim.motion.graph.motion_graph import build_motion_graph
 
-    sources = as_sources(read_clips(paths), settings.detectors)
+    sources = as_sources(read_clips(paths, settings.meters_per_unit, settings.joints), settings.detectors)
     made = build_motion_graph(
         sources, settings.threshold, settings.max_out_edges, settings.branching, settings.most_drift
     )

@@ -33,8 +33,8 @@ def read_folder(
 ) -> CaptureFolder:
     """Return all clean stretches of the captures ``paths`` that share their joints, on one skeleton.
 
-    It is the skeleton of the person with most frames, whose clips come first. People with other joints, and files
-    without legs or without a clean stretch, are left out with a note.
+    It is the skeleton of the person with most frames, whose clips come first. People with other joints, files that
+    cannot be read, and files without legs or without a clean stretch are left out with a note.
 
     Parameters
     ----------
@@ -42,14 +42,20 @@ def read_folder(
 
     Raises
     ------
-    MotionError: if a file cannot be read, two names differ only in their endings, or nothing is left.
+    MotionError: if two names differ only in their endings, or nothing is left.
     """
     seen: dict[str, Path] = {}
     for path in paths:
         if (other := seen.setdefault(path.stem, path)) is not path:
             raise MotionError(f"{other.name} and {path.name} differ only in their endings; rename one of them")
-    clips = [clip for path in paths for clip in read_capture(path, meters_per_unit, joints).clips]
-    notes = [f"clip '{clip.name}' is left out: {missing}" for clip in clips if (missing := _missing(clip))]
+    clips: list[Clip] = []
+    notes: list[str] = []
+    for path in paths:
+        try:
+            clips += read_capture(path, meters_per_unit, joints).clips
+        except MotionError as error:
+            notes.append(f"file '{path.name}' is left out: {str(error).removeprefix(f'{path}: ')}")
+    notes += [f"clip '{clip.name}' is left out: {missing}" for clip in clips if (missing := _missing(clip))]
     clips = [clip for clip in clips if not _missing(clip)]
     if not clips:
         raise MotionError("; ".join(notes))
@@ -69,9 +75,11 @@ def read_folder(
     return CaptureFolder(tuple(on_one_skeleton(clips)), tuple(notes))
 
 
-def read_clips(paths: Sequence[Path]) -> list[Clip]:
+def read_clips(
+    paths: Sequence[Path], meters_per_unit: float | None = None, joints: Mapping[str, str] | None = None
+) -> list[Clip]:
     """Return the clips of :func:`read_folder`."""
-    return list(read_folder(paths).clips)
+    return list(read_folder(paths, meters_per_unit, joints).clips)
 
 
 def as_sources(clips: Sequence[Clip], detectors: Sequence[str] = WALKING_DETECTORS) -> list[MotionSource]:

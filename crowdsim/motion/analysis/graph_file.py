@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ SUFFIX = ".npz"
 
 @dataclass(frozen=True)
 class GraphSettings:
-    """Settings of a graph; see :func:`build_motion_graph` and :func:`build_standard_graph`."""
+    """Settings of a graph; see :func:`build_motion_graph`, :func:`build_standard_graph` and :func:`read_clips`."""
 
     standard: bool = False
     threshold: float = DEFAULT_THRESHOLD
@@ -40,11 +40,13 @@ class GraphSettings:
     max_out_edges: int | None = None
     most_drift: float | None = CAPTURED_DRIFT
     detectors: tuple[str, ...] = WALKING_DETECTORS
+    meters_per_unit: float | None = None
+    joints: Mapping[str, str] | None = None
 
 
 def build_graph(paths: Sequence[Path], settings: GraphSettings) -> MotionGraph:
     """Build the graph of the captures ``paths``; raise MotionError if they or the settings give none."""
-    sources = as_sources(read_clips(paths), settings.detectors)
+    sources = as_sources(read_clips(paths, settings.meters_per_unit, settings.joints), settings.detectors)
     if not settings.standard:
         return build_motion_graph(
             sources, settings.threshold, settings.max_out_edges, settings.branching, settings.most_drift

@@ -14,6 +14,7 @@ import numpy as np
 from crowdsim.errors import MotionError
 from crowdsim.motion.captures.bvh_channels import is_plain, plain_channels
 from crowdsim.motion.captures.raw_motion import RawMotion, euler_rotations, require_unique, snap_rate, without_flips
+from crowdsim.motion.captures.still_root import with_travelling_root, without_still
 from crowdsim.motion.clips.kinematics import Floats
 from crowdsim.whole_files import require_regular
 
@@ -34,17 +35,19 @@ def parse_bvh(path: Path) -> RawMotion:
     try:
         with warnings.catch_warnings(), TemporaryDirectory() as folder:
             warnings.simplefilter("error")
-            file, assumed = _in_lines(path, Path(folder))
+            file, assumed, still = _in_lines(path, Path(folder))
             bvh = pybvh.read_bvh_file(file, world_up="+y", warn_on_world_up_disagreement=False)
-        return _from_pybvh(bvh, assumed)
+        return without_still(_from_pybvh(bvh, assumed), still)
     except MotionError as error:
         raise MotionError(f"{path}: {error}") from None
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, OSError, Warning) as error:
         raise MotionError(f"{path}: cannot be read as a BVH file: {error}") from error
 
 
-def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
+def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...], tuple[str, ...]]:
     """Return ``path``, or a copy in ``folder`` with the lines and channels that pybvh needs, and what that assumes.
+
+    Also return the joints that stand still above hips that travel; the first of these then has the places of the hips.
 
     Raise MotionError for errors that pybvh accepts: missing parts, unbalanced braces, rows that run into each other,
     and more joints than a body has.
@@ -75,14 +78,16 @@ def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
     as_usual = len(text[: motion.start()].splitlines()) >= len(lines) and all(len(row) == channels for row in rows)
     as_usual = as_usual and len(motion[0].split()) == 6 and len(motion[0].splitlines()) == 3
     if as_usual and is_plain(lines):
-        return path, ()
+        return path, (), ()
     words = [word for row in rows for word in row]
     assumed: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()
     if not is_plain(lines):
         try:
             table = np.array(words, np.float64).reshape(-1, channels)
         except ValueError as error:
             raise MotionError(f"MOTION holds a value that is not a number: {error}") from None
+        lines, table, still = with_travelling_root(lines, table)
         lines, table, assumed = plain_channels(lines, table)
         channels = table.shape[1]
         words = [repr(float(value)) for value in table.ravel()]
@@ -91,7 +96,7 @@ def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
     lines += [words[k : k + channels] for k in range(0, values, channels)]
     file = folder / path.name
     file.write_text("\n".join(" ".join(line) for line in lines) + "\n")
-    return file, assumed
+    return file, assumed, still
 
 
 def _hierarchy_lines(words: list[str]) -> list[list[str]]:

@@ -40,6 +40,7 @@ def plain_channels(lines: Sequence[Sequence[str]], values: Floats) -> tuple[list
     begin, offset_line, name, root = 0, 0, "", True
     stretched: dict[str, float] = {}
     longest = 0.0
+    # Copy the hierarchy line by line; ``begin`` is the first column of the present joint, ``columns`` those that stay.
     for line in lines:
         made.append(list(line))
         if line[0] in ("ROOT", "JOINT"):
@@ -53,11 +54,13 @@ def plain_channels(lines: Sequence[Sequence[str]], values: Floats) -> tuple[list
             places = [begin + own.index(axis) for axis in _PLACES if axis in own]
             turns = [begin + k for k, channel in enumerate(own) if channel not in _PLACES]
             kept = [channel for channel in own if channel not in _PLACES]
+            # The root keeps its places as x, y, z, whatever their order was; it cannot do without.
             if root:
                 if len(places) != 3:
                     raise MotionError(f"the root joint '{name}' has no position: its channels are {' '.join(own)}")
                 columns += places
                 kept = [*_PLACES, *kept]
+            # Places of another joint become a constant offset, and only their largest change is reported.
             elif len(places) == 3:
                 offset = np.array([float(word) for word in made[offset_line][1:4]])
                 moved, off = _own_offset(offset, values[:, places])
@@ -67,6 +70,7 @@ def plain_channels(lines: Sequence[Sequence[str]], values: Floats) -> tuple[list
             columns += turns
             made[-1] = ["CHANNELS", str(len(kept)), *kept]
             begin, root = begin + len(own), False
+    # Noise of a suit is not worth a note; a joint that really moves away from its bone is.
     worst = max(stretched, key=lambda joint: stretched[joint], default="")
     assumed: tuple[str, ...] = ()
     if stretched:

@@ -139,16 +139,30 @@ def read_capture(
 
 
 def capture_paths(folder: str | Path, patterns: Sequence[str] = CAPTURE_PATTERNS) -> list[Path]:
-    """Return the capture files of a folder that match ``patterns``, by name; raise MotionError if there are none."""
+    """Return the capture files of a folder that match ``patterns``, by name; raise MotionError if there are none.
+
+    Endings match in lower and in upper case.
+    """
     folder = Path(folder)
     if not folder.is_dir():
         if folder.is_file():
             raise MotionError(f"{folder} is a file; give the folder that holds the captures")
         raise MotionError(f"there is no folder of captures {folder}")
-    paths = sorted({path for pattern in patterns for path in folder.glob(pattern) if path.is_file()})
+    either = [_in_either_case(pattern) for pattern in patterns]
+    paths = sorted({path for pattern in either for path in folder.glob(pattern) if path.is_file()})
     if not paths:
-        raise MotionError(f"no file in {folder} matches {', '.join(patterns)}")
+        below = sorted({path.parent.name for pattern in either for path in folder.glob(f"*/{pattern}")})
+        deeper = f"; there are some in its folders {', '.join(below)}: give one of these" if below else ""
+        raise MotionError(f"no file in {folder} matches {', '.join(patterns)}{deeper}")
     return paths
+
+
+def _in_either_case(pattern: str) -> str:
+    """Return a pattern of file names whose ending, if it is made of letters, matches in either case."""
+    name, dot, ending = pattern.rpartition(".")
+    if not ending.isalnum():
+        return pattern
+    return name + dot + "".join(f"[{c.lower()}{c.upper()}]" if c.isalpha() else c for c in ending)
 
 
 def _parse(path: Path) -> RawMotion:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import ceil
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,5 +61,5 @@ def _narrowest_place(query: Query, layer: int, points: NDArray[np.float64], radi
     return (
         f"no path: the {name} is too narrow for every behavior, most of all near ({x:.2f}, {y:.2f}), where a body of"
         f" radius {radius:.2f} m (margin included) has {clearances[k]:.2f} m; widen the passage by"
-        f" {2.0 * (radius - clearances[k]):.2f} m{widest}"
+        f" {ceil(200.0 * (radius - clearances[k])) / 100.0:.2f} m{widest}"
     )

@@ -161,14 +161,14 @@ def test_nobody_walks(captures):
 
 def test_nobody_stands_and_no_cycle_to_make_it_of(captures):
     with pytest.raises(
-        MotionError, match=r"no clip stands still in the captures .*; add a clip that walks straight on"
+        MotionError, match=r"walks ahead for a whole cycle.*\(standing, .*\); add a clip that walks straight on"
     ):
         load_behavior_set(["frontal"], BANDS, captures=captures, capture_patterns=["16_3[5-9]*", "16_4[0-4]*"])
 
 
 def test_no_side_steps_without_a_walk(captures):
     with pytest.raises(
-        MotionError, match=r"give no 'lateral'.*; add a clip that walks straight on .*out of 'behaviors'"
+        MotionError, match=r"walks ahead for a whole cycle.*steps to the side\); add a clip that walks straight on"
     ):
         load_behavior_set(["lateral", "frontal"], BANDS, captures=captures, capture_patterns=["05_*"])
 
