@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -39,15 +39,19 @@ def run(
 ) -> None:
     """Simulate a scenario, record it, and print a summary."""
     from crowdsim.cli.progress import RunProgress
-    from crowdsim.cli.summary import nobody_arrived, summary_rows
-    from crowdsim.cli.tables import print_table
+    from crowdsim.crowd.ranks.launch import launched_ranks
     from crowdsim.scenario.loader import load_scenario
 
     changes = [*(overrides or [])]
     if seed is not None:
         changes.append(f"seed={seed}")
+    if launched_ranks() > 1:
+        from crowdsim.cli.ranked import run_on_ranks
+
+        run_on_ranks(scenario, changes, output, page, as_json, workers)
+        return
     loaded = load_scenario(scenario, changes)
-    file = Path(output if output is not None else f"{_file_name(loaded.name)}.h5")
+    file = output_file(output, loaded.name)
     require_writable(file)
     page_file = file.with_suffix(".html")
     if page:
@@ -71,6 +75,14 @@ def run(
             what = "terminated" if isinstance(stop, Terminated) else "interrupted"
             raise type(stop)(f"{what} at step {progress.steps_done}; {file} was not written") from None
 
+    tell_summary(summary, as_json)
+
+
+def tell_summary(summary: dict[str, Any], as_json: bool) -> None:
+    """Print the summary of a run; exit with NOBODY_ARRIVED if nobody could arrive."""
+    from crowdsim.cli.summary import nobody_arrived, summary_rows
+    from crowdsim.cli.tables import print_table
+
     if as_json:
         typer.echo(json.dumps(summary))
     else:
@@ -79,6 +91,11 @@ def run(
     if why is not None:
         typer.echo(f"nobody arrived: {why}", err=True)
         raise typer.Exit(NOBODY_ARRIVED)
+
+
+def output_file(output: str | None, name: str) -> Path:
+    """Return the file of a recording: as given, else after the scenario's name."""
+    return Path(output if output is not None else f"{_file_name(name)}.h5")
 
 
 def _tell(notes: Sequence[str]) -> None:
