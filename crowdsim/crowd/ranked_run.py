@@ -26,6 +26,7 @@ from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing, placed
 from crowdsim.steering.rules import Rules
 
+
 def require_ranks(scenario: Scenario) -> None:
     """Raise RanksError if a scenario cannot run on several processes."""
     refused = [
@@ -72,7 +73,9 @@ class RankedRun:
         cast = place_crowd(scenario)
         rules = Rules()
         middles = np.array([goal.representative_point().coords[0] for goal in cast.goals])
-        halo = halo_of(rules, fastest_of(cast.walkers.speeds, rules), 0.5 * float(cast.walkers.breadths.max(initial=0.0)))
+        halo = halo_of(
+            rules, fastest_of(cast.walkers.speeds, rules), 0.5 * float(cast.walkers.breadths.max(initial=0.0))
+        )
         regions = divide(expected_places(cast, middles), scenario.floor.bounds, comm.Get_size(), halo)
         self.ranks = MpiRanks(comm, regions)
         self.crowd = SteeredCrowd(scenario, workers, cast, company=self.ranks)

@@ -190,7 +190,7 @@ class Steering:
         return crowd
 
     def look(self, crowd: SortedCrowd, first: int, last: int, moved: int) -> None:
-        """Find the neighbors that those of rows ``first`` to ``last`` (exclusive) see whose number is below ``moved``."""
+        """Find the neighbors that rows ``first`` to ``last`` (exclusive) see, of those numbered below ``moved``."""
         rows, order = (crowd.rows, crowd.places, crowd.starts, crowd.frame), crowd.order
         look_rows(*rows, first, last, order, moved, self.rules, crowd.near)
 

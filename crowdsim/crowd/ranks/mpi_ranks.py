@@ -107,8 +107,7 @@ class MpiRanks:
         outgoing = [message.to(rank) for rank in self._neighbors]
         self.sent += sum(map(len, outgoing))
         sends = [
-            self.comm.Isend([content, MPI.BYTE], rank)
-            for rank, content in zip(self._neighbors, outgoing, strict=True)
+            self.comm.Isend([content, MPI.BYTE], rank) for rank, content in zip(self._neighbors, outgoing, strict=True)
         ]
         kept = message.hand_over()
         found = [kept]

@@ -134,7 +134,12 @@ def divide(expected: Floats, bounds: tuple[float, float, float, float], count: i
     _halve((*low.tolist(), *high.tolist()), cells, count, halo, boxes)
     edges = np.array(boxes, np.int64)
     # Those at the border of the place have no edge there.
-    for side, edge, endless in ((0, low[0], -ENDLESS), (1, low[1], -ENDLESS), (2, high[0], ENDLESS), (3, high[1], ENDLESS)):
+    for side, edge, endless in (
+        (0, low[0], -ENDLESS),
+        (1, low[1], -ENDLESS),
+        (2, high[0], ENDLESS),
+        (3, high[1], ENDLESS),
+    ):
         edges[edges[:, side] == edge, side] = endless
     return Regions(edges, halo)
 

@@ -63,13 +63,9 @@ class SteeredStatistics:
             self._ways[row] += np.bincount(view.behavior[inside], gone[inside], kinds).astype(np.int64)
         legs, torso, leg_radius = steering.walls
         for layer, (walls, whole) in enumerate(((legs, False), (torso, True))):
-            self._margins[layer] = min(
-                self._margins[layer], closest_wall(rows, walls, whole, leg_radius, GAP_LIMIT)
-            )
+            self._margins[layer] = min(self._margins[layer], closest_wall(rows, walls, whole, leg_radius, GAP_LIMIT))
 
-    def add_gaps(
-        self, everybody: NDArray[Any], steering: Steering, numbers: NDArray[np.int64] | None = None
-    ) -> None:
+    def add_gaps(self, everybody: NDArray[Any], steering: Steering, numbers: NDArray[np.int64] | None = None) -> None:
         """Add the gaps between bodies (ROW) after a step; ``numbers`` are those of :meth:`Steering.sort`."""
         if not len(everybody):
             return

@@ -196,7 +196,12 @@ class SteeredPlace:
         if self.guidance.goal_in_turn(step, self._steps_per_second) is None:
             return
         walking = np.empty(len(state), WALKING)
-        walking["x"], walking["y"], walking["goal"], walking["following"] = state["x"], state["y"], state["goal"], following
+        walking["x"], walking["y"], walking["goal"], walking["following"] = (
+            state["x"],
+            state["y"],
+            state["goal"],
+            following,
+        )
         everybody, mine = self._company.together(walking)
         followed = everybody["following"].copy()
         self.guidance.refresh_in_turn(step, self._steps_per_second, everybody, followed)
