@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from crowdsim.cli.errors_shown import NOBODY_ARRIVED, Terminated
+from crowdsim.cli.errors_shown import Terminated
 from crowdsim.cli.options import Debug, Json, Overrides, Scenario
 from crowdsim.errors import CrowdSimError
 
@@ -39,6 +40,7 @@ def run(
 ) -> None:
     """Simulate a scenario, record it, and print a summary."""
     from crowdsim.cli.progress import RunProgress
+    from crowdsim.cli.summary import tell_summary
     from crowdsim.crowd.ranks.launch import launched_ranks
     from crowdsim.scenario.loader import load_scenario
 
@@ -46,13 +48,12 @@ def run(
     if seed is not None:
         changes.append(f"seed={seed}")
     if launched_ranks() > 1:
-        from crowdsim.cli.ranked import run_on_ranks
+        from crowdsim.cli.study_commands.ranked import run_on_ranks
 
-        run_on_ranks(scenario, changes, output, page, as_json, workers)
+        run_on_ranks(scenario, changes, partial(_output_file, output), page, as_json, workers)
         return
     loaded = load_scenario(scenario, changes)
-    file = output_file(output, loaded.name)
-    require_writable(file)
+    file = _output_file(output, loaded.name)
     page_file = file.with_suffix(".html")
     if page:
         require_writable(page_file)
@@ -78,24 +79,11 @@ def run(
     tell_summary(summary, as_json)
 
 
-def tell_summary(summary: dict[str, Any], as_json: bool) -> None:
-    """Print the summary of a run; exit with NOBODY_ARRIVED if nobody could arrive."""
-    from crowdsim.cli.summary import nobody_arrived, summary_rows
-    from crowdsim.cli.tables import print_table
-
-    if as_json:
-        typer.echo(json.dumps(summary))
-    else:
-        print_table(summary_rows(summary))
-    why = nobody_arrived(summary)
-    if why is not None:
-        typer.echo(f"nobody arrived: {why}", err=True)
-        raise typer.Exit(NOBODY_ARRIVED)
-
-
-def output_file(output: str | None, name: str) -> Path:
-    """Return the file of a recording: as given, else after the scenario's name."""
-    return Path(output if output is not None else f"{_file_name(name)}.h5")
+def _output_file(output: str | None, name: str) -> Path:
+    """Return the file of a recording, as given or after the scenario's name, if it can be written."""
+    file = Path(output if output is not None else f"{_file_name(name)}.h5")
+    require_writable(file)
+    return file
 
 
 def _tell(notes: Sequence[str]) -> None:

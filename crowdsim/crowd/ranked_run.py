@@ -167,7 +167,7 @@ class RankedRun:
             blocks = self.ranks.comm.gather(block)
             if sink is None:
                 continue
-            writer, *measures = sink
+            writer, measures = sink[0], sink[1:]
             sizes = np.array([counts for counts, _ in blocks])
             ends = np.cumsum(sizes, axis=1)
             rows = [np.frombuffer(content, KEPT) for _, content in blocks]

@@ -59,10 +59,14 @@ def test_captured_groups_are_refused(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_killed_rank_ends_the_run(street: Path, tmp_path: Path) -> None:
-    long = (street / "street.yaml").read_text().replace("duration: 30.0", "duration: 3000.0")
-    goals = long.replace("[36, 1, 39, 7]}}", "[36, 1, 39, 7]}, stay: true}")
-    (tmp_path / "long.yaml").write_text(goals)
+def test_a_killed_rank_ends_the_run(tmp_path: Path) -> None:
+    long = steered_scene(
+        "name: round, count: 60, start: {rectangle: [1, 1, 39, 7]}, repeat: forever, "
+        "goals: [{rectangle: [36, 1, 39, 7]}, {rectangle: [1, 1, 4, 7]}]",
+        floor="{rectangle: [0, 0, 40, 8]}",
+        duration=3000.0,
+    )
+    (tmp_path / "long.yaml").write_text(long)
     file = tmp_path / "long.h5"
     command = [str(MPIEXEC), "-n", "2", sys.executable, "-m", "crowdsim", "run", str(tmp_path / "long.yaml")]
     with subprocess.Popen(
@@ -70,7 +74,7 @@ def test_a_killed_rank_ends_the_run(street: Path, tmp_path: Path) -> None:
     ) as run:
         part = file.with_name("long.h5.part")
         until = time.monotonic() + 120.0
-        while not part.exists() and time.monotonic() < until:
+        while not part.exists() and run.poll() is None and time.monotonic() < until:
             time.sleep(0.2)
         assert part.exists()
         victims = [

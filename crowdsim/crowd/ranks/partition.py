@@ -82,8 +82,8 @@ class Regions:
     def within(self, rank: int, columns: Cells, rows: Cells, beyond: int = 0) -> NDArray[np.bool_]:
         """Return which cells are in a region, or at most ``beyond`` cells from it; inside of it if negative."""
         left, bottom, right, top = self.boxes[rank].tolist()
-        inside: NDArray[np.bool_] = (columns >= left - beyond) & (columns < right + beyond)
-        return inside & (rows >= bottom - beyond) & (rows < top + beyond)
+        inside = (columns >= left - beyond) & (columns < right + beyond)
+        return np.asarray(inside & (rows >= bottom - beyond) & (rows < top + beyond))
 
     def neighbors(self, rank: int) -> list[int]:
         """Return the ranks to which those of ``rank`` may matter, even if they have just left its region."""

@@ -46,7 +46,7 @@ class SteeredStatistics:
     @property
     def way(self) -> NDArray[np.float64]:
         """Return (areas + 1, B) the length walked in each behavior, in total and by named area [m]."""
-        return self._ways * WAY_UNIT
+        return np.asarray(self._ways * WAY_UNIT, np.float64)
 
     def add(self, view: View, steering: Steering) -> None:
         """Add one step of the rows of ``view``: their ways, feet, and gaps to walls."""

@@ -164,7 +164,7 @@ class Guidance:
     def refresh_in_turn(
         self, step: int, steps_per_second: int, state: NDArray[Any], following: NDArray[np.int32]
     ) -> None:
-        """Renew the field of one goal if it is time and anybody goes there.
+        """Renew the field of one goal if it is time and an agent goes there.
 
         ``step`` is the number of the step; ``state`` and ``following`` are those of :meth:`refresh`.
         """

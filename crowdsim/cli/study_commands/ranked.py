@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import typer
 
 from crowdsim.cli.errors_shown import describe
-from crowdsim.cli.run import output_file, require_writable, tell_summary
+from crowdsim.cli.summary import tell_summary
 from crowdsim.errors import CrowdSimError
 
 _APART = 0.2
@@ -19,9 +20,12 @@ _APART = 0.2
 
 
 def run_on_ranks(
-    scenario: str, changes: list[str], output: str | None, page: bool, as_json: bool, workers: int | None
+    scenario: str, changes: list[str], file_for: Callable[[str], Path], page: bool, as_json: bool, workers: int
 ) -> None:
-    """Take this process's share in a run; rank 0 shows the progress and the summary."""
+    """Take this process's share in a run; rank 0 shows the progress and the summary.
+
+    ``file_for`` returns the recording of a scenario by its name, and raises CrowdSimError if it cannot be written.
+    """
     from crowdsim.crowd.ranked_run import RankedRun
     from crowdsim.crowd.ranks.mpi_ranks import world_of_ranks
     from crowdsim.scenario.loader import load_scenario
@@ -31,9 +35,8 @@ def run_on_ranks(
     run, file, failure = None, Path(), None
     try:
         loaded = load_scenario(scenario, changes)
-        file = output_file(output, loaded.name)
-        require_writable(file)
-        run = RankedRun(loaded, comm, 1 if workers is None else workers)
+        file = file_for(loaded.name)
+        run = RankedRun(loaded, comm, workers)
     except CrowdSimError as error:
         failure = error
     # What stops one stops all; the first that it stops says so.
