@@ -117,6 +117,10 @@ class SystemFailed(CrowdSimError):
     """An own system raised an error, which is its ``__cause__``; the simulation takes no more steps."""
 
 
+class RanksError(CrowdSimError):
+    """A scenario cannot run on several processes; the message names what is in the way, and what to do."""
+
+
 class DrawingUnavailable(CrowdSimError):
     """No drawing backend works on this machine: no display, no EGL, no OSMesa."""
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from crowdsim.cli.errors_shown import NOBODY_ARRIVED, Terminated
+from crowdsim.cli.errors_shown import Terminated
 from crowdsim.cli.options import Debug, Json, Overrides, Scenario
 from crowdsim.errors import CrowdSimError
 
@@ -39,16 +40,20 @@ def run(
 ) -> None:
     """Simulate a scenario, record it, and print a summary."""
     from crowdsim.cli.progress import RunProgress
-    from crowdsim.cli.summary import nobody_arrived, summary_rows
-    from crowdsim.cli.tables import print_table
+    from crowdsim.cli.summary import tell_summary
+    from crowdsim.crowd.ranks.launch import launched_ranks
     from crowdsim.scenario.loader import load_scenario
 
     changes = [*(overrides or [])]
     if seed is not None:
         changes.append(f"seed={seed}")
+    if launched_ranks() > 1:
+        from crowdsim.cli.study_commands.ranked import run_on_ranks
+
+        run_on_ranks(scenario, changes, partial(_output_file, output), page, as_json, workers)
+        return
     loaded = load_scenario(scenario, changes)
-    file = Path(output if output is not None else f"{_file_name(loaded.name)}.h5")
-    require_writable(file)
+    file = _output_file(output, loaded.name)
     page_file = file.with_suffix(".html")
     if page:
         require_writable(page_file)
@@ -71,14 +76,14 @@ def run(
             what = "terminated" if isinstance(stop, Terminated) else "interrupted"
             raise type(stop)(f"{what} at step {progress.steps_done}; {file} was not written") from None
 
-    if as_json:
-        typer.echo(json.dumps(summary))
-    else:
-        print_table(summary_rows(summary))
-    why = nobody_arrived(summary)
-    if why is not None:
-        typer.echo(f"nobody arrived: {why}", err=True)
-        raise typer.Exit(NOBODY_ARRIVED)
+    tell_summary(summary, as_json)
+
+
+def _output_file(output: str | None, name: str) -> Path:
+    """Return the file of a recording, as given or after the scenario's name, if it can be written."""
+    file = Path(output if output is not None else f"{_file_name(name)}.h5")
+    require_writable(file)
+    return file
 
 
 def _tell(notes: Sequence[str]) -> None:

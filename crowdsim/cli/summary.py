@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
+
+import typer
+
+from crowdsim.cli.errors_shown import NOBODY_ARRIVED
+from crowdsim.cli.tables import print_table
 
 _ON_TIME = 0.1
 """Delay of an event that is not reported [s]: it waits for the next step anyway."""
@@ -13,6 +19,18 @@ _NEVER = {
     "waiting": "never: an agent was in the way until the end",
     "overtaken": "never: an agent was in the way until the next event",
 }
+
+
+def tell_summary(summary: dict[str, Any], as_json: bool) -> None:
+    """Print the summary of a run; exit with NOBODY_ARRIVED if nobody could arrive."""
+    if as_json:
+        typer.echo(json.dumps(summary))
+    else:
+        print_table(summary_rows(summary))
+    why = nobody_arrived(summary)
+    if why is not None:
+        typer.echo(f"nobody arrived: {why}", err=True)
+        raise typer.Exit(NOBODY_ARRIVED)
 
 
 def nobody_arrived(summary: Mapping[str, Any]) -> str | None:

@@ -89,13 +89,15 @@ class World:
         """Request a new entity and return its id. Its row is added by :meth:`apply_changes`."""
         return int(self.spawn_many(1, **{name: np.asarray(value)[None] for name, value in values.items()})[0])
 
-    def spawn_many(self, count: int, **values: Any) -> NDArray[np.int64]:
+    def spawn_many(self, count: int, here: NDArray[np.bool_] | None = None, **values: Any) -> NDArray[np.int64]:
         """Request ``count`` new entities and return their ids (count,) int64; rows are added by :meth:`apply_changes`.
 
         Parameters
         ----------
         count : int
             Number of entities.
+        here : (count,) bool, optional
+            Which of them get a row; the ids of the others are used up, as another world has them.
         **values : (count, ...) arrays or scalars
             Values of some columns; the others get their ``fill``.
 
@@ -109,12 +111,46 @@ class World:
             raise KeyError(f"no column named {', '.join(sorted(unknown))}")
         entities = np.arange(self._next_id, self._next_id + count, dtype=np.int64)
         self._next_id += count
-        self._spawning.append((entities, values))
+        if here is None:
+            self._spawning.append((entities, values))
+        else:
+            given = {name: np.asarray(value)[here] if np.ndim(value) else value for name, value in values.items()}
+            self._spawning.append((entities[here], given))
         return entities
 
     def remove(self, *entities: int) -> None:
         """Request the removal of entities by :meth:`apply_changes`."""
         self._removing.append(np.array(entities, np.int64))
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Return the dtype of a record with all columns of a row."""
+        return np.dtype([(c.name, c.dtype, c.shape) for c in self._columns])
+
+    def records(self, rows: NDArray[np.int64]) -> NDArray[Any]:
+        """Return all columns of some rows as records."""
+        found = np.zeros(len(rows), self.dtype)
+        for column in self._columns:
+            found[column.name] = self._arrays[column.name][rows]
+        return found
+
+    def take_out(self, rows: NDArray[np.int64]) -> None:
+        """Remove rows (k,) at once; the last rows fill the gaps, so that the order of the others changes."""
+        kept = self.count - len(rows)
+        gaps = rows[rows < kept]
+        last = np.setdiff1d(np.arange(kept, self.count), rows)
+        for array in self._arrays.values():
+            array[gaps] = array[last]
+        self.count = kept
+
+    def put_in(self, records: NDArray[Any]) -> None:
+        """Append rows at once, with the ids that they have."""
+        end = self.count + len(records)
+        while end > self._capacity:
+            self._grow()
+        for column in self._columns:
+            self._arrays[column.name][self.count : end] = records[column.name]
+        self.count = end
 
     def apply_changes(self) -> None:
         """Remove and add the rows requested since the last call."""

@@ -288,7 +288,7 @@ def fitting_turn(mine, turn, half, dx, dy, lines, count):
 
 
 @kernel
-def commit_rows(crowd, first, last, order, wanted, walls, ways, broadest, step, state):
+def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest, step, state):
     """Move the agents of rows ``first`` to ``last`` (exclusive) towards what they want, as far as they touch nothing.
 
     Parameters
@@ -299,6 +299,8 @@ def commit_rows(crowd, first, last, order, wanted, walls, ways, broadest, step, 
         Rows to move.
     order : (n,) int32
         Agent number of each row.
+    moved : int
+        Number of agents that move. Further steered ones are copies of agents that are moved elsewhere.
     wanted : WANTED[n]
         Wanted velocity, turn and half length of each row.
     walls : tuple
@@ -322,8 +324,8 @@ def commit_rows(crowd, first, last, order, wanted, walls, ways, broadest, step, 
     lines = np.empty((MOST_LINES, 4))
     crowded = 0
     for me in range(first, last):
-        # Captured characters are seen but not moved.
-        if order[me] >= len(state):
+        # Captured characters and copies are seen but not moved.
+        if order[me] >= moved:
             continue
         mine = rows[me]
         want = wanted[me]

@@ -360,15 +360,18 @@ def face(mine, rules, want):
 
 
 @kernel
-def decide_rows(rows, near_rows, first, last, walls, rules, wanted):
+def decide_rows(rows, near_rows, first, last, order, moved, walls, rules, wanted):
     """Decide what the agents of rows ``first`` to ``last`` (exclusive) want in this step.
 
     ``rows`` (ROW[n]) are the sorted agents; ``near_rows`` (n, MOST_NEAR) int32 the rows of their neighbors, -1 after
-    the last; ``walls`` those of the legs' layer, those of the torso's layers and the radius of the legs [m]. ``wanted``
-    (WANTED[n]) gets the decisions.
+    the last; ``order`` (int32[n]) the agent number of each row, of which those from ``moved`` on do not move; ``walls``
+    those of the legs' layer, those of the torso's layers and the radius of the legs [m]. ``wanted`` (WANTED[n]) gets
+    the decisions.
     """
     near = np.empty(MOST_NEAR, NEAR)
     for me in range(first, last):
+        if order[me] >= moved:
+            continue
         mine = rows[me]
         want = wanted[me]
         goes = mine.gx != 0.0 or mine.gy != 0.0

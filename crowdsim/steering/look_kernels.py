@@ -15,8 +15,8 @@ MOST_NEAR = 12
 def cell_of(frame, x, y):
     """Return column and row of the cell that contains a position; positions outside count to the border cells."""
     left, bottom, columns, rows_up = frame
-    column = min(max(int((x - left) / CELL), 0), columns - 1)
-    row = min(max(int((y - bottom) / CELL), 0), rows_up - 1)
+    column = min(max(int(math.floor(x / CELL) - left / CELL), 0), columns - 1)
+    row = min(max(int(math.floor(y / CELL) - bottom / CELL), 0), rows_up - 1)
     return column, row
 
 
@@ -31,7 +31,7 @@ def rows_beside(starts, frame, column, j, cells):
 
 
 @kernel
-def look_rows(rows, places, starts, frame, first, last, rules, near):
+def look_rows(rows, places, starts, frame, first, last, order, moved, rules, near):
     """Find the neighbors of the agents in rows ``first`` to ``last`` (exclusive): the nearest, agents ahead preferred.
 
     Parameters
@@ -46,6 +46,10 @@ def look_rows(rows, places, starts, frame, first, last, rules, near):
         Left and bottom edge of the grid [m], columns and rows of cells.
     first, last : int
         Rows to look from.
+    order : (n,) int32
+        Agent number of each row.
+    moved : int
+        Number of agents that move; those with higher numbers are seen, but do not look.
     rules : Rules
         Constants of the model.
     near : (n, MOST_NEAR) int32
@@ -54,6 +58,8 @@ def look_rows(rows, places, starts, frame, first, last, rules, near):
     weights = np.empty(MOST_NEAR)
     rows_up = frame[3]
     for me in range(first, last):
+        if order[me] >= moved:
+            continue
         x = places[me, 0]
         y = places[me, 1]
         gx = rows[me].gx

@@ -94,7 +94,7 @@ def sort_rows(places, frame, starts, order, cells):
     places : (n, 2) float64
         Positions [m].
     frame : (float, float, int, int)
-        Left and bottom edge of the grid [m], columns and rows of cells.
+        Left and bottom edge of the grid [m], multiples of CELL; columns and rows of cells.
     starts : (columns * rows + 1,) int64
         Gets the index in ``order`` at which each cell begins, cells row by row; the last entry is n.
     order : (n,) int32
@@ -106,8 +106,9 @@ def sort_rows(places, frame, starts, order, cells):
     # First pass: count the agents of each cell, one entry further on. Positions outside go to the border cells.
     starts[:] = 0
     for agent in range(len(places)):
-        column = min(max(int((places[agent, 0] - left) / CELL), 0), columns - 1)
-        row = min(max(int((places[agent, 1] - bottom) / CELL), 0), rows_up - 1)
+        # Cells of all grids lie on one lattice: the cell of a position does not hang on where the grid begins.
+        column = min(max(int(math.floor(places[agent, 0] / CELL) - left / CELL), 0), columns - 1)
+        row = min(max(int(math.floor(places[agent, 1] / CELL) - bottom / CELL), 0), rows_up - 1)
         cell = row * columns + column
         cells[agent] = cell
         starts[cell + 1] += 1

@@ -99,8 +99,14 @@ class Steering:
         """Use other walls from the next step on. No agent may touch them."""
         self.walls = (legs, torso, self.walls[2])
 
-    def step(self, state: NDArray[Any], others: Others = NOBODY_ELSE) -> None:
-        """Step all agents of ``state`` in place.
+    def step(
+        self,
+        state: NDArray[Any],
+        others: Others = NOBODY_ELSE,
+        moved: int | None = None,
+        numbers: NDArray[np.int64] | None = None,
+    ) -> None:
+        """Step agents of ``state`` in place.
 
         Before the first step no agent may touch another one, a wall or a reserved segment; then none ever does. An
         agent that cannot be moved safely, because too much is near or it already overlaps something, stands still.
@@ -111,6 +117,11 @@ class Steering:
             Agents in the order of their ids.
         others : Others
             Captured characters, seen and avoided but not moved.
+        moved : int, optional
+            Number of agents that are moved, the first ones; all if None. The others are copies, which only are seen.
+        numbers : (n,) int64, optional
+            Numbers by which agents of one cell are ordered, all different; their order in ``state`` if None. The result
+            hangs on the order of near agents in its last bits.
 
         Raises
         ------
@@ -120,7 +131,8 @@ class Steering:
         count = len(state)
         if count == 0:
             return
-        crowd = self.sort(np.concatenate((state, others.rows)) if len(others.rows) else state)
+        mine = count if moved is None else moved
+        crowd = self.sort(np.concatenate((state, others.rows)) if len(others.rows) else state, numbers=numbers)
         reach = self._longest_reach(state) if len(others.segments) else 0.0
         ways = listed(others, crowd.frame, reach)
         count = len(crowd.rows)
@@ -128,16 +140,23 @@ class Steering:
         # All stages read old rows only, so parts of the rows need not wait for each other.
         def run(first: int) -> int:
             last = min(first + part, count)
-            self.look(crowd, first, last)
-            self.decide(crowd, first, last)
-            return self.commit(crowd, first, last, ways, state)
+            self.look(crowd, first, last, mine)
+            self.decide(crowd, first, last, mine)
+            return self.commit(crowd, first, last, ways, state, mine)
 
         part = count if self._pool is None else -(-count // (PARTS * self._threads))
         firsts = range(0, count, part)
         self.crowded += sum(map(run, firsts) if self._pool is None else self._pool.map(run, firsts))
 
-    def sort(self, state: NDArray[Any], bounds: tuple[float, float, float, float] | None = None) -> SortedCrowd:
+    def sort(
+        self,
+        state: NDArray[Any],
+        bounds: tuple[float, float, float, float] | None = None,
+        numbers: NDArray[np.int64] | None = None,
+    ) -> SortedCrowd:
         """Sort the agents by cells that cover their extent, or ``bounds`` (left, bottom, right, top) [m].
+
+        Within a cell they are sorted by ``numbers`` (n,), by default by their order in ``state``.
 
         Raises
         ------
@@ -161,17 +180,23 @@ class Steering:
             wanted=np.empty(count, WANTED),
             broadest=broadest,
         )
-        sort_rows(places, crowd.frame, crowd.starts, crowd.order, np.empty(count, np.int32))
+        if numbers is None:
+            sort_rows(places, frame, crowd.starts, crowd.order, np.empty(count, np.int32))
+        else:
+            ranked = np.argsort(numbers)
+            sort_rows(places[ranked], frame, crowd.starts, crowd.order, np.empty(count, np.int32))
+            crowd.order[:] = ranked[crowd.order]
         gather_rows(state, crowd.order, crowd.rows, places)
         return crowd
 
-    def look(self, crowd: SortedCrowd, first: int, last: int) -> None:
-        """Find the neighbors that rows ``first`` to ``last`` (exclusive) see."""
-        look_rows(crowd.rows, crowd.places, crowd.starts, crowd.frame, first, last, self.rules, crowd.near)
+    def look(self, crowd: SortedCrowd, first: int, last: int, moved: int) -> None:
+        """Find the neighbors that rows ``first`` to ``last`` (exclusive) see, of those numbered below ``moved``."""
+        rows, order = (crowd.rows, crowd.places, crowd.starts, crowd.frame), crowd.order
+        look_rows(*rows, first, last, order, moved, self.rules, crowd.near)
 
-    def decide(self, crowd: SortedCrowd, first: int, last: int) -> None:
-        """Decide what rows ``first`` to ``last`` (exclusive) want; needs :meth:`look`."""
-        decide_rows(crowd.rows, crowd.near, first, last, self.walls, self.rules, crowd.wanted)
+    def decide(self, crowd: SortedCrowd, first: int, last: int, moved: int) -> None:
+        """Decide what those of rows ``first`` to ``last`` (exclusive) want that look; needs :meth:`look`."""
+        decide_rows(crowd.rows, crowd.near, first, last, crowd.order, moved, self.walls, self.rules, crowd.wanted)
 
     def _longest_reach(self, state: NDArray[Any]) -> float:
         """Return the distance from its center that no body reaches beyond in a step [m]."""
@@ -181,8 +206,10 @@ class Steering:
         longest = float(np.maximum(state["half"], state["rest"]).max())
         return fastest * rules.step + longest * (2.0 + rules.turn_rate * rules.step) + float(state["radius"].max())
 
-    def commit(self, crowd: SortedCrowd, first: int, last: int, ways: ListedWays, state: NDArray[Any]) -> int:
-        """Move rows ``first`` to ``last`` (exclusive) in ``state``; needs :meth:`decide`.
+    def commit(
+        self, crowd: SortedCrowd, first: int, last: int, ways: ListedWays, state: NDArray[Any], moved: int
+    ) -> int:
+        """Move those of rows ``first`` to ``last`` (exclusive) in ``state`` that look; needs :meth:`decide`.
 
         Return the number of agents that stood still because their half planes did not fit or they overlapped something.
         """
@@ -193,6 +220,7 @@ class Steering:
                 first,
                 last,
                 crowd.order,
+                moved,
                 crowd.wanted,
                 self.walls,
                 ways,

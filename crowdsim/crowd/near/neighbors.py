@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -75,5 +76,6 @@ def sorted_places(places: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArr
 
 def _frame_of(left: float, bottom: float, right: float, top: float) -> Frame:
     """Return the grid that covers an extent, cut off at :data:`MOST_CELLS`."""
+    left, bottom = math.floor(left / CELL) * CELL, math.floor(bottom / CELL) * CELL
     columns = min(int((right - left) / CELL) + 1, MOST_CELLS)
     return left, bottom, columns, min(int((top - bottom) / CELL) + 1, max(MOST_CELLS // columns, 1))

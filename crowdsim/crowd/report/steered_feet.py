@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
+from crowdsim.crowd.ranks.company import Company
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import hypot
 from crowdsim.motion.clips.clip import Clip
@@ -40,6 +41,8 @@ class SteeredFeet:
     def __init__(self, clip: Clip) -> None:
         self._clip = clip
         self._tracks: dict[int, list[Floats]] = {}
+        self._steps: dict[int, list[int]] = {}
+        self._step = 0
         self._ended: list[list[Floats]] = []
         self._kept = [0] * SAMPLED
 
@@ -56,8 +59,19 @@ class SteeredFeet:
                 # At the other end of a periodic floor another track begins.
                 self._ended.append(track)
                 track = self._tracks[int(view.id[row])] = []
+            self._steps.setdefault(int(view.id[row]), []).append(self._step)
             track.append(np.array([state["x"], state["y"], state["heading"], view.phase[row]]))
             self._kept[agent] += 1
+        self._step += 1
+
+    def join(self, company: Company) -> None:
+        """Join the tracks with those of the same characters in other processes; the floor must not be periodic."""
+        pieces = [np.empty((0, 6))]
+        for number, track in self._tracks.items():
+            pieces.append(np.column_stack((np.full(len(track), number), self._steps[number], np.array(track))))
+        rows, _ = company.together(np.concatenate(pieces))
+        rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
+        self._tracks = {int(number): list(rows[rows[:, 0] == number][:LONGEST, 2:]) for number in np.unique(rows[:, 0])}
 
     def measure(self) -> tuple[float | None, float | None]:
         """Return the mean speed of planted feet [m/s] and the height of the lowest foot point [m]; None if unknown.

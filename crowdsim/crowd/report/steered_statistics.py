@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.constants import STEERING_RATE
+from crowdsim.crowd.ranks.company import Company
 from crowdsim.crowd.report.gap_kernels import closest_bodies, closest_wall
 from crowdsim.crowd.report.statistics import shares_of
 from crowdsim.crowd.report.steered_feet import SteeredFeet
@@ -26,6 +27,10 @@ CENTER_LIMIT = 1.0
 """Largest distance between centers that is measured [m]."""
 
 
+WAY_UNIT = 2.0**-32
+"""Unit in which ways are summed up [m]."""
+
+
 class SteeredStatistics:
     """Measures of steered characters, summed up step by step."""
 
@@ -34,32 +39,48 @@ class SteeredStatistics:
     ) -> None:
         self._behaviors, self._layers, self._areas = behaviors, layers, areas
         self.feet = SteeredFeet(gait)
-        self.way = np.zeros((len(areas) + 1, len(behaviors)))
-        """(areas + 1, B) length walked in each behavior, in total and by named area [m]."""
+        self._ways = np.zeros((len(areas) + 1, len(behaviors)), np.int64)
         self.gap = self.centers = np.inf
         self._margins = [GAP_LIMIT, GAP_LIMIT]
 
-    def add(self, view: View, everybody: NDArray[Any], steering: Steering) -> None:
-        """Add one step; ``everybody`` (ROW) are the rows of ``view``, and their copies beyond periodic ends."""
+    @property
+    def way(self) -> NDArray[np.float64]:
+        """Return (areas + 1, B) the length walked in each behavior, in total and by named area [m]."""
+        return np.asarray(self._ways * WAY_UNIT, np.float64)
+
+    def add(self, view: View, steering: Steering) -> None:
+        """Add one step of the rows of ``view``: their ways, feet, and gaps to walls."""
         rows = view.row
+        self.feet.add(view)
         if not len(rows):
             return
-        self.feet.add(view)
-        gone = hypot(rows["vx"], rows["vy"]) / STEERING_RATE
+        # Whole numbers add up to the same in any order.
+        gone = np.rint(hypot(rows["vx"], rows["vy"]) / (STEERING_RATE * WAY_UNIT))
         kinds = len(self._behaviors)
-        self.way[0] += np.bincount(view.behavior, gone, kinds)
+        self._ways[0] += np.bincount(view.behavior, gone, kinds).astype(np.int64)
         for row, area in enumerate(self._areas.values(), start=1):
             inside = shapely.contains_xy(area, rows["x"], rows["y"])
-            self.way[row] += np.bincount(view.behavior[inside], gone[inside], kinds)
-        crowd = steering.sort(everybody)
+            self._ways[row] += np.bincount(view.behavior[inside], gone[inside], kinds).astype(np.int64)
+        legs, torso, leg_radius = steering.walls
+        for layer, (walls, whole) in enumerate(((legs, False), (torso, True))):
+            self._margins[layer] = min(self._margins[layer], closest_wall(rows, walls, whole, leg_radius, GAP_LIMIT))
+
+    def add_gaps(self, everybody: NDArray[Any], steering: Steering, numbers: NDArray[np.int64] | None = None) -> None:
+        """Add the gaps between bodies (ROW) after a step; ``numbers`` are those of :meth:`Steering.sort`."""
+        if not len(everybody):
+            return
+        crowd = steering.sort(everybody, numbers=numbers)
         sorted_rows = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
         gap, centers = closest_bodies(sorted_rows, crowd.broadest, CENTER_LIMIT)
         self.gap, self.centers = min(self.gap, gap), min(self.centers, centers)
-        legs, torso, leg_radius = steering.walls
-        for layer, (walls, whole) in enumerate(((legs, False), (torso, True))):
-            self._margins[layer] = min(
-                self._margins[layer], closest_wall(crowd.rows, walls, whole, leg_radius, GAP_LIMIT)
-            )
+
+    def join(self, company: Company) -> None:
+        """Take in what other processes have measured; call it once, after the run."""
+        self._ways = company.sum(self._ways)
+        least = -company.most(-np.array([self.gap, self.centers, *self._margins]))
+        self.gap, self.centers = float(least[0]), float(least[1])
+        self._margins = least[2:].tolist()
+        self.feet.join(company)
 
     def summary(self) -> dict[str, Any]:
         """Return the figures under the names that ``crowdsim run --json`` prints."""

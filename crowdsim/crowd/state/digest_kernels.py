@@ -48,3 +48,18 @@ def digest_words(words):
         first = (first ^ (lane * JOINING)) * FACTOR
         first ^= first >> half
     return first
+
+
+@kernel
+def digest_rows(words, digests):
+    """Take the words of each row, uint64[n, k], into its 64-bit hash in ``digests`` (uint64[n]).
+
+    Call it for one column after the other, first with BASIS; the words of a row are taken one after the other.
+    """
+    half = np.uint64(32)
+    for row in range(len(words)):
+        digest = digests[row]
+        for k in range(words.shape[1]):
+            digest = (digest ^ words[row, k]) * FACTOR
+            digest ^= digest >> half
+        digests[row] = digest * JOINING

@@ -7,7 +7,7 @@ import hashlib
 import numpy as np
 
 from crowdsim.crowd.state.components import DIGESTED, HASHED_AS
-from crowdsim.crowd.state.digest_kernels import digest_words
+from crowdsim.crowd.state.digest_kernels import BASIS, digest_rows, digest_words
 from crowdsim.ecs.world import World
 
 
@@ -35,6 +35,31 @@ def state_hash(world: World, environment: bytes, step: int, before: int) -> int:
             parts += [HASHED_AS.get(name, name).encode(), content]
     # One call for all parts: each call releases the GIL and may then wait for other threads.
     return digest_of(b"".join(parts))
+
+
+def rows_digest(world: World) -> int:
+    """Return the sum of 64-bit digests of all rows modulo 2^64: it does not hang on their order.
+
+    Sums of the digests of several worlds are those of all their rows.
+    """
+    digests = np.full(world.count, BASIS)
+    if not world.count:
+        return 0
+    for name in world.column_names:
+        column = world.column(name)
+        if column.dtype.itemsize % 8:
+            column = column.astype(np.int64)
+        digest_rows(np.ascontiguousarray(column).view(np.uint64).reshape(world.count, -1), digests)
+    return int(digests.sum())
+
+
+def chained_hash(digest: int, environment: bytes, step: int, before: int) -> int:
+    """Return a 64-bit hash of all states up to a step, from the :func:`rows_digest` of its rows.
+
+    The other arguments are those of :func:`state_hash`.
+    """
+    numbers = (before, step, digest)
+    return digest_of(b"".join(number.to_bytes(8, "little") for number in numbers) + environment)
 
 
 def digest_of(content: bytes) -> int:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd.ranks.company import ALONE, Company
 from crowdsim.crowd.steered.components import NO_GOAL, Errand
 from crowdsim.crowd.steered.entering_kernels import ROOM, admit
 from crowdsim.crowd.steered.errands import Errands
@@ -31,8 +32,16 @@ class Entering:
     """
 
     def __init__(
-        self, world: World, place: SteeredPlace, cast: CrowdPlacement, exits: ExitChoice, errands: Errands, seam: Seam
+        self,
+        world: World,
+        place: SteeredPlace,
+        cast: CrowdPlacement,
+        exits: ExitChoice,
+        errands: Errands,
+        seam: Seam,
+        company: Company = ALONE,
     ) -> None:
+        self._company = company
         self._seam = seam
         self._world, self._place, self._cast, self._errands, self._exits = world, place, cast, errands, exits
         self.entered = np.full(cast.head_count, -1, np.int64)
@@ -63,7 +72,8 @@ class Entering:
             return
         due = due[np.argsort(cast.start_steps[due], kind="stable")]
         coming = self._rows(due)
-        sorted_crowd = steering.sort(self._seam.with_copies(self._world.column("row")), self._place.bounds)
+        present = self._company.around(self._world.column("row"), cast.starts[due], 2.0 * self._broadest + ROOM)
+        sorted_crowd = steering.sort(self._seam.with_copies(present), self._place.bounds)
         crowd = (sorted_crowd.rows, sorted_crowd.starts, sorted_crowd.frame)
         ways = listed(others, sorted_crowd.frame, self._broadest + ROOM)
         clear = clear_of(ways, sorted_crowd.frame, coming, ROOM)
@@ -79,6 +89,7 @@ class Entering:
         place = np.column_stack((rows["x"], rows["y"], rows["heading"]))
         self._world.spawn_many(
             len(agents),
+            self._company.holds(cast.starts[agents]),
             agent=agents,
             state=np.where(stands, AgentState.WAITING, AgentState.MOVING),
             behavior=len(self._place.asked) - 1,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shapely import Polygon
 
 from crowdsim.constants import NONE
+from crowdsim.crowd.ranks.company import ALONE, Company
 from crowdsim.crowd.steered.components import NO_GOAL, Errand
 from crowdsim.crowd.steered.exits import ExitChoice
 from crowdsim.ecs.world import View
@@ -188,12 +189,12 @@ class Errands:
         """Note the number of places (n,) that characters have reached while they were captured."""
         np.maximum(self._visits, visits, out=self._visits)
 
-    def laps(self) -> dict[str, int]:
+    def laps(self, company: Company = ALONE) -> dict[str, int]:
         """Return the number of rounds completed by the characters of each group that repeats its round."""
-        laps = {}
+        laps, reached = {}, company.sum(self._visits)
         for number, itinerary in enumerate(self._cast.itineraries):
             if itinerary.rounds != 1:
-                visits = self._visits[self._cast.group == number]
+                visits = reached[self._cast.group == number]
                 laps[self._cast.names[number]] = int((visits // len(itinerary.goals)).sum())
         return laps
 

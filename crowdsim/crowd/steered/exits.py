@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon
 
 from crowdsim.constants import NONE
+from crowdsim.crowd.ranks.company import ALONE, Company
 from crowdsim.crowd.steered.components import Errand
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import hypot
@@ -73,9 +74,19 @@ class ExitChoice:
         Gives the lengths of the paths to all goals.
     steps_per_second : int
         Rate of the steps.
+    company : Company
+        The processes that share the run.
     """
 
-    def __init__(self, cast: CrowdPlacement, free: MultiPolygon, guidance: Guidance, steps_per_second: int) -> None:
+    def __init__(
+        self,
+        cast: CrowdPlacement,
+        free: MultiPolygon,
+        guidance: Guidance,
+        steps_per_second: int,
+        company: Company = ALONE,
+    ) -> None:
+        self._company = company
         self.goals = cast.assigned.copy()
         """(n,) int32: goal to which each character goes finally, NONE before it has entered."""
         self._cast, self._guidance, self._rate = cast, guidance, steps_per_second
@@ -109,11 +120,12 @@ class ExitChoice:
         agents = view.agent[turn].astype(np.int64)
         # Queue of each exit: ascending lengths of the paths of all that walk to it [m].
         queues: dict[int, Floats] = {}
+        lengths, goals = self._ways(view)
         for group, mine in self._choosing(agents):
             exits, quickest = self._cast.itineraries[group].exits, bool(self._quickest[group])
             for goal in exits.tolist():
                 if quickest and goal not in queues:
-                    queues[goal] = np.sort(view.row["togo"][view.row["goal"] == goal])
+                    queues[goal] = np.sort(lengths[goals == goal])
             rows, ones = turn[mine], agents[mine]
             ahead = [queues[goal] for goal in exits.tolist()] if quickest else ()
             costs = self._costs(group, ones, view.row[rows], ahead)
@@ -127,6 +139,13 @@ class ExitChoice:
             changes, chosen = rows[better], exits[best[better]]
             self._change(view, changes, chosen)
         self._follow_the_first(view)
+
+    def _ways(self, view: View) -> tuple[Floats, Ints]:
+        """Return the lengths of the ways [m] and the goals of all characters that may wait at an exit."""
+        if self._company.size == 1 or not self._quickest.any():
+            return view.row["togo"], view.row["goal"]
+        ways, _ = self._company.together(np.column_stack((view.row["togo"], view.row["goal"])))
+        return ways[:, 0], ways[:, 1].astype(np.int64)
 
     def _change(self, view: View, rows: Ints, goals: NDArray[np.int32]) -> None:
         """Let rows go to other exits."""
@@ -184,13 +203,14 @@ class ExitChoice:
         """Update the expected flows of exits with a queue by the number that left in the last second."""
         row = view.row
         held_up = (hypot(row["vx"], row["vy"]) < HELD_UP * view.pace) & (row["goal"] >= 0)
-        queued = np.bincount(row["goal"][held_up], minlength=len(self._flows))
+        queued = self._company.sum(np.bincount(row["goal"][held_up], minlength=len(self._flows)))
+        left = self._company.sum(self._left)
         # Before the first character has left at an exit, its queue says nothing.
         shows = (queued >= QUEUES) & (self._left_before > 0)
         # Exponential average of the numbers that left in each second.
-        flow = self._flows + LEARNS * (self._left - self._left_before - self._flows)
+        flow = self._flows + LEARNS * (left - self._left_before - self._flows)
         self._flows = np.where(shows, np.maximum(flow, LEAST_FLOW), self._flows)
-        self._left_before = self._left.copy()
+        self._left_before = left.copy()
 
 
 def exits_summary(

@@ -12,11 +12,12 @@ from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import NONE, STEERING_RATE
 from crowdsim.crowd.crowd import Route
+from crowdsim.crowd.ranks.company import ALONE, NO_GHOSTS, Company, Ghosts
 from crowdsim.crowd.report.recording_header import record_header, steered_agents, steered_motion
 from crowdsim.crowd.report.steered_statistics import SteeredStatistics
 from crowdsim.crowd.state.assets import load_behaviors
 from crowdsim.crowd.state.itineraries import stands_summary
-from crowdsim.crowd.state.state_hash import state_hash
+from crowdsim.crowd.state.state_hash import chained_hash, rows_digest
 from crowdsim.crowd.steered.components import COLUMNS, Errand
 from crowdsim.crowd.steered.entering import Entering
 from crowdsim.crowd.steered.errands import Errands, NewGoal
@@ -55,6 +56,8 @@ class SteeredCrowd:
         The characters; drawn from the scenario by default.
     behavior_set : BehaviorSet, optional
         That of the scenario, if it is loaded already.
+    company : Company
+        The processes that share the run; this one holds the characters of its region.
     """
 
     def __init__(
@@ -63,22 +66,27 @@ class SteeredCrowd:
         threads: int,
         cast: CrowdPlacement | None = None,
         behavior_set: BehaviorSet | None = None,
+        company: Company = ALONE,
     ) -> None:
         self.hash = 0
+        """64-bit hash of all states so far; of one of several processes, that of its own characters only."""
+        self.digest = 0
+        """Sum of the digests of the rows after the last step."""
+        self.company = company
         self._step = 0
         self.behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
         behaviors = self.behavior_set.behaviors
         self.cast = place_crowd(scenario) if cast is None else cast
         environment = laid_three_times(scenario.environment, scenario.span)
-        self.place = SteeredPlace(environment, self.cast.goals, behaviors, STEERING_RATE, threads)
+        self.place = SteeredPlace(environment, self.cast.goals, behaviors, STEERING_RATE, threads, company)
         self.world = World(COLUMNS)
         self.steering = Steering(*self.place.walls, leg_radius=LEG_RADIUS, threads=threads)
         free = scenario.environment.layers[0].free
-        self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE)
+        self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE, company)
         self.errands = Errands(self.cast, self.exits, STEERING_RATE)
         self.parties = Parties(self.cast.first, free, scenario.span, STEERING_RATE)
         self.seam = Seam(scenario, self.place.guidance)
-        self.entering = Entering(self.world, self.place, self.cast, self.exits, self.errands, self.seam)
+        self.entering = Entering(self.world, self.place, self.cast, self.exits, self.errands, self.seam, company)
         self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
             behaviors,
@@ -114,24 +122,34 @@ class SteeredCrowd:
 
     @property
     def finished(self) -> bool:
-        """Return True if all characters that can arrive have arrived."""
-        lost = 0
+        """Return True if all characters that can arrive have arrived; all processes that share the run must ask."""
+        waits = self.cast.start_steps != NEVER
+        waits &= self.entering.entered < 0
+        done = self.arrived
         if self.place.agenda.over:
             since = self.world.column("lost_since")
-            lost = int(((since != NONE) & (self._step - since > LOST_SECONDS * STEERING_RATE)).sum())
-            lost += len(self.entering.shut_out)
-        return self.arrived + lost >= int(self.expected.sum())
+            done += int(((since != NONE) & (self._step - since > LOST_SECONDS * STEERING_RATE)).sum())
+            waits[self.entering.shut_out] = False
+            done += len(self.entering.shut_out) if self.company.rank == 0 else 0
+        # While some are yet to come, which all processes know, nobody needs to count.
+        if waits.any():
+            return False
+        expected = int((self.cast.start_steps != NEVER).sum())
+        if self.company.size == 1:
+            expected = int(self.expected.sum())
+        return int(self.company.sum(np.array([done], np.int64))[0]) >= expected
 
     @property
     def waiting(self) -> int:
         """Return the number of characters that are on their way but do not move."""
         view = self.world.view()
-        return int(((view.state == AgentState.WAITING) & (view.errand == Errand.WALKS)).sum())
+        here = ((view.state == AgentState.WAITING) & (view.errand == Errand.WALKS)).sum()
+        return int(self.company.sum(np.array([here], np.int64))[0])
 
     @property
     def unreachable(self) -> dict[str, str]:
         """Return by character the reason why it has no path."""
-        lost = self.world.column("agent")[self.world.column("lost_since") != NONE]
+        lost, _ = self.company.together(self.world.column("agent")[self.world.column("lost_since") != NONE])
         reason = "no path leads from its position to its goal; look for obstacles in the way"
         return {
             **{str(agent): reason for agent in sorted(lost.tolist())},
@@ -187,7 +205,8 @@ class SteeredCrowd:
         self.entering.enter(self._step, self.steering)
         self.world.apply_changes()
         self.act()
-        self.hash = state_hash(self.world, self.place.state(), self._step, self.hash)
+        self.digest = rows_digest(self.world)
+        self.hash = chained_hash(self.digest, self.place.state(), self._step, self.hash)
 
     def act(self, others: Others = NOBODY_ELSE) -> None:
         """Let all rows get guidance, leave if they have arrived, and take a step that keeps clear of ``others``."""
@@ -200,18 +219,40 @@ class SteeredCrowd:
         leaves = self.errands.update(view, self._step)
         self.parties.keep_together(view)
         place.lead_out(view.row, np.flatnonzero(view.lost_since != NONE))
-        if len(leaves):
-            world.remove(*view.id[leaves].tolist())
+        gone = view.id[leaves]
+        ghosts = self.meet(gone)
+        if len(gone):
+            world.remove(*gone.tolist())
             world.apply_changes()
 
-        # All rows take a step, together with their copies beyond the ends of a periodic floor.
+        # All rows take a step among others who do not: their copies beyond the ends of a periodic floor, and ghosts.
         view = world.view()
         before = view.row["heading"].copy()
-        everybody = self.seam.with_copies(view.row)
-        self.steering.step(everybody, others)
+        everybody, numbers = self.seam.with_copies(view.row), None
+        if self.company.size > 1:
+            everybody = np.concatenate((view.row, ghosts.rows[~ghosts.leaves]))
+            numbers = np.concatenate((view.id, ghosts.ids[~ghosts.leaves]))
+        self.steering.step(everybody, others, len(view.row), numbers)
         view.row[:] = everybody[: len(view.row)]
         walk_on(view, before, place.asked)
         self.seam.wrap(view)
+
+    def meet(self, gone: NDArray[np.int64]) -> Ghosts:
+        """Exchange characters with the neighbors, and measure the gaps that the step before left.
+
+        ``gone`` (k,) are the ids of those who leave in this step.
+        """
+        if self.company.size == 1:
+            return NO_GHOSTS
+        view, entered = self.world.view(), self.entering.entered
+        came, leaves = entered[view.agent] == self._step, np.isin(view.id, gone)
+        ghosts = self.company.exchange(self.world, self.exits.goals, came, leaves)
+        view = self.world.view()
+        there = entered[view.agent] != self._step
+        everybody = np.concatenate((view.row[there], ghosts.rows[~ghosts.came]))
+        numbers = np.concatenate((view.id[there], ghosts.ids[~ghosts.came]))
+        self.statistics.add_gaps(everybody, self.steering, numbers)
+        return ghosts
 
     def end_step(self) -> None:
         """Count the step."""
@@ -266,12 +307,24 @@ class SteeredCrowd:
     def measure(self, frame: RecordedFrame) -> None:
         """Add the present step to the statistics."""
         view = self.world.view()
-        self.statistics.add(view, self.seam.with_copies(view.row), self.steering)
+        self.statistics.add(view, self.steering)
+        if self.company.size == 1:
+            self.statistics.add_gaps(self.seam.with_copies(view.row), self.steering)
+
+    def join(self) -> None:
+        """Take in what other processes know, after the last step: arrivals, exits, and what they have measured."""
+        company = self.company
+        self.meet(np.zeros(0, np.int64))
+        came = self.errands.arrived != NONE
+        self.exits.goals[:] = company.most(np.where(came, self.exits.goals, NONE))
+        self.errands.arrived[:] = company.most(self.errands.arrived)
+        self.statistics.join(company)
 
     def summary(self) -> dict[str, Any]:
-        """Return the figures that sum up the run."""
+        """Return the figures that sum up the run; all processes that share it must ask, after :meth:`join`."""
         view = self.world.view()
         arrived, entered = self.errands.arrived, self.entering.entered
+        stands, _ = self.company.together(np.column_stack(self.errands.how_they_stood(view)))
         done = arrived >= 0
         times = (arrived - entered)[done] / STEERING_RATE
         return {
@@ -279,9 +332,9 @@ class SteeredCrowd:
             "arrived": int(done.sum()),
             "waiting": self.waiting,
             "unreachable": self.unreachable,
-            "laps": self.errands.laps(),
+            "laps": self.errands.laps(self.company),
             "exits": self.exits_used(arrived),
-            "stands": stands_summary(*self.errands.how_they_stood(view)),
+            "stands": stands_summary(*stands.T),
             "events": self.place.agenda.report(),
             "replans": 0,
             "searches": None,

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.constants import TRACKING_MARGIN
+from crowdsim.crowd.ranks.company import ALONE, Company
 from crowdsim.crowd.state.agenda import Agenda
 from crowdsim.crowd.state.environment import Footprints, footprints_of, state_of
 from crowdsim.planning.query.requirements import Requirements
@@ -26,6 +27,10 @@ from crowdsim.steering.walls import Walls
 
 KEPT_OFF = 0.02
 """Distance from a body at which no movable appears [m]."""
+
+
+WALKING = np.dtype([("x", np.float64), ("y", np.float64), ("goal", np.int64), ("following", np.int32)])
+"""What the renewal of a field reads of a character: position [m], goal and the field that it follows."""
 
 
 class SteeredPlace:
@@ -43,6 +48,8 @@ class SteeredPlace:
         Rate of the steps.
     threads : int
         Number of threads that solve fields; the result does not depend on it.
+    company : Company
+        The processes that share the run.
     """
 
     def __init__(
@@ -52,7 +59,9 @@ class SteeredPlace:
         behaviors: Sequence[Behavior],
         steps_per_second: int,
         threads: int,
+        company: Company = ALONE,
     ) -> None:
+        self._company = company
         timetable = environment.timetable
         self.agenda = Agenda(timetable, steps_per_second)
         self._layers = environment.fixed_layers
@@ -104,7 +113,7 @@ class SteeredPlace:
         for number in agenda.waiting:
             event = agenda.timetable.events[number]
             taken = None if event.placing is None else self._footprints(event.movable, event.placing)
-            if taken is not None and self.is_taken(taken, state, leg_radius):
+            if taken is not None and self._company.any(self.is_taken(taken, state, leg_radius)):
                 waiting.append(number)
                 continue
             agenda.note(number, step)
@@ -181,7 +190,22 @@ class SteeredPlace:
 
     def refresh(self, step: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
         """Renew the field to one of the goals in the present crowd, if it is time."""
-        self.guidance.refresh_in_turn(step, self._steps_per_second, state, following)
+        if self._company.size == 1:
+            self.guidance.refresh_in_turn(step, self._steps_per_second, state, following)
+            return
+        if self.guidance.goal_in_turn(step, self._steps_per_second) is None:
+            return
+        walking = np.empty(len(state), WALKING)
+        walking["x"], walking["y"], walking["goal"], walking["following"] = (
+            state["x"],
+            state["y"],
+            state["goal"],
+            following,
+        )
+        everybody, mine = self._company.together(walking)
+        followed = everybody["following"].copy()
+        self.guidance.refresh_in_turn(step, self._steps_per_second, everybody, followed)
+        following[:] = followed[mine]
 
     def _footprints(self, movable: int, placing: Placing) -> Footprints:
         return footprints_of(self.agenda.timetable.movables[movable], self._layers, placing)

@@ -154,20 +154,23 @@ class Guidance:
         self._fields = [{self._made: field} for field in fields]
         self._made += 1
 
-    def refresh_in_turn(
-        self, step: int, steps_per_second: int, state: NDArray[Any], following: NDArray[np.int32]
-    ) -> None:
-        """Renew the field of one goal if it is time; goals take turns.
-
-        ``step`` is the number of the step; ``state`` and ``following`` are those of :meth:`refresh`.
-        """
+    def goal_in_turn(self, step: int, steps_per_second: int) -> int | None:
+        """Return the goal whose field it is time to renew in ``step``, None if it is not; goals take turns."""
         boxes = self.ground.columns * self.ground.rows
         seconds = max(REFRESH_SECONDS / len(self.goals), boxes / BOXES_A_SECOND)
         pause = max(round(seconds * steps_per_second), 1)
-        if step % pause == 0 and step > 0:
-            goal = step // pause % len(self.goals)
-            if (state["goal"] == goal).any():
-                self.refresh(goal, state, following)
+        return step // pause % len(self.goals) if step % pause == 0 and step > 0 else None
+
+    def refresh_in_turn(
+        self, step: int, steps_per_second: int, state: NDArray[Any], following: NDArray[np.int32]
+    ) -> None:
+        """Renew the field of one goal if it is time and an agent goes there.
+
+        ``step`` is the number of the step; ``state`` and ``following`` are those of :meth:`refresh`.
+        """
+        goal = self.goal_in_turn(step, steps_per_second)
+        if goal is not None and (state["goal"] == goal).any():
+            self.refresh(goal, state, following)
 
     def refresh(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> int:
         """Solve a field of one goal in the present crowd, and let agents change to it.

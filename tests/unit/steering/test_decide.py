@@ -26,7 +26,8 @@ def _free_ahead(walls, x, y, ux, uy, width, farthest):
 def _decide(state: State, near: np.ndarray, segments: np.ndarray | tuple[()] = ()) -> np.ndarray:
     wanted = np.zeros(len(state), WANTED)
     walls = (build_walls(segments), build_walls(segments), 0.1)
-    decide_rows(state, near, 0, len(state), walls, Rules(), wanted)
+    count = len(state)
+    decide_rows(state, near, 0, count, np.arange(count, dtype=np.int32), count, walls, Rules(), wanted)
     return wanted
 
 

@@ -61,7 +61,7 @@ def test_cells_and_neighbors(count, side):
     rows = np.empty(count, ROW)
     gather_rows(state, order, rows, places)
     near = np.full((count, MOST_NEAR), -2, np.int32)
-    look_rows(rows, places, starts, (0.0, 0.0, columns, rows_up), 0, count, Rules(), near)
+    look_rows(rows, places, starts, (0.0, 0.0, columns, rows_up), 0, count, order, count, Rules(), near)
     for me in range(count):
         around = np.abs(np.floor(places) - np.floor(places[me])).max(axis=1) <= 2
         reach = Rules().reach_in_crowd if around.sum() > Rules().crowd else Rules().reach

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crowdsim.crowd.state.digest_kernels import BASIS, FACTOR, JOINING, LANES, digest_words
+from crowdsim.crowd.state.digest_kernels import BASIS, FACTOR, JOINING, LANES, digest_rows, digest_words
 
 MASK = (1 << 64) - 1
 
@@ -46,3 +46,28 @@ def test_order_and_length_count() -> None:
     words = np.arange(1, 17, dtype=np.uint64)
     assert digest_words(words) != digest_words(words[::-1].copy())
     assert digest_words(np.zeros(4, np.uint64)) != digest_words(np.zeros(8, np.uint64))
+
+
+def plain_row_digest(words: list[int]) -> int:
+    digest = int(BASIS)
+    for word in words:
+        digest = (digest ^ word) * int(FACTOR) % 2**64
+        digest ^= digest >> 32
+    return digest * int(JOINING) % 2**64
+
+
+def test_rows_have_digests_of_their_own():
+    words = np.random.default_rng(4).integers(0, 2**64, (9, 5), np.uint64)
+    digests = np.full(9, BASIS)
+    digest_rows(words, digests)
+    assert digests.tolist() == [plain_row_digest(row) for row in words.tolist()]
+
+
+@pytest.mark.parametrize("columns", [(0, 1), (1, 4)])
+def test_two_signs_that_change_together_change_the_digest(columns):
+    words = np.random.default_rng(5).integers(0, 2**64, (2, 5), np.uint64)
+    words[1] = words[0]
+    words[1, list(columns)] ^= np.uint64(1 << 63)
+    digests = np.full(2, BASIS)
+    digest_rows(words, digests)
+    assert digests[0] != digests[1]

@@ -1,0 +1,82 @@
+"""``mpiexec -n N crowdsim run``: one run on several processes."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from crowdsim.cli.errors_shown import describe
+from crowdsim.cli.summary import tell_summary
+from crowdsim.errors import CrowdSimError
+
+_APART = 0.2
+"""Time by which a rank waits for one before it to print an error that both have [s]."""
+
+
+def run_on_ranks(
+    scenario: str, changes: list[str], file_for: Callable[[str], Path], page: bool, as_json: bool, workers: int
+) -> None:
+    """Take this process's share in a run; rank 0 shows the progress and the summary.
+
+    ``file_for`` returns the recording of a scenario by its name, and raises CrowdSimError if it cannot be written.
+    """
+    from crowdsim.crowd.ranked_run import RankedRun
+    from crowdsim.crowd.ranks.mpi_ranks import world_of_ranks
+    from crowdsim.scenario.loader import load_scenario
+
+    comm = world_of_ranks()
+    rank = comm.Get_rank()
+    run, file, failure = None, Path(), None
+    try:
+        loaded = load_scenario(scenario, changes)
+        file = file_for(loaded.name)
+        run = RankedRun(loaded, comm, workers)
+    except CrowdSimError as error:
+        failure = error
+    # What stops one stops all; the first that it stops says so.
+    failed = comm.allgather(None if failure is None else failure.exit_code)
+    codes = [code for code in failed if code is not None]
+    if codes:
+        if failure is not None and next(k for k, code in enumerate(failed) if code is not None) == rank:
+            raise failure
+        raise typer.Exit(codes[0])
+    assert run is not None
+    try:
+        summary = _run(run, file, page, rank)
+    except BaseException as error:  # whatever it is, the others must not wait for this rank
+        time.sleep(_APART * rank)
+        message, code = describe(error)
+        typer.echo(f"{message} (rank {rank} of {comm.Get_size()}; {file} was not written)", err=True)
+        sys.stderr.flush()
+        comm.Abort(code)
+        raise
+    if summary is not None:
+        tell_summary(summary, as_json)
+
+
+def _run(run: Any, file: Path, page: bool, rank: int) -> dict[str, Any] | None:
+    """Run to the end; return the summary in rank 0."""
+    from crowdsim.cli.progress import RunProgress
+
+    shown = RunProgress(run.scenario.name) if rank == 0 else None
+    with shown or nullcontext():
+        if shown is not None:
+            shown.begin_steps()
+        summary = run.run(file, shown.step if shown is not None else None)
+        if summary is None:
+            return None
+        told = {**summary, "recording": str(file)}
+        if page:
+            from crowdsim.export.page.page import write_page
+            from crowdsim.recording.reader import Recording
+
+            with Recording.open(file) as recording:
+                write_page(recording, file.with_suffix(".html"))
+            told["page"] = str(file.with_suffix(".html"))
+        return told

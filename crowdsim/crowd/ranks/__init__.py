@@ -1,0 +1,1 @@
+"""One steered run on several processes (ranks): regions of the floor, and what their ranks exchange."""

@@ -1,0 +1,115 @@
+"""What the processes of one run tell each other, as a crowd asks for it; without other processes, nothing."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.ecs.world import World
+from crowdsim.steering.row_kernels import ROW
+
+
+class Ghosts(NamedTuple):
+    """Characters of other ranks near the own region, as they were before the step."""
+
+    ids: NDArray[np.int64]
+    """(g,) their ids in the world of all."""
+    rows: NDArray[Any]
+    """ROW[g]: their state."""
+    came: NDArray[np.bool_]
+    """(g,) whether they have entered in this step."""
+    leaves: NDArray[np.bool_]
+    """(g,) whether they leave in this step: they are measured once more, but nobody sees them."""
+
+
+NO_GHOSTS = Ghosts(np.zeros(0, np.int64), np.zeros(0, ROW), np.zeros(0, np.bool_), np.zeros(0, np.bool_))
+"""No characters of other ranks."""
+
+SELF = slice(None)
+"""Rows that one process has gathered from itself."""
+
+
+class Company(Protocol):
+    """The processes (ranks) that share one run.
+
+    All of them take the same steps and call the same methods in the same order. Each holds the characters of its
+    region; everything else, as walls, fields and the times of entry, is the same in all of them.
+    """
+
+    rank: int
+    """Number of this process."""
+    size: int
+    """Number of all."""
+
+    def any(self, here: bool) -> bool:
+        """Return True if ``here`` is true in any process."""
+
+    def sum(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the sums of ``counts`` over all processes."""
+
+    def most(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the largest of all processes, element by element."""
+
+    def together(self, rows: NDArray[Any]) -> tuple[NDArray[Any], slice]:
+        """Return the rows (k, ...) of all processes, and which of them are those of this one."""
+
+    def holds(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which places (k, 2) [m] are in the region of this process."""
+
+    def around(self, rows: NDArray[Any], places: NDArray[np.float64], reach: float) -> NDArray[Any]:
+        """Return ROW of all characters within ``reach`` [m] of one of ``places`` (k, 2), and maybe of more.
+
+        ``rows`` are the characters of this process. The order of the result is open.
+        """
+
+    def exchange(
+        self, world: World, exits: NDArray[np.int32], came: NDArray[np.bool_], leaves: NDArray[np.bool_]
+    ) -> Ghosts:
+        """Hand over the characters that have left the region, take in others, and return those near the region.
+
+        ``exits`` (n,) holds the exit of each character of the run; it moves with them. ``came`` and ``leaves`` mark
+        the rows of ``world`` that have entered in this step and that leave in it.
+        """
+
+
+class Alone:
+    """The company of a run in one process."""
+
+    rank = 0
+    size = 1
+
+    def any(self, here: bool) -> bool:
+        """Return ``here``."""
+        return here
+
+    def sum(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return ``counts``."""
+        return counts
+
+    def most(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return ``values``."""
+        return values
+
+    def together(self, rows: NDArray[Any]) -> tuple[NDArray[Any], slice]:
+        """Return ``rows``."""
+        return rows, SELF
+
+    def holds(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return True for all places."""
+        return np.ones(len(places), np.bool_)
+
+    def around(self, rows: NDArray[Any], places: NDArray[np.float64], reach: float) -> NDArray[Any]:
+        """Return ``rows``."""
+        return rows
+
+    def exchange(
+        self, world: World, exits: NDArray[np.int32], came: NDArray[np.bool_], leaves: NDArray[np.bool_]
+    ) -> Ghosts:
+        """Return no ghosts."""
+        return NO_GHOSTS
+
+
+ALONE = Alone()
+"""One process."""

@@ -1,0 +1,69 @@
+"""What one rank sends to another in a step: the characters that go over to it, and those near its region."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.ranks.company import Ghosts
+from crowdsim.crowd.ranks.partition import Regions, cells_of
+from crowdsim.ecs.world import World
+from crowdsim.steering.row_kernels import ROW
+
+GHOST = np.dtype([("id", np.int64), ("came", np.bool_), ("leaves", np.bool_), ("row", ROW)], align=True)
+"""A character that a neighbor sees: id in the world of all, whether it came or leaves in this step, state."""
+
+
+def migrant_type(world: World) -> np.dtype[Any]:
+    """Return the dtype of a character that changes its rank: all its columns, and its exit."""
+    return np.dtype([("columns", world.dtype), ("exit", np.int32)])
+
+
+def ghosts_of(records: NDArray[Any]) -> Ghosts:
+    """Return the ghosts of records (GHOST)."""
+    return Ghosts(records["id"].copy(), records["row"].copy(), records["came"].copy(), records["leaves"].copy())
+
+
+class RowMessage:
+    """The characters of one rank at its borders, in one step.
+
+    Those that have left the region, and stay in the world, change their rank. The others near another region, and
+    those that change it, are ghosts there.
+    """
+
+    def __init__(
+        self,
+        regions: Regions,
+        rank: int,
+        world: World,
+        exits: NDArray[np.int32],
+        came: NDArray[np.bool_],
+        leaves: NDArray[np.bool_],
+    ) -> None:
+        self._regions, self._rank, self._world, self._exits = regions, rank, world, exits
+        rows = world.column("row")
+        columns, lines = cells_of(rows["x"], rows["y"])
+        # Rows deep in the own region matter to nobody else.
+        at = np.flatnonzero(~regions.within(rank, columns, lines, -regions.halo))
+        self._at, self._columns, self._lines = at, columns[at], lines[at]
+        self._moves = ~regions.within(rank, self._columns, self._lines) & ~leaves[at]
+        self._ghosts = np.zeros(len(at), GHOST)
+        self._ghosts["id"], self._ghosts["row"] = world.column("id")[at], rows[at]
+        self._ghosts["came"], self._ghosts["leaves"] = came[at], leaves[at]
+
+    def to(self, rank: int) -> bytes:
+        """Return the message to a neighbor: the number of those that go over to it, they themselves, its ghosts."""
+        over = self._moves & self._regions.within(rank, self._columns, self._lines)
+        near = ~over & self._regions.within(rank, self._columns, self._lines, self._regions.halo)
+        migrants = np.zeros(int(over.sum()), migrant_type(self._world))
+        migrants["columns"] = self._world.records(self._at[over])
+        migrants["exit"] = self._exits[migrants["columns"]["agent"]]
+        head = len(migrants).to_bytes(8, "little")
+        return head + migrants.tobytes() + self._ghosts[near].tobytes()
+
+    def hand_over(self) -> NDArray[Any]:
+        """Take those that go over to another rank out of the world, and return them as ghosts (GHOST)."""
+        self._world.take_out(self._at[self._moves])
+        return self._ghosts[self._moves]

@@ -1,0 +1,127 @@
+"""The company of processes that mpiexec has started: what :mod:`crowdsim.crowd.ranks.company` says, through MPI."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.ranks.company import Ghosts
+from crowdsim.crowd.ranks.messages import GHOST, RowMessage, ghosts_of, migrant_type
+from crowdsim.crowd.ranks.partition import Regions, cells_of
+from crowdsim.ecs.world import World
+from crowdsim.errors import CrowdSimError
+from crowdsim.steering.row_kernels import CELL
+
+
+def world_of_ranks() -> Any:
+    """Return MPI's communicator of all processes.
+
+    Raises
+    ------
+    CrowdSimError
+        If mpi4py or an MPI library is missing.
+    """
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:
+        raise CrowdSimError(
+            f"a run on several processes needs mpi4py and an MPI library: pip install 'crowdsim[mpi]' ({error})"
+        ) from None
+    return MPI.COMM_WORLD
+
+
+class MpiRanks:
+    """All processes of a run, each with its region of the floor."""
+
+    def __init__(self, comm: Any, regions: Regions) -> None:
+        self.comm, self.regions = comm, regions
+        self.rank: int = comm.Get_rank()
+        self.size: int = comm.Get_size()
+        self.sent = 0
+        """Bytes sent to neighbors so far."""
+        self._neighbors = regions.neighbors(self.rank)
+
+    def any(self, here: bool) -> bool:
+        """Return True if ``here`` is true in any process."""
+        return bool(self.sum(np.array([here], np.int64))[0])
+
+    def sum(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the sums of ``counts`` over all processes."""
+        total = np.zeros_like(counts)
+        self.comm.Allreduce(np.ascontiguousarray(counts), total)
+        return total
+
+    def most(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the largest of all processes, element by element."""
+        from mpi4py import MPI
+
+        largest = np.zeros_like(values)
+        self.comm.Allreduce(np.ascontiguousarray(values), largest, MPI.MAX)
+        return largest
+
+    def together(self, rows: NDArray[Any]) -> tuple[NDArray[Any], slice]:
+        """Return the rows (k, ...) of all processes, and which of them are those of this one."""
+        from mpi4py import MPI
+
+        counts = np.zeros(self.size, np.int64)
+        self.comm.Allgather(np.array([len(rows)], np.int64), counts)
+        ends = np.cumsum(counts)
+        everybody = np.empty((int(ends[-1]), *rows.shape[1:]), rows.dtype)
+        bytes_each = rows.dtype.itemsize * int(np.prod(rows.shape[1:]))
+        mine = np.frombuffer(np.ascontiguousarray(rows).tobytes(), np.uint8)
+        parts = ((counts * bytes_each).tolist(), ((ends - counts) * bytes_each).tolist())
+        flat = np.empty(int(ends[-1]) * bytes_each, np.uint8)
+        self.comm.Allgatherv([mine, MPI.BYTE], [flat, parts, MPI.BYTE])
+        everybody = flat.view(rows.dtype).reshape(everybody.shape)
+        end = int(ends[self.rank])
+        return everybody, slice(end - len(rows), end)
+
+    def holds(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which places (k, 2) [m] are in the region of this process."""
+        return self.regions.within(self.rank, *cells_of(*places.T))
+
+    def around(self, rows: NDArray[Any], places: NDArray[np.float64], reach: float) -> NDArray[Any]:
+        """Return ROW of all characters within ``reach`` [m] of one of ``places`` (k, 2), and maybe of more."""
+        cells = int(np.ceil(reach / CELL))
+        columns, lines = cells_of(*places.T)
+        left, bottom = int(columns.min()) - cells, int(lines.min()) - cells
+        near = np.zeros((int(columns.max()) + cells - left + 1, int(lines.max()) + cells - bottom + 1), np.bool_)
+        for i in range(-cells, cells + 1):
+            for j in range(-cells, cells + 1):
+                near[columns + i - left, lines + j - bottom] = True
+        at, up = cells_of(rows["x"], rows["y"])
+        at, up = at - left, up - bottom
+        inside = (at >= 0) & (at < near.shape[0]) & (up >= 0) & (up < near.shape[1])
+        inside[inside] = near[at[inside], up[inside]]
+        return self.together(rows[inside])[0]
+
+    def exchange(
+        self, world: World, exits: NDArray[np.int32], came: NDArray[np.bool_], leaves: NDArray[np.bool_]
+    ) -> Ghosts:
+        """Hand over the characters that have left the region, take in others, and return those near the region."""
+        from mpi4py import MPI
+
+        message = RowMessage(self.regions, self.rank, world, exits, came, leaves)
+        outgoing = [message.to(rank) for rank in self._neighbors]
+        self.sent += sum(map(len, outgoing))
+        sends = [
+            self.comm.Isend([content, MPI.BYTE], rank) for rank, content in zip(self._neighbors, outgoing, strict=True)
+        ]
+        kept = message.hand_over()
+        found = [kept]
+        taken = migrant_type(world)
+        for rank in self._neighbors:
+            status = MPI.Status()
+            arriving = self.comm.Mprobe(rank, status=status)
+            content = bytearray(status.Get_count(MPI.BYTE))
+            arriving.Recv([content, MPI.BYTE])
+            count = int.from_bytes(content[:8], "little")
+            end = 8 + count * taken.itemsize
+            migrants = np.frombuffer(content[8:end], taken)
+            world.put_in(migrants["columns"])
+            exits[migrants["columns"]["agent"]] = migrants["exit"]
+            found.append(np.frombuffer(content[end:], GHOST))
+        MPI.Request.Waitall(sends)
+        return ghosts_of(np.concatenate(found))

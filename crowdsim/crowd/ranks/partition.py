@@ -1,0 +1,194 @@
+"""Regions of the floor, one for each rank: boxes of cells with about as many characters each."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import CrowdSimError
+from crowdsim.scenario.people.crowd_placement import CrowdPlacement
+from crowdsim.steering.commit_kernels import MARGIN
+from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.rules import Rules
+
+ENDLESS = 2**40
+"""Cells from which on regions have no edge: those at the border of the floor take in all beyond it."""
+
+SAMPLES = 8
+"""Points on the straight line to each goal of a character, at which it is expected."""
+
+CROWD_CELLS = 2
+"""Cells around its own in which an agent counts others, to know how far it looks in a crowd; see ``look_rows``."""
+
+Floats = NDArray[np.float64]
+Cells = NDArray[np.int64]
+
+
+def halo_of(rules: Rules, fastest: float, broadest: float) -> int:
+    """Return how many cells beyond its own an agent's step reads.
+
+    It is the most of: how far it looks; where it counts the crowd around; and how far away bodies are that the commit
+    keeps off, which is both half breadths and twice what a body may grow by in a step.
+
+    Parameters
+    ----------
+    rules : Rules
+        Constants of the model.
+    fastest : float
+        Largest speed that any agent may reach [m/s].
+    broadest : float
+        Largest half breadth of a body, arms and all [m].
+    """
+    grows = fastest * rules.step + broadest * rules.turn_rate * rules.step + broadest
+    keeps_off = 2.0 * broadest + 2.0 * (grows + MARGIN)
+    looks = max(rules.reach, rules.reach_in_crowd, rules.yield_reach)
+    return max(math.ceil(looks / CELL), CROWD_CELLS, math.ceil(keeps_off / CELL))
+
+
+def fastest_of(speeds: Floats, rules: Rules) -> float:
+    """Return the speed that nobody exceeds who walks at ``speeds`` (n,) freely, whatever the rules ask for [m/s]."""
+    aside = math.sqrt(rules.yield_aside * rules.yield_aside + rules.yield_along * rules.yield_along)
+    return max(float(speeds.max(initial=0.0)), rules.merge_speed, aside)
+
+
+def cells_of(x: Floats, y: Floats) -> tuple[Cells, Cells]:
+    """Return the column and the row of the cell of each position [m]."""
+    return np.floor(x / CELL).astype(np.int64), np.floor(y / CELL).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class Regions:
+    """Boxes of cells that cover the plane, one for each rank.
+
+    Attributes
+    ----------
+    boxes : (r, 4) int64
+        Left, bottom, right and top of each, in cells; right and top are beyond it.
+    halo : int
+        Number of cells around a region in which characters matter to those in it.
+    """
+
+    boxes: Cells
+    halo: int
+
+    @property
+    def count(self) -> int:
+        """Return the number of regions."""
+        return len(self.boxes)
+
+    def within(self, rank: int, columns: Cells, rows: Cells, beyond: int = 0) -> NDArray[np.bool_]:
+        """Return which cells are in a region, or at most ``beyond`` cells from it; inside of it if negative."""
+        left, bottom, right, top = self.boxes[rank].tolist()
+        inside = (columns >= left - beyond) & (columns < right + beyond)
+        return np.asarray(inside & (rows >= bottom - beyond) & (rows < top + beyond))
+
+    def neighbors(self, rank: int) -> list[int]:
+        """Return the ranks to which those of ``rank`` may matter, even if they have just left its region."""
+        left, bottom, right, top = self.boxes[rank].tolist()
+        reach = self.halo + 1
+        found = []
+        for other, (west, south, east, north) in enumerate(self.boxes.tolist()):
+            apart = max(west - right, left - east, south - top, bottom - north)
+            if other != rank and apart < reach:
+                found.append(other)
+        return found
+
+    def owner(self, places: Floats) -> NDArray[np.int64]:
+        """Return the rank in whose region each place (k, 2) [m] is."""
+        columns, rows = cells_of(*np.asarray(places, np.float64).T)
+        owners = np.zeros(len(places), np.int64)
+        for rank in range(self.count):
+            owners[self.within(rank, columns, rows)] = rank
+        return owners
+
+
+def divide(expected: Floats, bounds: tuple[float, float, float, float], count: int, halo: int) -> Regions:
+    """Cut a place into ``count`` boxes with about as many of the points ``expected`` (m, 2) [m] in each.
+
+    Boxes are halved across their longer side, again and again; a cut leaves each side at least as wide as the halo.
+
+    Parameters
+    ----------
+    expected : (m, 2) float64
+        Where characters are expected [m].
+    bounds : (float, float, float, float)
+        Left, bottom, right and top of the place [m].
+    count : int
+        Number of regions.
+    halo : int
+        Cells around each region that matter to it.
+
+    Raises
+    ------
+    CrowdSimError
+        If the place is too small for so many regions.
+    """
+    low = np.floor(np.array(bounds[:2]) / CELL).astype(np.int64)
+    high = np.floor(np.array(bounds[2:]) / CELL).astype(np.int64) + 1
+    columns, rows = cells_of(*expected.T)
+    cells = np.column_stack((np.clip(columns, low[0], high[0] - 1), np.clip(rows, low[1], high[1] - 1)))
+    boxes: list[tuple[int, ...]] = []
+    _halve((*low.tolist(), *high.tolist()), cells, count, halo, boxes)
+    edges = np.array(boxes, np.int64)
+    # Those at the border of the place have no edge there.
+    for side, edge, endless in (
+        (0, low[0], -ENDLESS),
+        (1, low[1], -ENDLESS),
+        (2, high[0], ENDLESS),
+        (3, high[1], ENDLESS),
+    ):
+        edges[edges[:, side] == edge, side] = endless
+    return Regions(edges, halo)
+
+
+def expected_places(cast: CrowdPlacement, middles: Floats) -> Floats:
+    """Return where the characters of a run are expected: points (m, 2) on straight lines to their goals [m].
+
+    ``middles`` (g, 2) are points in the goals [m].
+    """
+    along = ((np.arange(SAMPLES) + 0.5) / SAMPLES)[None, :, None]
+    found = [np.empty((0, 2))]
+    for number, itinerary in enumerate(cast.itineraries):
+        members = np.flatnonzero(cast.group == number)
+        here = cast.starts[members]
+        for goal in itinerary.goals.tolist():
+            there = np.broadcast_to(middles[goal], here.shape)
+            if len(itinerary.exits) and goal == itinerary.goals[-1]:
+                # The nearest exit as the crow flies: which one they choose is known later.
+                away = here[:, None] - middles[itinerary.exits][None]
+                there = middles[itinerary.exits[np.argmin((away * away).sum(axis=2), axis=1)]]
+            found.append((here[:, None] + along * (there - here)[:, None]).reshape(-1, 2))
+            here = there
+    return np.concatenate(found)
+
+
+def _halve(box: tuple[int, ...], cells: Cells, count: int, least: int, boxes: list[tuple[int, ...]]) -> None:
+    """Append the ``count`` parts of a box of cells to ``boxes``; ``cells`` (m, 2) are those expected in it."""
+    if count == 1:
+        boxes.append(box)
+        return
+    first = count // 2
+    wide, high = box[2] - box[0], box[3] - box[1]
+    axis = 0 if wide >= high else 1
+    low, end = box[axis], box[axis + 2]
+    if end - low < 2 * least:
+        raise CrowdSimError(
+            f"the place is too small for so many ranks: a region would be {end - low} m wide and cannot be halved, as "
+            f"each must be at least {least} m wide; start fewer with mpiexec -n"
+        )
+    # Cut where the share of those before the cut is nearest to the share of the regions before it.
+    before = np.cumsum(np.bincount(cells[:, axis] - low, minlength=end - low))[:-1]
+    wanted = len(cells) * first / count if len(cells) else 0.0
+    cuts = np.arange(least, end - low - least + 1)
+    if len(cells):
+        cut = int(cuts[np.argmin(np.abs(before[cuts - 1] - wanted))]) + low
+    else:
+        cut = low + min(max((end - low) * first // count, least), end - low - least)
+    left = cells[:, axis] < cut
+    halves = [list(box), list(box)]
+    halves[0][axis + 2] = halves[1][axis] = cut
+    _halve(tuple(halves[0]), cells[left], first, least, boxes)
+    _halve(tuple(halves[1]), cells[~left], count - first, least, boxes)
