@@ -39,7 +39,7 @@ def measure_evacuation(tracks: Tracks, _: Places) -> Result:
     values = {
         "characters": len(came),
         "arrived": len(arrived),
-        **{f"t{share}": _time_of(arrived, len(came), share) for share in (50, 95, 100)},
+        **{f"t{share}": times.until_share(share) for share in (50, 95, 100)},
         "left_at_the_end": stayed,
         "agents_left_at_the_end": left.tolist(),
     }
@@ -67,12 +67,6 @@ def measure_evacuation(tracks: Tracks, _: Places) -> Result:
         axes.set(xlabel="time [s]", ylabel="characters not arrived", xlim=(0.0, None), ylim=(0.0, 1.05 * len(came)))
 
     return Result(name, title, values, (*sentences,), table, draw)
-
-
-def _time_of(arrived: Floats, count: int, share: int) -> float | None:
-    """Return when a share [%] of ``count`` characters have arrived [s]; None if so many never do."""
-    needed = -(-count * share // 100)
-    return float(arrived[needed - 1]) if len(arrived) >= needed else None
 
 
 def measure_groups(tracks: Tracks, _: Places) -> Result:

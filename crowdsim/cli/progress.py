@@ -19,8 +19,8 @@ LOOK_SECONDS = 0.3
 """Time between counts of compiled kernels [s]."""
 
 
-def progress_bar() -> Progress:
-    """Return a bar that vanishes when it is done."""
+def progress_bar(remembered: float = 30.0) -> Progress:
+    """Return a bar that vanishes when it is done; the time left follows the pace of the last ``remembered`` seconds."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
@@ -33,6 +33,7 @@ def progress_bar() -> Progress:
         TimeRemainingColumn(),
         console=console,
         transient=True,
+        speed_estimate_period=remembered,
         disable=not console.is_terminal,
     )
 

@@ -109,7 +109,7 @@ def _measured_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     for name, line in summary["lines"].items():
         text = f"{line['to_left']} to the left, {line['to_right']} to the right"
         if line["flow"] is not None:
-            text += f"; {line['flow']:.2f} /s, {line['flow_per_m']:.2f} /(m s)"
+            text += f"; {line['flow']:.2f} /s, {_quantity(line['flow_per_m'], '{:.2f}')} /(m s)"
         rows.append((f"passages at {name}", text))
     return rows
 

@@ -30,6 +30,12 @@ class AgentTimes(NamedTuple):
     arrived: NDArray[np.float64]
     left: NDArray[np.float64]
 
+    def until_share(self, share: int) -> float | None:
+        """Return when a share [%] of all agents that ever enter have arrived [s]; None if so many never do."""
+        arrived = np.sort(self.arrived[~np.isnan(self.arrived)])
+        needed = -(-int((~np.isnan(self.entered)).sum()) * share // 100)
+        return float(arrived[needed - 1]) if 0 < needed <= len(arrived) else None
+
 
 def find_times(recording: RecordedFile) -> AgentTimes:
     """Return the times of all agents of a recording."""

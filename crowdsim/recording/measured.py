@@ -42,6 +42,8 @@ class Crossings:
     ----------
     length : float
         Length of the line [m].
+    width : float
+        Length of its part on the free floor, by which a flow for each meter is divided [m]; nan in older files.
     agent : (c,) int32
         Agent that crossed.
     time : (c,) float64
@@ -51,6 +53,7 @@ class Crossings:
     """
 
     length: float
+    width: float
     agent: NDArray[np.int32]
     time: NDArray[np.float64]
     to_left: NDArray[np.bool_]
@@ -91,8 +94,9 @@ def read_measured(file: h5py.File) -> Measured:
         size = float(group.attrs["size"])
         measured.areas[str(group.attrs["name"])] = AreaSeries(size, group["count"][:], group["speed"][:])
     for group in groups("lines"):
-        length, columns = float(group.attrs["length"]), (group[key][:] for key in ("agent", "time", "to_left"))
-        measured.lines[str(group.attrs["name"])] = Crossings(length, *columns)
+        length, width = float(group.attrs["length"]), float(group.attrs.get("width", np.nan))
+        columns = (group[key][:] for key in ("agent", "time", "to_left"))
+        measured.lines[str(group.attrs["name"])] = Crossings(length, width, *columns)
     return measured
 
 

@@ -8,8 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
-
 from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state.assets import load_behaviors, motion_key
@@ -95,13 +93,7 @@ def figures_of(recording: Recording) -> dict[str, Value]:
         for name, value in _flat(recording.summary, "")
         if not any(name == timed or name.startswith(f"{timed}_") for timed in TIMED)
     }
-    times = recording.agent_times
-    came = int((~np.isnan(times.entered)).sum())
-    arrived = np.sort(times.arrived[~np.isnan(times.arrived)])
-    for share in (50, 95, 100):
-        needed = -(-came * share // 100)
-        figures[f"t{share}"] = float(arrived[needed - 1]) if 0 < needed <= len(arrived) else None
-    return figures
+    return {**figures, **{f"t{share}": recording.agent_times.until_share(share) for share in (50, 95, 100)}}
 
 
 def _flat(values: Mapping[str, Any], prefix: str) -> list[tuple[str, Value]]:

@@ -184,11 +184,10 @@ def flow_grows(cases: Sequence[str], line: str, source: str) -> Criterion:
 
 
 def flow_per_meter(case: str, line: str, least: float, source: str) -> Criterion:
-    """Check the flow across a line, divided by its length [1/(m s)]."""
+    """Check the flow across a line, for each meter of it on the free floor [1/(m s)]."""
 
     def judge(runs: Runs) -> list[Finding]:
-        length = runs[case].measured.lines[line].length
-        value = flow_of(runs[case], line) / length
+        value = flow_of(runs[case], line) / runs[case].measured.lines[line].width
         return [Finding(f"flow for each meter, {case}", value, "/(m s)", least, np.inf, source)]
 
     return judge

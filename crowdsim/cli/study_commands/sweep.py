@@ -10,6 +10,9 @@ import typer
 
 from crowdsim.cli.options import Debug, Json, Scenario
 
+WHOLE_SWEEP = 1e9
+"""Time over which the pace of points is measured [s]: longer than any sweep, as a single point may take minutes."""
+
 FAILED = 4
 """Exit code if all points failed."""
 
@@ -49,7 +52,7 @@ def sweep(
 
     points = points_of(scenario, seeds, settings or [])
     counted = [0, len(points)]
-    with progress_bar() as bar:
+    with progress_bar(WHOLE_SWEEP) as bar:
         task = bar.add_task(f"{scenario}: sweeping", total=len(points))
 
         def progress(done: int, total: int, failed: int) -> None:

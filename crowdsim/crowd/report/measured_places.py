@@ -33,6 +33,8 @@ class MeasuredPlaces:
         self._sizes = [float(shape.intersection(free).area) for shape in self._shapes]
         for shape in self._shapes:
             shapely.prepare(shape)
+        always_free = scenario.environment.fixed_layers[0].free
+        self._widths = [float(line.shape().intersection(always_free).length) for line in scenario.lines]
         self._pieces = [np.array(line.points) for line in scenario.lines]
         self._span = np.array(scenario.span)
         self._window = round(SPEED_SECONDS * self._rate)
@@ -70,13 +72,13 @@ class MeasuredPlaces:
             for area, size, count, speed in zip(self._areas, self._sizes, self._counts, self._speeds, strict=True)
         }
         lines = {}
-        for line, parts in zip(self._lines, self._crossed, strict=True):
+        for line, width, parts in zip(self._lines, self._widths, self._crossed, strict=True):
             agents = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
             times = np.concatenate([np.zeros(0), *(part[1] for part in parts)])
             to_left = np.concatenate([np.zeros(0, np.bool_), *(part[2] for part in parts)])
             order = np.lexsort((agents, times))
             lines[line.name] = Crossings(
-                line.shape().length, agents[order].astype(np.int32), times[order], to_left[order]
+                line.shape().length, width, agents[order].astype(np.int32), times[order], to_left[order]
             )
         return Measured(areas, lines)
 
@@ -107,7 +109,7 @@ class MeasuredPlaces:
                 "to_left": left,
                 "to_right": right,
                 "flow": flow,
-                "flow_per_m": None if flow is None else flow / crossings.length,
+                "flow_per_m": flow / crossings.width if flow is not None and crossings.width > 0.0 else None,
             }
         return {"areas": areas, "lines": lines}
 

@@ -11,7 +11,8 @@ from rich.progress import Progress
 
 from crowdsim import jit
 from crowdsim.cli import progress as shown
-from crowdsim.cli.progress import FirstRun, RunProgress
+from crowdsim.cli.progress import FirstRun, RunProgress, progress_bar
+from crowdsim.cli.study_commands.sweep import WHOLE_SWEEP
 
 PACKAGE = Path(__file__).parents[3] / "crowdsim"
 
@@ -120,3 +121,15 @@ def test_what_is_compiled_is_shown_and_what_was_shown_before_comes_back(monkeypa
         progress.step(2, 10, None)
         assert seen[-1] == ("corridor", 2)
         assert progress._bar.tasks[0].total == 10
+
+
+def test_the_time_left_of_a_sweep_is_known_however_long_its_points_take():
+    now = [0.0]
+    for remembered, left in ((WHOLE_SWEEP, 17 * 90.0), (30.0, None)):
+        bar = progress_bar(remembered)
+        bar.get_time = lambda: now[0]
+        task = bar.add_task("sweeping", total=20)
+        for done in (1, 2, 3):
+            now[0] += 90.0
+            bar.update(task, completed=done)
+        assert bar.tasks[0].time_remaining == left

@@ -11,9 +11,9 @@ from crowdsim.validate.criteria import Criterion, Finding
 from crowdsim.validate.observed import Observed
 
 
-def crossings(times: list[float], agents: list[int] | None = None, length: float = 1.0) -> Crossings:
+def crossings(times: list[float], agents: list[int] | None = None, width: float = 1.0) -> Crossings:
     numbers = np.arange(len(times)) if agents is None else np.array(agents)
-    return Crossings(length, numbers.astype(np.int32), np.array(times), np.ones(len(times), np.bool_))
+    return Crossings(2.0 * width, width, numbers.astype(np.int32), np.array(times), np.ones(len(times), np.bool_))
 
 
 def area(counts: list[int]) -> AreaSeries:
@@ -123,7 +123,7 @@ def flows(**lines: float | None) -> dict[str, Any]:
 
 
 def test_flows_lie_in_bands_grow_and_do_not_grow_behind() -> None:
-    run = made_up(summary=flows(one=1.5, two=1.4), lines={"one": crossings([1.0], length=1.25)})
+    run = made_up(summary=flows(one=1.5, two=1.4), lines={"one": crossings([1.0], width=1.25)})
     assert judged(criteria.flow("run", "one", 1.4, 2.0, "x"), run=run) == [(1.5, True)]
     assert judged(criteria.flow("run", "two", 1.45, 2.0, "x"), run=run) == [(1.4, False)]
     assert judged(criteria.no_more_flow_behind("run", ("one", "two"), "x"), run=run) == [(0.1, True)]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from shapely import Point, Polygon
 
+from crowdsim.analysis.analyze import analyze
 from crowdsim.cli.summary import summary_rows
 from crowdsim.crowd.report.measured_places import crossings_of
 from crowdsim.crowd.simulation import Simulation
@@ -99,6 +100,7 @@ def test_areas_and_lines_are_measured_as_a_slow_count_has_it(tmp_path: Path, loc
     np.testing.assert_allclose(line.time, [time for time, _, _ in crossed], atol=1e-6)
     np.testing.assert_array_equal(line.to_left, [to_left for _, _, to_left in crossed])
     assert line.length == pytest.approx(2.0 * np.hypot(0.5, 2.0))
+    assert line.width == pytest.approx(line.length), "all of it is free floor"
     # Everybody goes through once, those who go east to the right of who walks up along the line.
     assert (summary["lines"]["bend"]["to_left"], summary["lines"]["bend"]["to_right"]) == (5, 12)
     assert summary["lines"]["bend"]["flow"] is None, "12 passages are too few"
@@ -133,3 +135,17 @@ def test_nothing_is_held_of_a_run_that_measures_nothing(tmp_path: Path) -> None:
     with Simulation(parse_scenario(text)).run(tmp_path / "run.h5") as recording:
         assert recording.measured.areas == recording.measured.lines == {}
         assert recording.summary["areas"] == recording.summary["lines"] == {}
+
+
+def test_a_flow_for_each_meter_is_that_of_the_free_part_of_the_line_as_in_an_analysis(tmp_path: Path) -> None:
+    neck = Path(__file__).parents[4] / "tools" / "studies" / "neck.yaml"
+    scenario = parse_scenario(neck.read_text(encoding="utf-8"), neck, ["agents.0.count=30", "duration=60"])
+    with Simulation(scenario).run(tmp_path / "run.h5") as recording:
+        summary, line = recording.summary["lines"]["neck"], recording.measured.lines["neck"]
+        analyzed = analyze(recording, only=["flow"]).values()["flow"]["neck"]
+    assert (line.length, line.width) == (4.0, pytest.approx(1.2))
+    assert summary["flow_per_m"] == pytest.approx(summary["flow"] / 1.2)
+    assert analyzed["width"] == pytest.approx(line.width)
+    assert analyzed["passages"] == summary["to_left"] + summary["to_right"] == 30
+    # The analysis knows times of passages to a tenth of a second.
+    assert analyzed["flow_per_m"] == pytest.approx(summary["flow_per_m"], rel=0.03)
