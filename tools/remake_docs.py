@@ -17,8 +17,8 @@ STEPS = (
     (*CROWDSIM, "schema", "-o", "scenarios/scenario.schema.json"),
     (sys.executable, "tools/draw_figures.py"),
     (sys.executable, "tools/draw_pictures.py"),
-    (*CROWDSIM, "validate", "--seeds", "5", "--locomotion", "steered", "--markdown", "docs/validation.md"),
-    (*CROWDSIM, "validate", "--seeds", "5", "--locomotion", "auto", "--markdown", "docs/validation-auto.md"),
+    (*CROWDSIM, "validate", "--seeds", "1", "--locomotion", "steered", "--markdown", "docs/validation.md"),
+    (*CROWDSIM, "validate", "--seeds", "1", "--locomotion", "auto", "--markdown", "docs/validation-auto.md"),
 )
 
 
