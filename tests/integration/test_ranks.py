@@ -25,31 +25,61 @@ STREET = steered_scene(
 )
 
 
+PLAZA = """\
+crowdsim: 1
+name: plaza
+seed: 4
+duration: 25
+floor: {rectangle: [0, 0, 36, 20]}
+obstacles:
+  - {name: wall, box: {center: [18, 6], size: [0.4, 12]}, top: 2.5}
+  - {name: kiosk, box: {center: [9, 10], size: [2, 2]}, top: 2.5}
+doors:
+  - {name: gate, initially: open, box: {center: [18, 14], size: [0.4, 4]}, top: 2.2}
+exits:
+  - {name: north, rectangle: [30, 18.5, 35, 19.8]}
+  - {name: south, rectangle: [30, 0.2, 35, 1.5]}
+events:
+  - {at: 8, close: gate}
+  - {at: 18, open: gate}
+agents:
+  - {name: src, locomotion: steered, count: 60, start: {rectangle: [0.5, 1, 3, 19]}, rate: 3,
+     exits: [north, south], choice: quickest}
+  - {name: tour, locomotion: steered, count: 15, start: {rectangle: [4, 1, 17, 18]},
+     goals: [{rectangle: [20, 16, 24, 19]}, {rectangle: [2, 2, 6, 6]}], wait: 3, on_arrival: stay}
+  - {name: back, locomotion: steered, count: 40, start: {rectangle: [20, 1, 35, 18]}, goal: {rectangle: [1, 1, 3, 19]},
+     delay: {uniform: [0, 3]}}
+"""
+"""A door that waits for people, a source, exits by choice, goals in turn with waits, a stay, and delays."""
+
+
 def on_ranks(count: int, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [str(MPIEXEC), "-n", str(count), sys.executable, "-m", "crowdsim", "run", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
 
 
 @pytest.fixture(scope="module")
-def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("street")
-    (folder / "street.yaml").write_text(STREET)
-    Simulation(load_scenario(str(folder / "street.yaml"))).run(folder / "one.h5").close()
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with both scenarios and their runs in one process."""
+    folder = tmp_path_factory.mktemp("alone")
+    for name, text in (("street", STREET), ("plaza", PLAZA)):
+        (folder / f"{name}.yaml").write_text(text)
+        Simulation(load_scenario(str(folder / f"{name}.yaml"))).run(folder / f"{name}.h5").close()
     return folder
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 4])
-def test_ranks_give_the_bits_of_one_process(street: Path, count: int) -> None:
-    file = street / f"{count}.h5"
-    run = on_ranks(count, str(street / "street.yaml"), "-o", str(file), "--json")
+@pytest.mark.parametrize(("name", "count"), [("street", 1), ("street", 2), ("street", 4), ("plaza", 2), ("plaza", 3)])
+def test_ranks_give_the_bits_of_one_process(alone: Path, name: str, count: int) -> None:
+    file = alone / f"{name}-{count}.h5"
+    run = on_ranks(count, str(alone / f"{name}.yaml"), "-o", str(file), "--json", "--workers", "1")
     assert run.returncode == 0, run.stderr
-    with Recording.open(street / "one.h5") as recording:
+    with Recording.open(alone / f"{name}.h5") as recording:
         expected = recording.summary
     told = json.loads(run.stdout)
-    assert {name: told[name] for name in expected if name != "real_time_factor"} == {
-        name: value for name, value in expected.items() if name != "real_time_factor"
+    assert {key: told[key] for key in expected if key != "real_time_factor"} == {
+        key: value for key, value in expected.items() if key != "real_time_factor"
     }
-    assert figures_of(file) == figures_of(street / "one.h5")
+    assert figures_of(file) == figures_of(alone / f"{name}.h5")
 
 
 def test_captured_groups_are_refused(tmp_path: Path) -> None:
