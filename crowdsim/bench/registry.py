@@ -42,6 +42,10 @@ _BENCHES = {
         "crowdsim.bench.crowds.crowd",
         "crowds: steered ones of 100 to 100,000, captured of 30 to 10,000, and mixed: a step by stage; bodies shown",
     ),
+    "ranks": (
+        "crowdsim.bench.crowds.ranks",
+        "a steered run on one and on two processes: time of a step, exchange, and what it predicts for more",
+    ),
     "drills": (
         "crowdsim.bench.crowds.drill_table",
         "steered crowds: counterflow, doors, crossings, necks, circles, endless corridors: arrivals, flow and speed",

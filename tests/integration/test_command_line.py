@@ -245,6 +245,7 @@ def test_bench_lists_its_names(crowdsim):
         "motion-graph",
         "motion-search",
         "crowd",
+        "ranks",
         "drills",
         "auto-drills",
         "auto-square",

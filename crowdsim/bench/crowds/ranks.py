@@ -1,0 +1,104 @@
+"""A steered run on several processes: time of a step and bytes exchanged, and what that predicts for more of them.
+
+People walk both ways over a square at 1 /m2. Runs on one process and on several alternate; figures are medians. A step
+on k processes takes ``whole + divided / k``: what every process does again or waits for, and what the regions share.
+Both follow from the times with one and with two processes.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import statistics
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from shutil import which
+from typing import Any
+
+from crowdsim.bench.registry import Measurement
+from crowdsim.errors import CrowdSimError
+
+COUNT = 20_000
+"""Number of characters."""
+
+PREDICTED = (8, 64, 512)
+"""Numbers of processes to predict for, with as many characters each as one process has here."""
+
+_SCENARIO = """\
+crowdsim: 1
+name: both_ways
+seed: 1
+duration: {seconds}
+floor: {{rectangle: [0, 0, {side}, {side}]}}
+agents:
+  - {{name: east, locomotion: steered, count: {half}, start: {{rectangle: [0, 0, {side}, {side}]}},
+     goal: {{rectangle: [{far}, 0, {side}, {side}]}}}}
+  - {{name: west, locomotion: steered, count: {half}, start: {{rectangle: [0, 0, {side}, {side}]}},
+     goal: {{rectangle: [0, 0, 2, {side}]}}}}
+"""
+
+
+def measure(count: int = COUNT, seconds: float = 6.0, ranks: tuple[int, ...] = (1, 2), rounds: int = 3) -> Measurement:
+    """Run ``count`` characters for some simulated seconds on each number of processes, ``rounds`` times in turn.
+
+    Raises
+    ------
+    CrowdSimError
+        If there is no mpiexec, or a run fails.
+    """
+    beside = Path(sys.executable).parent / "mpiexec"
+    mpiexec = str(beside) if beside.exists() else which("mpiexec")
+    if mpiexec is None:
+        raise CrowdSimError("there is no mpiexec; install MPI, or: pip install 'crowdsim[mpi]' mpich")
+    side = round(math.sqrt(count), 1)
+    text = _SCENARIO.format(seconds=seconds, side=side, half=count // 2, far=side - 2.0)
+    found: dict[int, list[dict[str, Any]]] = {number: [] for number in ranks}
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "square.yaml").write_text(text, encoding="utf-8")
+        for _ in range(rounds):
+            for number in ranks:
+                found[number].append(_run(mpiexec, number, folder))
+    if len({run["state_hash"] for runs in found.values() for run in runs}) > 1:
+        raise CrowdSimError("runs on different numbers of processes gave different states; this is a bug")
+    rows = []
+    for number in ranks:
+        middle = {name: statistics.median(run[name] for run in found[number]) for name in _FIGURES}
+        rows.append(
+            {
+                "ranks": number,
+                "characters": count,
+                "step_ms": round(middle["step_ms"], 2),
+                "exchange_ms": round(middle["exchange_ms"], 3),
+                "exchange_share": round(middle["exchange_ms"] / middle["step_ms"], 4),
+                "sent_kb_a_step": round(middle["sent_kb"], 1),
+                "measured": True,
+            }
+        )
+    figures = {f"{row['ranks']}_ranks_step_ms": row["step_ms"] for row in rows}
+    figures |= {f"{row['ranks']}_ranks_exchange_share": row["exchange_share"] for row in rows}
+    one, two = (next((row["step_ms"] for row in rows if row["ranks"] == number), math.nan) for number in (1, 2))
+    figures["speed_up_of_two"] = round(one / two, 2)
+    whole = max(2.0 * two - one, 0.0)
+    # What each process does again grows with the whole crowd, what the regions share stays the same.
+    unknown = {"exchange_ms": None, "exchange_share": None, "sent_kb_a_step": None, "measured": False}
+    rows += [
+        {"ranks": number, "characters": number * count, "step_ms": round(one - whole + number * whole, 2), **unknown}
+        for number in PREDICTED
+    ]
+    figures["whole_ms"] = round(whole, 2)
+    return Measurement(rows, figures, ("speed_up_of_two", "whole_ms"))
+
+
+_FIGURES = ("step_ms", "exchange_ms", "sent_kb")
+
+
+def _run(mpiexec: str, number: int, folder: str) -> dict[str, Any]:
+    """Return the figures of one run on ``number`` processes."""
+    command = [mpiexec, "-n", str(number), sys.executable, "-m", "crowdsim.bench.crowds.ranked_steps", "square.yaml"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    if done.returncode:
+        raise CrowdSimError(f"a run on {number} processes failed: {done.stderr[-400:]}")
+    figures: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return figures
