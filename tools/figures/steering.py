@@ -72,8 +72,8 @@ def draw_view() -> Figure:
     state["goal"] = [0, 1, 0, 1]
     with Steering(walls.legs, walls.torso, leg_radius=LEG_RADIUS) as steering:
         crowd = steering.sort(state)
-        steering.look(crowd, 0, len(state))
-        steering.decide(crowd, 0, len(state))
+        steering.look(crowd, 0, len(state), len(state))
+        steering.decide(crowd, 0, len(state), len(state))
         me = int(np.flatnonzero(crowd.order == 0)[0])
         mine, wanted, rules = crowd.rows[me], crowd.wanted[me], steering.rules
         last = int(np.flatnonzero(crowd.near[me] < 0)[0])
@@ -126,13 +126,13 @@ def draw_lines() -> Figure:
     nowhere = PlaceWalls([shapely.box(-50, -50, 50, 50)] * 2)
     with Steering(nowhere.legs, nowhere.torso, leg_radius=LEG_RADIUS) as steering:
         crowd = steering.sort(state)
-        steering.look(crowd, 0, 2)
+        steering.look(crowd, 0, 2, 2)
         # What they would do if nobody decided anything: go straight on.
-        steering.decide(crowd, 0, 2)
+        steering.decide(crowd, 0, 2, 2)
         for row, old in zip(crowd.order, range(2), strict=True):
             crowd.wanted["vx"][old], crowd.wanted["vy"][old] = before["vx"][row], before["vy"][row]
             crowd.wanted["turn"][old] = 0.0
-        steering.commit(crowd, 0, 2, listed(NOBODY_ELSE, crowd.frame, 0.0), state)
+        steering.commit(crowd, 0, 2, listed(NOBODY_ELSE, crowd.frame, 0.0), state, 2)
         step = steering.rules.step
     dx, dy, apart = nearest_points(before[0], before[1])
     normal = np.array([dx, dy]) / apart

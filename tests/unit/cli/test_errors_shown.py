@@ -39,7 +39,11 @@ def call(app: typer.Typer, *arguments: str) -> int:
         (RecordingError("unfinished"), 2, "error: unfinished\n"),
         (DrawingUnavailable("no display"), 3, "error: no display\n"),
         (FileNotFoundError(2, "No such file or directory", "a.h5"), 2, "error: a.h5: No such file or directory\n"),
-        (OSError(28, "No space left on device"), 2, "error: No space left on device\n"),
+        (
+            OSError(28, "No space left on device"),
+            2,
+            "error: No space left on device; make room on the disk, or choose another place\n",
+        ),
         (KeyboardInterrupt(), 130, "interrupted\n"),
         (KeyboardInterrupt("interrupted at step 3"), 130, "interrupted at step 3\n"),
         (ValueError("odd"), 1, "internal error: ValueError: odd; run again with --debug to see where\n"),

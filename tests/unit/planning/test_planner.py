@@ -153,7 +153,7 @@ def test_torso_too_narrow_names_the_layer(behaviors, given):
 
 
 def test_gap_too_narrow_says_where_and_by_how_much(behaviors):
-    with pytest.raises(PathNotFound, match=r"legs layer is too narrow.*\(\d+\.\d+, -?\d+\.\d+\).*0\.22 m.*by 0\.04 m"):
+    with pytest.raises(PathNotFound, match=r"legs layer is too narrow.*\(\d+\.\d+, -?\d+\.\d+\).*0\.22 m.*by 0\.05 m"):
         Planner(meshes(ROOM, [gap(4, 6, 0.2)]), behaviors).plan((1, 0), (21, 0))
 
 
