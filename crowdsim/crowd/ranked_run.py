@@ -12,9 +12,11 @@ import numpy as np
 from crowdsim.constants import NONE
 from crowdsim.crowd.ranks.mpi_ranks import MpiRanks
 from crowdsim.crowd.ranks.partition import divide, expected_places, fastest_of, halo_of
-from crowdsim.crowd.ranks.parts import KEPT, RankPart, frame_of_rows
+from crowdsim.crowd.ranks.parts import RankPart
+from crowdsim.crowd.ranks.present import PRESENT, frame_of_rows, present_rows
 from crowdsim.crowd.report.attribute_statistics import AttributeStatistics
 from crowdsim.crowd.report.measured_places import MeasuredPlaces
+from crowdsim.crowd.report.movable_changes import movable_changes
 from crowdsim.crowd.report.party_statistics import PartyStatistics
 from crowdsim.crowd.state.state_hash import chained_hash
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
@@ -23,7 +25,7 @@ from crowdsim.recording.writer import RecordingWriter
 from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.people.attributes import draw_attributes
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.scenario.timetable import Placing, placed
+from crowdsim.scenario.timetable import Placing
 from crowdsim.steering.rules import Rules
 
 
@@ -122,37 +124,22 @@ class RankedRun:
     def _steps(self, part: RankPart, progress: Callable[[int, int, Any], None] | None) -> None:
         """Take all steps, and keep the own characters of each."""
         crowd = self.crowd
-        before: list[Placing | None] = [None] * len(self.scenario.environment.timetable.movables)
+        movables = self.scenario.environment.timetable.movables
+        before: list[Placing | None] = [None] * len(movables)
         while crowd.step_count < self.step_limit and not crowd.finished:
             crowd.advance()
             view = crowd.world.view()
-            rows = np.empty(len(view.agent), KEPT)
-            for name in ("x", "y", "heading"):
-                rows[name] = view.row[name]
-            for name in ("agent", "phase", "behavior", "state"):
-                rows[name] = getattr(view, name)
-            part.append(rows)
+            part.append(present_rows(view))
             self._digests.append(crowd.digest)
             if not self.ranks.rank:
                 self._environments.append(crowd.place.state())
-                self._note_changes(before)
+                placings = [(movable, crowd.placing(k)) for k, movable in enumerate(movables)]
+                self._changes += [(crowd.step_count, *change) for change in movable_changes(placings, before)]
             crowd.statistics.add(view, crowd.steering)
             crowd.end_step()
             if progress is not None:
                 progress(crowd.step_count, self.step_limit, self)
         crowd.close()
-
-    def _note_changes(self, before: list[Placing | None]) -> None:
-        """Note the movables whose placing differs from ``before``, and update that."""
-        row = 0
-        for number, movable in enumerate(self.scenario.environment.timetable.movables):
-            now = self.crowd.placing(number)
-            for solid in movable.solids:
-                if now != before[number]:
-                    footprint = None if now is None else placed(solid.footprint, now).wkt
-                    self._changes.append((self.crowd.step_count, row, footprint))
-                row += 1
-            before[number] = now
 
     def _join(
         self,
@@ -170,7 +157,7 @@ class RankedRun:
             writer, measures = sink[0], sink[1:]
             sizes = np.array([counts for counts, _ in blocks])
             ends = np.cumsum(sizes, axis=1)
-            rows = [np.frombuffer(content, KEPT) for _, content in blocks]
+            rows = [np.frombuffer(content, PRESENT) for _, content in blocks]
             for k in range(sizes.shape[1]):
                 mine = [each[end - size : end] for each, end, size in zip(rows, ends[:, k], sizes[:, k], strict=True)]
                 frame = frame_of_rows(np.concatenate(mine), self.crowd.count)

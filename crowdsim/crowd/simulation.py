@@ -19,6 +19,7 @@ from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.live_poses import LivePoses, Poses
 from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
 from crowdsim.crowd.own_systems import Extensible
+from crowdsim.crowd.report.movable_changes import movable_changes
 from crowdsim.crowd.report.recording_header import solid_record
 from crowdsim.crowd.report.run_measures import RunMeasures
 from crowdsim.crowd.state.assets import load_behaviors, require_fitting
@@ -31,7 +32,7 @@ from crowdsim.scenario.composing.plain_values import plain_keys
 from crowdsim.scenario.people.attributes import Values, draw_attributes
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.schema.commands import Command
-from crowdsim.scenario.timetable import Movable, Placing, placed
+from crowdsim.scenario.timetable import Movable, Placing
 
 Progress = Callable[[int, int, "Simulation"], None]
 """Called as ``progress(step, step_limit, simulation)``."""
@@ -315,17 +316,13 @@ class Simulation(Commandable, Extensible):
 
     def _record_movables(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
         """Record the movables whose placing differs from ``before``, and update that."""
-        first = 0
-        for number, (movable, now) in enumerate(self.movables()):
-            if number == len(before):  # a command has inserted it
-                before.append(None)
-                for solid in movable.solids:
-                    writer.add_movable(solid_record(solid))
-            if now != before[number]:
-                before[number] = now
-                for row, solid in enumerate(movable.solids, start=first):
-                    writer.add_change(row, None if now is None else placed(solid.footprint, now).wkt)
-            first += len(movable.solids)
+        movables = self.movables()
+        for movable, _ in movables[len(before) :]:  # commands have inserted these
+            before.append(None)
+            for solid in movable.solids:
+                writer.add_movable(solid_record(solid))
+        for change in movable_changes(movables, before):
+            writer.add_change(*change)
 
 
 def _crowd_of(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from crowdsim.constants import NONE
+from crowdsim.ecs.records import opaque
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ class World:
         kept = self.count - len(rows)
         gaps = rows[rows < kept]
         last = np.setdiff1d(np.arange(kept, self.count), rows)
-        for array in self._arrays.values():
+        for array in map(opaque, self._arrays.values()):
             array[gaps] = array[last]
         self.count = kept
 
@@ -158,7 +159,7 @@ class World:
             # Close the gaps; the remaining rows keep their order.
             keep = ~np.isin(self.column("id"), np.concatenate(self._removing))
             kept = int(keep.sum())
-            for array in self._arrays.values():
+            for array in map(opaque, self._arrays.values()):
                 array[:kept] = array[: self.count][keep]
             self.count = kept
             self._removing.clear()

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.ecs.records import joined
 from crowdsim.steering.commit_kernels import commit_rows
 from crowdsim.steering.decide_kernels import WANTED, decide_rows
 from crowdsim.steering.look_kernels import MOST_NEAR, look_rows
@@ -132,7 +133,7 @@ class Steering:
         if count == 0:
             return
         mine = count if moved is None else moved
-        crowd = self.sort(np.concatenate((state, others.rows)) if len(others.rows) else state, numbers=numbers)
+        crowd = self.sort(joined(state, others.rows) if len(others.rows) else state, numbers=numbers)
         reach = self._longest_reach(state) if len(others.segments) else 0.0
         ways = listed(others, crowd.frame, reach)
         count = len(crowd.rows)

@@ -100,15 +100,15 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str, page: Path) -> str
     seeds = outcomes[0].seeds
     counts = {verdict: sum(outcome.verdict == verdict for outcome in outcomes) for verdict in _VERDICTS}
     minutes = sum(outcome.seconds for outcome in outcomes) / 60.0
-    departing = f", {counts['departs']} departs from its guideline on purpose" if counts["departs"] else ""
+    departing = f"; outside of the guideline on purpose: {counts['departs']}" if counts["departs"] else ""
     text = [
         f"# Validation, {locomotion}",
         "",
         f"How `{locomotion}` characters ([levels.md](levels.md)) do in the tests by which evacuation models are "
         "judged. For readers who compare models, or have to show that one is fit for use.",
         "",
-        f"{counts['passed']} of {len(outcomes)} tests pass{departing}, {counts['failed']} fail. A test passes if every "
-        f"figure is in its band with each seed ({_span(seeds)}).",
+        f"{counts['passed']} of {len(outcomes)} tests pass{departing}; failed: {counts['failed']}. A test passes if "
+        f"every figure is in its band with each seed ({_span(seeds)}).",
         "",
         f"Made by `crowdsim validate --seeds {len(seeds)} --locomotion {locomotion} --markdown docs/{page.name}`, do "
         f"not edit by hand: {minutes:.0f} minutes of computing, two runs at a time.",

@@ -11,25 +11,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.constants import NONE
+from crowdsim.crowd.ranks.present import PRESENT
 from crowdsim.errors import RecordingError
-from crowdsim.recording.header import AgentState, RecordedFrame
+from crowdsim.whole_files import not_written
 
 STEPS_AT_ONCE = 64
 """Steps that are joined at once."""
-
-KEPT = np.dtype(
-    [
-        ("agent", np.int32),
-        ("x", np.float32),
-        ("y", np.float32),
-        ("heading", np.float32),
-        ("phase", np.float32),
-        ("behavior", np.int8),
-        ("state", np.int8),
-    ]
-)
-"""A character in one step."""
 
 
 class RankPart:
@@ -43,9 +30,7 @@ class RankPart:
         try:
             self._file = tempfile.TemporaryFile(dir=self._folder)
         except OSError as error:
-            raise RecordingError(
-                f"cannot write in {self._folder} ({error.strerror}); each rank keeps its part there until the end"
-            ) from None
+            raise RecordingError(not_written(self._folder, error)) from None
         return self
 
     def __exit__(
@@ -54,13 +39,11 @@ class RankPart:
         self._file.close()
 
     def append(self, rows: NDArray[Any]) -> None:
-        """Append one step: characters of this rank (KEPT)."""
+        """Append one step: characters of this rank (PRESENT)."""
         try:
             self._file.write(rows.tobytes())
         except OSError as error:
-            raise RecordingError(
-                f"cannot write in {self._folder} ({error.strerror}); make room on its disk, or choose another one"
-            ) from None
+            raise RecordingError(not_written(self._folder, error)) from None
         self._sizes.append(len(rows))
 
     def blocks(self) -> Iterator[tuple[NDArray[np.int64], bytes]]:
@@ -70,25 +53,4 @@ class RankPart:
         sizes = np.array(self._sizes, np.int64)
         for first in range(0, len(sizes), STEPS_AT_ONCE):
             part = sizes[first : first + STEPS_AT_ONCE]
-            yield part, self._file.read(int(part.sum()) * KEPT.itemsize)
-
-
-def frame_of_rows(rows: NDArray[Any], count: int) -> RecordedFrame:
-    """Return the step of ``count`` characters of which ``rows`` (KEPT) are in the world."""
-    whole = np.zeros(count, KEPT)
-    for name in ("x", "y", "heading", "phase"):
-        whole[name] = np.nan
-    whole["behavior"], whole["state"] = NONE, AgentState.ABSENT
-    whole[rows["agent"]] = rows
-    none = np.full(count, NONE, np.int32)
-    return RecordedFrame(
-        x=whole["x"],
-        y=whole["y"],
-        heading=whole["heading"],
-        node=none,
-        previous=none,
-        frame=np.zeros(count, np.float32),
-        behavior=whole["behavior"],
-        state=whole["state"],
-        phase=whole["phase"],
-    )
+            yield part, self._file.read(int(part.sum()) * PRESENT.itemsize)

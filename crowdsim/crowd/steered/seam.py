@@ -15,6 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.affinity import translate
 
+from crowdsim.ecs.records import joined
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import ClearanceLayer, polygons_only
 from crowdsim.scenario.environment import Environment
@@ -67,7 +68,7 @@ class Seam:
         most = int(rows["id"].max(initial=0)) + 1
         copies["id"] += np.repeat((most, 2 * most), (len(beyond), len(before)))
         self._guide(copies)
-        return np.concatenate((rows, copies))
+        return joined(rows, copies)
 
     def wrap(self, view: View) -> None:
         """Move the characters that have left at one end to the other end."""

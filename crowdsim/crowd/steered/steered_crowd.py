@@ -13,6 +13,7 @@ from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import NONE, STEERING_RATE
 from crowdsim.crowd.crowd import Route
 from crowdsim.crowd.ranks.company import ALONE, NO_GHOSTS, Company, Ghosts
+from crowdsim.crowd.ranks.present import frame_of_rows, present_rows
 from crowdsim.crowd.report.recording_header import record_header, steered_agents, steered_motion
 from crowdsim.crowd.report.steered_statistics import SteeredStatistics
 from crowdsim.crowd.state.assets import load_behaviors
@@ -26,6 +27,7 @@ from crowdsim.crowd.steered.gait import walk_on
 from crowdsim.crowd.steered.parties import Parties
 from crowdsim.crowd.steered.seam import Seam, laid_three_times
 from crowdsim.crowd.steered.steered_place import SteeredPlace
+from crowdsim.ecs.records import joined, opaque
 from crowdsim.ecs.world import World
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
 from crowdsim.scenario.cast import place_crowd
@@ -230,10 +232,11 @@ class SteeredCrowd:
         before = view.row["heading"].copy()
         everybody, numbers = self.seam.with_copies(view.row), None
         if self.company.size > 1:
-            everybody = np.concatenate((view.row, ghosts.rows[~ghosts.leaves]))
+            everybody = joined(view.row, ghosts.rows[~ghosts.leaves])
             numbers = np.concatenate((view.id, ghosts.ids[~ghosts.leaves]))
         self.steering.step(everybody, others, len(view.row), numbers)
-        view.row[:] = everybody[: len(view.row)]
+        if everybody is not view.row:
+            opaque(view.row)[:] = opaque(everybody)[: len(view.row)]
         walk_on(view, before, place.asked)
         self.seam.wrap(view)
 
@@ -249,7 +252,7 @@ class SteeredCrowd:
         ghosts = self.company.exchange(self.world, self.exits.goals, came, leaves)
         view = self.world.view()
         there = entered[view.agent] != self._step
-        everybody = np.concatenate((view.row[there], ghosts.rows[~ghosts.came]))
+        everybody = joined(opaque(view.row)[there].view(view.row.dtype), ghosts.rows[~ghosts.came])
         numbers = np.concatenate((view.id[there], ghosts.ids[~ghosts.came]))
         self.statistics.add_gaps(everybody, self.steering, numbers)
         return ghosts
@@ -278,25 +281,7 @@ class SteeredCrowd:
 
     def frame(self) -> RecordedFrame:
         """Return the present step of all characters; those outside the world are marked absent."""
-        view, rows = self.world.view(), self.world.column("row")
-        agents = view.agent.astype(np.intp)
-
-        def spread(values: Any, absent: float, dtype: Any) -> Any:
-            column = np.full(self.count, absent, dtype)
-            column[agents] = values.astype(dtype)
-            return column
-
-        return RecordedFrame(
-            x=spread(rows["x"], np.nan, np.float32),
-            y=spread(rows["y"], np.nan, np.float32),
-            heading=spread(rows["heading"], np.nan, np.float32),
-            node=np.full(self.count, NONE, np.int32),
-            previous=np.full(self.count, NONE, np.int32),
-            frame=np.zeros(self.count, np.float32),
-            behavior=spread(view.behavior, NONE, np.int8),
-            state=spread(view.state, AgentState.ABSENT, np.int8),
-            phase=spread(view.phase, np.nan, np.float32),
-        )
+        return frame_of_rows(present_rows(self.world.view()), self.count)
 
     def exits_used(self, arrived: NDArray[np.int64]) -> dict[str, Any]:
         """Return how many characters left through each exit; ``arrived`` (n,): step in which each did, NONE before."""
