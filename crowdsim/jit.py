@@ -8,6 +8,7 @@ a new folder.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
 import re
@@ -19,6 +20,7 @@ from typing import Any
 
 import numba
 from numba import njit, types
+from numba.core import event
 from numba.extending import intrinsic
 
 from crowdsim.cache_place import cache_base, temporary_base
@@ -114,6 +116,29 @@ def _choose_internals() -> tuple[ModuleType | None, Path]:
             return numba_internals, folder
     return None, _choose_cache_folder("plain")
 
+
+class _NoCollection(event.Listener):
+    """Keep Python's garbage collector off while numba compiles: it would look through all of numba's data in vain."""
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._was_on = False
+
+    def on_start(self, event: Any) -> None:
+        """Turn the collector off at the outermost compilation; numba's lock lets one thread compile at a time."""
+        if self._depth == 0:
+            self._was_on = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """Turn it on again, if it was."""
+        self._depth -= 1
+        if self._depth == 0 and self._was_on:
+            gc.enable()
+
+
+event.register("numba:compile", _NoCollection())
 
 _INTERNALS, _FOLDER = _choose_internals()
 numba.config.CACHE_DIR = str(_FOLDER)
