@@ -74,6 +74,7 @@ _BENCHES = {
         "crowdsim.bench.page",
         "pages in a browser: bytes, seconds, vertices, draw calls, milliseconds of JavaScript, errors of joints",
     ),
+    "film": ("crowdsim.bench.film", "a film of a minute with 30 people: CPU seconds, pictures a second, size"),
     "export": (
         "crowdsim.bench.export",
         "exports of 100 captured characters for 60 s: size and time of each format, beside what it may take",

@@ -120,4 +120,4 @@ def _make_film(recording: Recording, out: str, camera: dict[str, Any]) -> None:
             interruption.heed()
             bar.update(task, completed=done, total=count)
 
-        film(recording, out, progress=show, **camera)
+        film(recording, out, progress=show, processes=2, **camera)

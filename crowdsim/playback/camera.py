@@ -76,6 +76,16 @@ def place_camera(recording: Recording, view: str, aspect: float, time: float, ag
     return _fit(corners, direction, np.array([0.0, 0.0, 1.0]), aspect)
 
 
+def tallest_person(recording: Recording, camera: Camera, height: int) -> float:
+    """Return how tall a person on the floor is at most in a picture of ``height`` pixels [pixels]."""
+    if camera.half_height is not None:
+        return float(_PERSON_HEIGHT / (2.0 * camera.half_height) * height)
+    low_x, low_y, high_x, high_y = shapely.from_wkt(recording.header.floor).bounds
+    nearest = np.clip(camera.eye, [low_x, low_y, 0.0], [high_x, high_y, _PERSON_HEIGHT])
+    distance = max(float(np.linalg.norm(camera.eye - nearest)), 0.1)
+    return float(_PERSON_HEIGHT / (2.0 * distance * np.tan(np.radians(FIELD_OF_VIEW) / 2.0)) * height)
+
+
 def _plan(corners: Floats, up: Floats, aspect: float) -> Camera:
     """Return a camera straight above with parallel projection, as in an architect's plan."""
     down = np.array([0.0, 0.0, 1.0])

@@ -43,6 +43,10 @@ _NO_SHADOW = 0.25
 
 # Corners of a body's cross-sections, by the number of characters in the picture: with many, fewer corners suffice.
 _SIDES = ((40, 16), (300, 10), (1500, 6), (10**9, 5))
+_SMALL, _SMALL_SIDES = 240.0, 10
+"""Height in pixels below which a body has no more corners than these: more of them are not seen."""
+_FLESH = 0.13
+"""How far a body reaches beyond its joints, and a soft shadow beyond the body [m]."""
 
 
 def hex_color(text: str) -> Colors:
@@ -83,12 +87,14 @@ class CrowdMesh:
 
     There are as many bodies as characters are present at once at most; the first ones are those present, in order.
     Unused bodies shrink to a point, which draws nothing. ``triangles`` (F, 3) and ``shadow_triangles`` never change;
-    :meth:`update` rewrites the rest.
+    :meth:`update` rewrites the rest. ``tallest`` is how tall a body is in the picture at most [pixels].
     """
 
-    def __init__(self, recording: Recording, color_by: str) -> None:
+    def __init__(self, recording: Recording, color_by: str, tallest: float = np.inf) -> None:
         count = recording.most_present
         sides = next(sides for limit, sides in _SIDES if count <= limit)
+        if tallest < _SMALL:
+            sides = min(sides, _SMALL_SIDES)
         self._recording = recording
         self._body: BodyMesh = build_body(recording.header.motion.skeleton, sides)
         size = self._body.vertex_count
@@ -145,10 +151,10 @@ class CrowdMesh:
         self.colors[:count] = looks[:, self._body.tissue]
 
     def _cast_shadows(self, count: int, joints: NDArray[np.float32]) -> None:
-        """Place the shadow discs: an ellipse around each body's bounds, and one along each foot."""
-        flat, size = self.points[:count, :, :2], len(self._shadow)
-        low, high = flat.min(axis=1), flat.max(axis=1)
-        half = 0.5 * (high - low) + 0.05
+        """Place the shadow discs: an ellipse around each body's joints, and one along each foot."""
+        flat, size = joints[..., :2].transpose(1, 0, 2).copy(), len(self._shadow)
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        half = 0.5 * (high - low) + _FLESH
         shadows = self.shadow_points[:count]
         shadows[:, :size, :2] = 0.5 * (low + high)[:, None] + self._shadow * half[:, None]
         shadows[..., 2] = _SHADOW_HEIGHT

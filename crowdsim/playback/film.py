@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from crowdsim.errors import CrowdSimError
-from crowdsim.playback.scene import Scene
+from crowdsim.playback.filming.parts import CODECS, Packet, Shooting, encoded_pictures, find_codec
+from crowdsim.playback.filming.processes import draw_in_processes
 from crowdsim.recording.reader import Recording
 from crowdsim.whole_files import whole_file
 
-_CODECS = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qscale": "3"}}
-"""Encoders in order of preference, with settings for a sharp picture."""
+_LONG = 240
+"""Number of pictures from which on a film is made of two parts."""
 
-_SUPERSAMPLE = 1.5
-"""Pixels drawn per pixel of the film, along each side; a higher factor is smoother and slower."""
+Progress = Callable[[int, int], None]
 
 
 def film(
@@ -31,7 +32,8 @@ def film(
     view: str = "overview",
     agent: int | None = None,
     color_by: str = "behavior",
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
+    processes: int = 1,
 ) -> Path:
     """Write ``recording`` from ``start`` to ``end`` (default: all of it) [s] as an MP4 in real time.
 
@@ -52,7 +54,10 @@ def film(
     view, agent, color_by
         As for a picture; the view ``follow`` moves with its agent.
     progress : callable or None
-        Called with the number of pictures done and their total.
+        Called with the number of pictures done and their total, several times a second; what it raises ends the film.
+    processes : int
+        With 2, each half of a film of more than a few seconds is drawn by a process of its own. A program then needs
+        ``if __name__ == "__main__":``, as for all processes that Python spawns.
 
     Raises
     ------
@@ -64,13 +69,20 @@ def film(
     stop = recording.duration if end is None else end
     _check(recording, fps, size, start, stop)
     count = int(np.floor((stop - start) * fps + 1e-9)) + 1
+    shooting = Shooting(fps, size, start, view, agent, color_by)
+    middle = count // 2 if count >= _LONG else count
+    parts = [part for part in (range(middle), range(middle, count)) if part]
+
+    def heard(done: int) -> None:
+        if progress is not None:
+            progress(done, count)
+
     with whole_file(path, (".mp4",), "films") as written:
-        # Multisampling costs as much in software rendering, and loses shadows and thin lines.
-        scene = Scene(recording, size, color_by, supersample=_SUPERSAMPLE)
-        try:
-            _encode(written, _pictures(scene, start + np.arange(count) / fps, view, agent), fps, size, count, progress)
-        finally:
-            scene.close()
+        if processes > 1 and len(parts) > 1:
+            encoded = draw_in_processes(Path(recording.path), shooting, parts, heard)
+        else:
+            encoded = _drawn_here(recording, shooting, parts, heard)
+        _write(written, shooting, encoded)
     return Path(path)
 
 
@@ -86,34 +98,32 @@ def _check(recording: Recording, fps: int, size: tuple[int, int], start: float, 
         )
 
 
-def _pictures(scene: Scene, times: np.ndarray, view: str, agent: int | None) -> Iterator[np.ndarray]:
-    for time in times:
-        scene.show_time(float(time))
-        if view == "follow" or time == times[0]:
-            scene.look(view, float(time), agent)
-        yield scene.picture()
+def _drawn_here(
+    recording: Recording, shooting: Shooting, parts: list[range], heard: Callable[[int], None]
+) -> Iterator[list[Packet]]:
+    """Draw all parts in this process, one after the other; yield what is encoded."""
+    for part in parts:
+        for done, packets in enumerate(encoded_pictures(recording, shooting, part), start=1):
+            yield packets
+            if done <= len(part):
+                heard(part.start + done)
 
 
-def _encode(
-    path: Path,
-    pictures: Iterator[np.ndarray],
-    fps: int,
-    size: tuple[int, int],
-    count: int,
-    progress: Callable[[int, int], None] | None,
-) -> None:
-    """Encode ``count`` pictures, (height, width, 3) uint8 each, as a film with the first encoder that PyAV has."""
+def _write(path: Path, shooting: Shooting, encoded: Iterator[list[Packet]]) -> None:
+    """Write what is encoded to a film."""
     import av
 
-    codec = next((name for name in _CODECS if name in av.codecs_available), None)
-    if codec is None:
-        raise CrowdSimError(f"PyAV has none of the encoders {', '.join(_CODECS)}; install it with 'pip install av'")
+    codec = find_codec()
     with av.open(str(path), "w", format="mp4") as container:
-        stream: Any = container.add_stream(codec, rate=fps, options=_CODECS[codec])
-        stream.width, stream.height = size
+        stream: Any = container.add_stream(codec, rate=shooting.fps, options=CODECS[codec])
+        stream.width, stream.height = shooting.size
         stream.pix_fmt = "yuv420p"
-        for done, pixels in enumerate(pictures, start=1):
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24")))
-            if progress is not None:
-                progress(done, count)
-        container.mux(stream.encode())
+        stream.thread_count = 1
+        for packets in encoded:
+            for each in packets:
+                packet = av.Packet(each.data)
+                packet.stream = stream
+                packet.time_base = 1 / Fraction(shooting.fps)
+                packet.pts, packet.dts, packet.is_keyframe = each.shown, each.decoded, each.is_key
+                packet.duration = 1
+                container.mux(packet)

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import CrowdSimError
+from crowdsim.playback.backdrop import Backdrop
 from crowdsim.playback.camera import FIELD_OF_VIEW, Camera, place_camera
 from crowdsim.playback.crowd_mesh import LEVEL_COLORS, CrowdMesh, hex_color
 from crowdsim.playback.drawing_backend import load_pyvista
+from crowdsim.playback.lamps import Lamps, Look, lit_colors
 from crowdsim.playback.scenery import (
     FlatMesh,
     contact_shadows,
@@ -22,7 +24,7 @@ from crowdsim.playback.scenery import (
     paths_ahead,
     solids_mesh,
 )
-from crowdsim.playback.surfaces import Floats
+from crowdsim.playback.surfaces import Floats, unit
 from crowdsim.recording.header import AgentState, PlannedPath, SolidRecord
 from crowdsim.recording.reader import Recording
 
@@ -39,6 +41,11 @@ _TALL_SOLID = "#9fb0bd"
 _MOVABLE = "#b9774a"
 _EDGE = "#6d7780"
 _INK = "#30363c"
+_LAMPS = ((-3.0, -4.0, 9.0), 0.55), ((5.0, 4.0, 6.0), 0.30)
+"""Where light comes from, and how much."""
+_EYE_LAMP = (-0.5, 0.6, 1.0), 0.48
+"""The same, in the frame of the camera: to the right, up, back."""
+_LOOK = Look(ambient=0.45, diffuse=0.72, specular=0.08, power=12)
 _CONTACT = 95.0
 """Opacity, out of 255, of the shadow at the edge of a solid."""
 
@@ -58,6 +65,8 @@ class Scene:
         Pixels drawn per pixel of the picture, along each side.
     interactive : bool
         Whether to open a window.
+    tallest : float
+        How tall a body is in the drawn picture at most [pixels]; by default, all have their full number of corners.
     """
 
     def __init__(
@@ -67,6 +76,7 @@ class Scene:
         color_by: str = "behavior",
         supersample: float = 1,
         interactive: bool = False,
+        tallest: float = np.inf,
     ) -> None:
         colorings = (*COLORINGS, *recording.header.agents.attributes)
         if color_by not in colorings:
@@ -74,6 +84,9 @@ class Scene:
         if min(size) < 16 or max(size) * supersample > 16384:
             raise CrowdSimError(f"a picture of {size[0]}x{size[1]} cannot be drawn; choose sides of 16 to 8192 pixels")
         self._pv = load_pyvista(interactive)
+        from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
+
+        self._read = vtkUnsignedCharArray()
         self.recording = recording
         self.size = size
         self._supersample = supersample
@@ -82,8 +95,14 @@ class Scene:
         self.plotter.set_background(_SKY[1], top=_SKY[0])
         if supersample > 1:
             self.plotter.disable_anti_aliasing()
+        # What is translucent lies on the floor, or is glass that is built before; blending it in order takes a quarter
+        # less of the time of a picture than weighing it by depth.
+        self.plotter.renderer.SetUseOIT(False)
         self._scale = pixels[1] / 900.0
-        self._crowd = CrowdMesh(recording, color_by)
+        self._crowd = CrowdMesh(recording, color_by, tallest)
+        self._backdrop: Backdrop | None = None
+        self._still: list[Any] = []
+        self._lamps: Lamps | None = None
         self._path_actor: Any = None
         self._movables: tuple[SolidRecord, ...] = ()
         self._movable_actors: list[Any] = []
@@ -94,20 +113,42 @@ class Scene:
 
     def close(self) -> None:
         """Free the window and its graphics memory."""
+        if self._backdrop is not None:
+            self._backdrop.close()
         self.plotter.close()
+
+    def keep_still(self) -> None:
+        """Draw sky, floor and opaque obstacles for the last time: the camera must not move any more.
+
+        From the next time on, bodies are lit at their corners, as VTK would do for each pixel.
+        """
+        self._backdrop = Backdrop(self.plotter, self._still)
+        camera = self.plotter.camera
+        back = unit(np.subtract(camera.position, camera.focal_point))
+        right = unit(np.cross(camera.up, back))
+        beside_eye = np.array(_EYE_LAMP[0]) @ np.stack([right, np.cross(back, right), back])
+        places = np.array([*(place for place, _ in _LAMPS), beside_eye])
+        powers = np.array([*(power for _, power in _LAMPS), _EYE_LAMP[1]])
+        self._lamps = Lamps(unit(places), powers, np.array(camera.position), _LOOK)
+        self._body_actor.prop.lighting = False
+        self._body_actor.prop.ambient, self._body_actor.prop.diffuse = 1.0, 0.0
 
     def show_time(self, time: float) -> None:
         """Move characters, paths and the clock to ``time`` [s]."""
         self._crowd.update(time)
         for mesh, points in ((self._bodies, self._crowd.points), (self._shadows, self._crowd.shadow_points)):
             mesh.points[:] = points.reshape(-1, 3)
-        self._bodies.point_data["normals"][:] = self._crowd.normals.reshape(-1, 3)
-        self._bodies.point_data["colors"][:] = self._crowd.colors.reshape(-1, 3)
+        if self._lamps is None:
+            self._bodies.point_data["normals"][:] = self._crowd.normals.reshape(-1, 3)
+            self._bodies.GetPointData().GetArray("normals").Modified()
+            colors = self._crowd.colors
+        else:
+            colors = lit_colors(self._crowd.colors, self._crowd.points, self._crowd.normals, self._lamps)
+        self._bodies.point_data["colors"][:] = colors.reshape(-1, 3)
+        self._bodies.GetPointData().GetArray("colors").Modified()
         for mesh in (self._bodies, self._shadows):
             mesh.GetPoints().Modified()
             mesh.Modified()
-        for name in ("normals", "colors"):
-            self._bodies.GetPointData().GetArray(name).Modified()
         frame = self.recording.at_time(time)
         going = (frame.state == AgentState.MOVING) | (frame.state == AgentState.WAITING)
         places = (np.where(going, each, np.nan) for each in (frame.x, frame.y))
@@ -130,31 +171,33 @@ class Scene:
             self.plotter.camera.parallel_scale = camera.half_height
         self.plotter.reset_camera_clipping_range()
 
-    def picture(self) -> NDArray[np.uint8]:
-        """Return the current picture (height, width, 3) uint8."""
-        # Off-screen, a screenshot without rendering first would return the previous picture.
-        self.plotter.render()
-        pixels = np.asarray(self.plotter.screenshot(return_img=True))
-        k = self._supersample
-        if k == 1:
-            return pixels
-        if k != round(k):
-            from PIL import Image
+    def drawn_rows(self) -> NDArray[np.uint8]:
+        """Draw; return all pixels (height, width, 4) uint8, ``supersample`` for one along each side.
 
-            # Each pixel is the mean of the pixels drawn for it.
-            return np.asarray(Image.fromarray(pixels).resize(self.size, Image.Resampling.BOX))
-        whole = round(k)
-        total = np.full((self.size[1], self.size[0], 3), whole * whole // 2, np.uint16)
-        for row in range(whole):
-            for column in range(whole):
-                total += pixels[row::whole, column::whole]
-        return (total // (whole * whole)).astype(np.uint8)
+        The lowest row comes first. The next call writes into the same memory.
+        """
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+
+        window = self.plotter.render_window
+        if self._backdrop is not None:
+            self._backdrop.lay()
+        window.Render()
+        width, height = window.GetSize()
+        window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 0, self._read, 0)
+        rows: NDArray[np.uint8] = vtk_to_numpy(self._read)  # type: ignore[no-untyped-call]
+        return rows.reshape(height, width, 4)
+
+    def picture(self) -> NDArray[np.uint8]:
+        """Return the current picture (height, width, 3) uint8: each pixel is the mean of those drawn for it."""
+        from PIL import Image
+
+        pixels = np.ascontiguousarray(self.drawn_rows()[::-1, :, :3])
+        return np.asarray(Image.fromarray(pixels).resize(self.size, Image.Resampling.BOX))
 
     def _light(self) -> None:
         """Add soft light from the sky, and a lamp beside the eye so that no visible side is black."""
-        for place, strength in (((-3.0, -4.0, 9.0), 0.55), ((5.0, 4.0, 6.0), 0.30)):
-            self.plotter.add_light(self._pv.Light(position=place, light_type="scene light", intensity=strength))
-        self.plotter.add_light(self._pv.Light(position=(-0.5, 0.6, 1.0), light_type="camera light", intensity=0.48))
+        for (place, power), kind in (*((lamp, "scene light") for lamp in _LAMPS), (_EYE_LAMP, "camera light")):
+            self.plotter.add_light(self._pv.Light(position=place, light_type=kind, intensity=power))
 
     def _build_place(self) -> None:
         """Add floor, grid, shadows and obstacles; tall ones as glass. The outline lies 4 mm higher, to show."""
@@ -168,6 +211,8 @@ class Scene:
         low = [mesh for mesh in header.meshes if mesh.points[:, 2].max() <= TALL]
         tall = [mesh for mesh in header.meshes if mesh.points[:, 2].max() > TALL]
         self._add_shapes(meshes_mesh(low), meshes_mesh(tall), _LOW_SOLID, _TALL_SOLID, 0.2)
+        # Glass is drawn after the people behind it.
+        self._still = [actor for actor in self.plotter.renderer.GetViewProps() if actor.prop.opacity == 1.0]
 
     def _add_shadows(self) -> None:
         """Add soft shadows to the floor where solids touch it."""
@@ -213,29 +258,32 @@ class Scene:
         self._bodies.point_data["colors"] = crowd.colors.reshape(-1, 3)
         self._bodies.point_data["normals"] = crowd.normals.reshape(-1, 3)
         self._bodies.GetPointData().SetActiveNormals("normals")
-        actor = self.plotter.add_mesh(
+        self._body_actor = self.plotter.add_mesh(
             self._bodies,
             scalars="colors",
             rgb=True,
-            ambient=0.45,
-            diffuse=0.72,
-            specular=0.08,
-            specular_power=12,
+            ambient=_LOOK.ambient,
+            diffuse=_LOOK.diffuse,
+            specular=_LOOK.specular,
+            specular_power=_LOOK.power,
+            culling="back",
             show_scalar_bar=False,
         )
-        actor.prop.interpolation = "Phong"
+        self._body_actor.prop.interpolation = "Phong"
 
     def _draw_paths(self, paths: Sequence[PlannedPath]) -> None:
         """Replace the ribbons of planned paths, in the colors of their behaviors."""
-        if self._path_actor is not None:
-            self.plotter.remove_actor(self._path_actor, render=False)
-        self._path_actor = None
         points, triangles, behaviors = path_ribbons(paths)
+        if self._path_actor is not None:
+            self._path_actor.visibility = len(triangles) > 0
         if not len(triangles):
             return
         mesh = self._poly(points, triangles)
         palette = np.array([hex_color(behavior.color) for behavior in self.recording.header.behaviors])
         mesh.cell_data["colors"] = palette[behaviors]
+        if self._path_actor is not None:
+            self._path_actor.mapper.dataset = mesh
+            return
         self._path_actor = self.plotter.add_mesh(
             mesh, scalars="colors", rgb=True, lighting=False, opacity=0.75, show_scalar_bar=False, render=False
         )
