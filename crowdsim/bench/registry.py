@@ -62,6 +62,10 @@ _BENCHES = {
         "crowdsim.bench.mixed.shares",
         "built-in scenarios, seeds 1 to 5: captured share of the way, standing, time beside walking alone",
     ),
+    "auto-switches": (
+        "crowdsim.bench.mixed.switch_poses",
+        "switches between levels as shown: jumps of joints, slip of planted feet, changes of speed, in real runs",
+    ),
     "robustness": (
         "crowdsim.bench.faults.robustness",
         "random faults in scenarios, clips, recordings, caches and edits: read, refused, made anew, or failed",

@@ -12,6 +12,7 @@ from crowdsim.recording.header import RecordedFrame, RecordingHeader
 
 if TYPE_CHECKING:
     from crowdsim.motion.graph.pose_table import PoseTable
+    from crowdsim.recording.shown.switches import Switches
 
 
 class Column(Protocol):
@@ -60,6 +61,11 @@ class RecordedTracks(Protocol):
         """Return the number of steps per second [1/s]."""
         ...
 
+    @property
+    def switches(self) -> Switches:
+        """Return the switches of agents between the levels."""
+        ...
+
 
 class RecordedFile(RecordedTracks, Protocol):
     """The part of a recording that tables of tracks need: also the name of the file, for messages."""
@@ -77,6 +83,10 @@ class RecordedPoses(RecordedTracks, Protocol):
 
     def at_step(self, step: int) -> RecordedFrame:
         """Return row ``step`` of all columns."""
+        ...
+
+    def at_time(self, time: float) -> RecordedFrame:
+        """Return what all columns have at ``time`` [s], also between steps."""
         ...
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.recording.columns import Column, RecordedTracks
 from crowdsim.recording.header import AgentState
+from crowdsim.recording.shown.switches import Switches
 
-_STEPS_AT_ONCE = 256
+STEPS_AT_ONCE = 256
 
 Ints = NDArray[np.int64]
 
@@ -55,42 +56,16 @@ class LevelColumn:
         return len(self._columns[0])
 
 
-class Switches(NamedTuple):
-    """The S switches of a recording, sorted by agent, then by time.
-
-    Attributes
-    ----------
-    agents : (S,) int64
-        Agent that switches.
-    steps : (S,) int64
-        First step on the new level.
-    shown : (S,) int64
-        Step at which playback changes to the new level. On a switch to steered this is the last captured step, because
-        the agent's node may end there; on a switch to captured the first captured step, because a node has no frames
-        before its start.
-    steered : (S,) bool
-        Whether the new level is the steered one.
-    """
-
-    agents: Ints
-    steps: Ints
-    shown: Ints
-    steered: NDArray[np.bool_]
-
-    def last(self, agents: Ints, step: int | Ints) -> Ints:
-        """Return (n,) the latest switch of each of ``agents`` that is shown by ``step``; NONE if there is none."""
-        most = int(self.shown.max(initial=0)) + 2
-        numbers = np.append(NONE, self.agents * most + self.shown)
-        found = np.searchsorted(numbers, agents * most + np.minimum(step, most - 1), side="right") - 1
-        last: Ints = np.where(np.append(NONE, self.agents)[found] == agents, found - 1, NONE)
-        return last
-
-
 def find_switches(recording: RecordedTracks, levels: Column) -> Switches:
-    """Return all switches of a recording; no search is necessary if its agents can only be on one level."""
+    """Return all switches of a recording, shown as late, or as early, as they can be.
+
+    That is the last captured step before a switch to steered, because the agent's node may end there, and the first
+    one after a switch to captured, because a node has no frames before its start. No search is necessary if agents can
+    only be on one level.
+    """
     parts: list[tuple[Ints, Ints, NDArray[np.bool_]]] = []
-    for first in range(1, recording.steps, _STEPS_AT_ONCE) if recording.header.motion.mixed else ():
-        rows = levels[first - 1 : min(first + _STEPS_AT_ONCE, recording.steps)]
+    for first in range(1, recording.steps, STEPS_AT_ONCE) if recording.header.motion.mixed else ():
+        rows = levels[first - 1 : min(first + STEPS_AT_ONCE, recording.steps)]
         old, new = rows[:-1], rows[1:]
         step, agent = np.nonzero((old != new) & (old != Level.NOBODY) & (new != Level.NOBODY))
         parts.append((agent, step + first, new[step, agent] == Level.STEERED))

@@ -6,11 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowdsim.geometry.elementary import acos, cos, sin
+from crowdsim.geometry.elementary import acos, atan2, cos, sin
 from crowdsim.motion.clips.kinematics import Floats, multiply, unit
 
 _BENT = 0.05
 """Sine of a bend below which the bones alone do not give the hinge of the knee."""
+
+_RISES = 0.5
+"""Largest angle by which a heel rises for a leg to reach [rad]."""
+_PASSED = 0.1
+"""Way of the hip past the ball of the foot from which its heel rises as far as it needs [m]."""
+_SHORT_FOOT = 0.02
+"""Distance from ankle to ball up to which a foot has no heel to rise [m]."""
 
 
 class Leg(NamedTuple):
@@ -43,6 +50,29 @@ def missing_height(leg: Leg, targets: Floats, most: Floats) -> Floats:
     reach = most * _whole(leg)
     missing: Floats = z - np.sqrt(np.maximum(reach * reach - x * x - y * y, 0.01))
     return missing
+
+
+def raised_heels(leg: Leg, balls: Floats, targets: Floats, most: Floats) -> Floats:
+    """Return the rotations (n, 4) about ``balls`` (n, 3) by which heels rise so that legs reach ``targets`` (n, 3).
+
+    Only the heel of a foot that the hip has passed rises, and none by more than _RISES. most: (n,) stretch up to which
+    legs may reach.
+    """
+    foot, hip = balls - targets, leg.hips - balls
+    ahead = unit(foot * np.array([1.0, 1.0, 0.0]))
+    # In the vertical plane of the foot, seen from the ball: the hip at (x, z), the ankle on a circle of this radius.
+    x, z = np.sum(hip * ahead, axis=-1), hip[:, 2]
+    radius = np.maximum(_length(foot), 1e-9)
+    # Law of cosines in the triangle of ball, ankle and hip, whose longest side lies aside of the plane by some way.
+    reach = most * _whole(leg)
+    square = np.sum(hip * hip, axis=-1) + radius * radius - reach * reach
+    share = square / (2.0 * radius * np.maximum(np.sqrt(x * x + z * z), 1e-9))
+    angle = atan2(z, x) + _angle(share) - atan2(-foot[:, 2], -np.sum(foot * ahead, axis=-1))
+    lacks = _length(leg.hips - targets) > reach
+    angle = np.where(lacks & (radius > _SHORT_FOOT), np.clip(angle, -_RISES, 0.0), 0.0) * np.clip(x / _PASSED, 0.0, 1.0)
+    half = 0.5 * angle[:, None]
+    axis = np.stack([ahead[:, 1], -ahead[:, 0], np.zeros_like(x)], axis=-1)
+    return np.concatenate([cos(half), sin(half) * axis], axis=-1)
 
 
 def bend_legs(leg: Leg, targets: Floats, most: Floats) -> tuple[Floats, Floats]:

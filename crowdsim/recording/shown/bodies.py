@@ -13,7 +13,9 @@ from crowdsim.errors import RecordingError
 from crowdsim.recording.between import frame_between
 from crowdsim.recording.columns import Column
 from crowdsim.recording.header import RecordedFrame, RecordingHeader
-from crowdsim.recording.levels import Level, Switches, find_switches
+from crowdsim.recording.levels import Level, find_switches
+from crowdsim.recording.shown.switch_moments import choose_moments
+from crowdsim.recording.shown.switches import Switches
 
 if TYPE_CHECKING:
     from crowdsim.motion.graph.pose_table import PoseTable
@@ -100,12 +102,12 @@ class ShownBodies(ABC):
         """Return world joint positions (A, J, 3) [m], rotations (A, J, 4) of ``agents`` (default all) at ``step``."""
         return self.poses_at(step / self.steps_per_second, agents)
 
-    def poses_at(self, time: float, agents: ArrayLike | None = None) -> tuple[Joints, Joints]:
+    def poses_at(self, time: float, agents: ArrayLike | None = None, blended: bool = True) -> tuple[Joints, Joints]:
         """Return world joint positions (A, J, 3) [m] and rotations (A, J, 4) of ``agents`` (default all).
 
         Captured agents play the frames of their nodes; steered agents walk on their smoothed tracks; switches are
-        blended over 0.3 s. Earlier calls do not matter. Absent agents have nan. Raise RecordingError outside the
-        recording.
+        blended over 0.4 s, if ``blended``; else the new level is shown at once. Earlier calls do not matter. Absent
+        agents have nan. Raise RecordingError outside the recording.
         """
         frame, step = self.at_time(time), self._shown_step(time)
         rows = np.arange(self.agent_count) if agents is None else np.asarray(agents, np.int64)
@@ -114,7 +116,7 @@ class ShownBodies(ABC):
         rotations = np.full((len(rows), skeleton.joint_count, 4), np.nan, np.float32)
         levels = self._shown_levels(step)[rows]
         present = levels != Level.NOBODY
-        if len(self.switches.steps) and present.any():
+        if blended and len(self.switches.steps) and present.any():
             on_tracks = levels[present] == Level.STEERED
             changed = present.copy()
             changed[present], *joints = self._switch_blends.poses(time, step, frame, rows[present], on_tracks)
@@ -130,9 +132,7 @@ class ShownBodies(ABC):
     def _shown_levels(self, step: int) -> NDArray[np.int8]:
         """Return (N,) the level that bodies are shown on from ``step`` to the next one."""
         levels: NDArray[np.int8] = self.levels[step]
-        if self.header.motion.mixed and step + 1 < self.steps:
-            # The last captured step before a switch is already shown as steered: the agent's node may end there.
-            levels[(levels == Level.CAPTURED) & (self.levels[step + 1] == Level.STEERED)] = Level.STEERED
+        levels[self.switches.steer_in_playback(step)] = Level.STEERED
         return levels
 
     def _captured_poses(self, frame: RecordedFrame, agents: NDArray[np.int64]) -> tuple[Joints, Joints]:
@@ -157,7 +157,7 @@ class ShownBodies(ABC):
     @cached_property
     def switches(self) -> Switches:
         """Return the switches of agents between the levels."""
-        return find_switches(self, self.levels)
+        return choose_moments(self, find_switches(self, self.levels))
 
     @cached_property
     def _switch_blends(self) -> SwitchBlends:

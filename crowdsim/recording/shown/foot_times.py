@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from crowdsim.motion.deformed.phase_kernels import STANCE
 from crowdsim.recording.columns import RecordedTracks
-from crowdsim.recording.levels import Level, Switches, levels_of
+from crowdsim.recording.levels import Level, levels_of
 from crowdsim.recording.shown.steered_stretches import played_phases, read_stretches
 from crowdsim.recording.shown.switch_offsets import FADE
+from crowdsim.recording.shown.switches import Switches
 
 _SHORTEST_SWING = 0.12
 """Least time left until landing for a foot to lose its offset in this swing [s]; else it waits for the next one."""
@@ -104,6 +105,10 @@ def _foot_phases(
     phase, node = recording.phase[rows, columns], recording.node[rows, columns]
     levels = levels_of(recording.state[rows, columns], node, phase)
     played = played_phases(recording, levels, node, recording.frame[rows, columns])
+    for row in range(len(levels)):
+        steered_too = recording.switches.steer_in_playback(row + rows.start)
+        steered_too = steered_too[(steered_too >= columns.start) & (steered_too < columns.stop)]
+        levels[row, steered_too - columns.start] = Level.STEERED
     at = shown - rows.start + np.arange(count)[:, None]
     inside = at < len(played)
     at, column = np.minimum(at, len(played) - 1), agents - columns.start
@@ -112,7 +117,6 @@ def _foot_phases(
     key = stretches.columns * len(played) + stretches.firsts
     found = np.searchsorted(key, column[steered] * len(played) + at[0, steered])
     own[:, steered] = stretches.phases_at(found, np.minimum(at[:, steered], stretches.stops[found] - 1))
-    level[0, steered] = Level.STEERED
     same = inside & (level == np.where(steered, Level.STEERED, Level.CAPTURED))
     same = np.logical_and.accumulate(same, axis=0)
     shares = np.mod(np.where(same, own, 0.0)[..., None] - np.array([0.0, 0.5]), 1.0)

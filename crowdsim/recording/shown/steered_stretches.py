@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.constants import NONE
 from crowdsim.recording.columns import RecordedTracks
 from crowdsim.recording.levels import Level, levels_of
 
@@ -19,7 +20,7 @@ CONTINUED = 2.0
 """Time before and after a stretch over which it is extended [s]: about two cycles."""
 _QUICKEST = 2.4
 """Phase rate above which the phase of a node jumps, as it may while the body stands [cycles/s]."""
-_IN_STEP = 0.8
+IN_STEP = 0.8
 """Time after a switch, and before one, over which a steered gait gets in phase with the nodes [s]."""
 _OUT_OF_STEP = 0.2
 """Largest phase difference that is corrected [cycles]. Larger ones occur while bodies stand, and no foot swings."""
@@ -101,16 +102,24 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
     own = steered[rows_of, of] & (rows_of >= at_first) & (rows_of < np.repeat(ends, counts))
     phases = np.where(own, phase[rows_of, of], phases)
     stretches = Stretches(here, np.maximum(firsts - 1, begins), ends, begins, stops, starts, phases)
-    return _in_step(stretches, played, rows_of - at_first, np.repeat(ends, counts) - rows_of, rate)
+    stretches = _in_step(stretches, played, rows_of - at_first, np.repeat(ends, counts) - rows_of, rate)
+    # Switches are shown at moments of their own.
+    shown = np.append(recording.switches.shown, 0) - rows.start
+    agents = columns.start + some[here]
+    first, end = (recording.switches.at(agents, edges + rows.start) for edges in (firsts, ends))
+    return stretches._replace(
+        firsts=np.maximum(np.where(first == NONE, firsts, shown[first]), begins),
+        ends=np.minimum(np.where(end == NONE, ends, shown[end]), stops),
+    )
 
 
 def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rate: int) -> Stretches:
-    """Return the stretches with phases equal to those of the nodes at both switches, and their own after _IN_STEP.
+    """Return the stretches with phases equal to those of the nodes at both switches, and their own after IN_STEP.
 
     ``since`` and ``until`` (N,) are the rows from the first steered row, and to the first captured one, of each phase.
     """
     counts = stretches.stops - stretches.begins
-    most = np.minimum(_IN_STEP * rate, 0.5 * (stretches.ends - stretches.firsts))
+    most = np.minimum(IN_STEP * rate, 0.5 * (stretches.ends - stretches.firsts))
     phases = stretches.phases.copy()
     # At either end of a stretch: phase difference to the node, to the nearest whole cycle, times 1 - smoothstep.
     for meeting, far in ((stretches.firsts, since + 1), (stretches.ends, until)):

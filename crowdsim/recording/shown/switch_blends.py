@@ -8,15 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, NONE
-from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.clips.kinematics import conjugate, forward_kinematics, multiply
 from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.recording.columns import RecordedPoses
-from crowdsim.recording.header import RecordedFrame
-from crowdsim.recording.levels import Switches
+from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.shown.foot_times import LONGEST, FootTimes, foot_times
 from crowdsim.recording.shown.steered_poses import SteeredPoses
 from crowdsim.recording.shown.switch_offsets import Body, Offsets, faded, offsets_between, with_feet
+from crowdsim.recording.shown.switches import Switches
 from crowdsim.recording.shown.track_blocks import BLOCK_TICKS, TICKS_PER_SECOND
 
 _BLOCKS_KEPT = 16
@@ -157,7 +156,7 @@ class SwitchBlends:
         old, old_later, new, new_later = (Body(np.empty((count, 3)), np.empty((count, joints, 4))) for _ in range(4))
         back, ahead = np.full(count, -lapse), np.full(count, lapse)
         # Captured bodies at the step, and a frame earlier (old motion) or later (new motion) for their velocity.
-        now, later, seconds = self._played_at(step, agents)
+        now, later, seconds = self._played_at(step, agents, to_steered)
         for mine, body, other, lapses in ((to_steered, old, old_later, back), (~to_steered, new, new_later, ahead)):
             _put(body, mine, now.chosen(mine))
             _put(other, mine, later.chosen(mine))
@@ -186,24 +185,29 @@ class SwitchBlends:
             _put(body, earlier, faded(self._skeleton, body.chosen(earlier), offsets, time))
             _put(later, earlier, faded(self._skeleton, later.chosen(earlier), offsets, time + lapses[earlier]))
 
-    def _played_at(self, step: int, agents: Ints) -> tuple[Body, Body, Floats]:
-        """Return captured bodies at ``step``, and one frame later in their node, or earlier if it ends.
+    def _played_at(self, step: int, agents: Ints, before: NDArray[np.bool_]) -> tuple[Body, Body, Floats]:
+        """Return captured bodies at ``step``, and a frame later, or earlier where ``before`` (n,) says so.
 
+        It is later where a captured time begins, and earlier where the recording ends.
         Also return the times (n,) from the first to the second [s].
         """
-        recording = self._recording
-        frame = recording.at_step(step)
-        beside = step + 1 if step + 1 < recording.steps else step - 1
-        other = recording.at_step(beside)
-        ends = recording.header.motion.node_frames[frame.node[agents]]
-        way = np.where(frame.frame[agents] + 1.0 <= ends, 1, -1)
-        track = np.stack([frame.x, frame.y, frame.heading], axis=1)[agents].astype(np.float64)
-        moved = np.stack([other.x, other.y, other.heading], axis=1)[agents].astype(np.float64) - track
-        moved[:, 2] = wrap_angle(moved[:, 2])
-        moved *= (way * recording.steps_per_second / CAPTURE_RATE * (beside - step))[:, None]
-        columns = frame.node[agents], frame.previous[agents]
-        now = self._played(*columns, frame.frame[agents], track)
-        return now, self._played(*columns, frame.frame[agents] + way, track + moved), way / CAPTURE_RATE
+        recording, rate = self._recording, self._recording.steps_per_second
+        if step > 0:
+            earlier = recording.at_step(step - 1)
+            before = before & (earlier.node[agents] != NONE) & (earlier.state[agents] != AgentState.ABSENT)
+        before = before & (step > 0) | (step + 1 == recording.steps)
+        lapses = np.where(before, -1.0, 1.0) / CAPTURE_RATE
+        bodies = []
+        for seconds in (np.zeros(len(agents)), lapses):
+            body = Body(np.empty((len(agents), 3)), np.empty((len(agents), self._skeleton.joint_count, 4)))
+            for since in np.unique(seconds).tolist():
+                mine = seconds == since
+                frame, some = recording.at_time(step / rate + since), agents[mine]
+                track = np.stack([frame.x, frame.y, frame.heading], axis=1)[some].astype(np.float64)
+                columns = frame.node[some], frame.previous[some], frame.frame[some]
+                _put(body, mine, Body(*self._played(*columns, track)))
+            bodies.append(body)
+        return bodies[0], bodies[1], lapses
 
     def _played(self, node: Ints, previous: Ints, frame: Floats, track: Floats) -> Body:
         """Return captured bodies in frames of their nodes."""

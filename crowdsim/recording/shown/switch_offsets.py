@@ -22,11 +22,11 @@ from crowdsim.motion.clips.kinematics import (
     rotation_vectors,
     turns_of,
 )
-from crowdsim.motion.clips.leg_solver import Leg, bend_legs, missing_height, stretch
+from crowdsim.motion.clips.leg_solver import Leg, bend_legs, missing_height, raised_heels, stretch
 from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.deformed.body_kernels import REACH
 
-FADE = 0.3
+FADE = 0.4
 """Time over which the difference fades [s]. A longer one shows more of the old motion's style."""
 
 _FASTEST = 1.5
@@ -183,14 +183,14 @@ def faded(skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats)
     roots = new.roots + keep[:, None] * offsets.roots + drift[:, None] * offsets.root_speeds
     left = keep[:, None, None] * offsets.turns + drift[:, None, None] * offsets.turn_speeds
     rotations = multiply(turns_of(left), new.rotations)
-    targets, turns = _foot_targets(skeleton, new, offsets, time, keep)
-    return _on_feet(skeleton, new, Body(roots, rotations), targets, turns)
+    feet, targets = _foot_targets(skeleton, new, offsets, time, keep)
+    return _on_feet(skeleton, new, Body(roots, rotations), feet, targets)
 
 
 def _foot_targets(
     skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats, keep: Floats
-) -> tuple[Floats, Floats]:
-    """Return positions of the ankles (n, 2, 3) [m], and world rotations (n, 2, 4) of their joints."""
+) -> tuple[Feet, Floats]:
+    """Return the feet, and positions of their ankles (n, 2, 3) [m]."""
     places, _ = forward_kinematics(skeleton, new.roots, new.rotations)
     ankles = [skeleton.joint(f"{side}_ankle") for side in ("left", "right")]
     feet = feet_of_body(skeleton, new)
@@ -205,11 +205,12 @@ def _foot_targets(
     turns = multiply(multiply(turns_of(tilt), _yaw_turns(share * offsets.yaws)), feet.turns)
     # The ankle moves so that the foot turns about its ball.
     back = rotate(multiply(turns, conjugate(feet.turns)), places[:, ankles] - feet.balls)
-    return feet.balls + moved + back, turns
+    balls = feet.balls + moved
+    return Feet(balls, turns), balls + back
 
 
-def _on_feet(skeleton: Skeleton, new: Body, body: Body, targets: Floats, turns: Floats) -> Body:
-    """Return bodies with ankles at ``targets`` (n, 2, 3) [m] and ankle rotations ``turns`` (n, 2, 4) in the world."""
+def _on_feet(skeleton: Skeleton, new: Body, body: Body, feet: Feet, targets: Floats) -> Body:
+    """Return bodies with ankles at ``targets`` (n, 2, 3) [m] and on ``feet``, with their heels raised if needed."""
     places, world = forward_kinematics(skeleton, body.roots, body.rotations)
     new_places, _ = forward_kinematics(skeleton, new.roots, new.rotations)
     left = rotate(world[:, 0], np.array([0.0, 1.0, 0.0]))
@@ -220,7 +221,9 @@ def _on_feet(skeleton: Skeleton, new: Body, body: Body, targets: Floats, turns: 
         # A leg may be as straight as in the blended or the new motion.
         alone = legs[-1]._replace(hips=new_places[:, hip], knees=new_places[:, knee], ankles=new_places[:, ankle])
         most.append(np.maximum(np.maximum(stretch(alone), stretch(legs[-1])), REACH))
-    # Lower the pelvis if a leg does not reach its target.
+    # Raise the heel of a leg that does not reach its target; lower the pelvis if that is not enough.
+    rises = [raised_heels(leg, feet.balls[:, k], targets[:, k], most[k]) for k, leg in enumerate(legs)]
+    targets = feet.balls + np.stack([rotate(rise, targets[:, k] - feet.balls[:, k]) for k, rise in enumerate(rises)], 1)
     lack = np.maximum(*(missing_height(leg, targets[:, k], most[k]) for k, leg in enumerate(legs)))
     down = np.zeros_like(body.roots)
     down[:, 2] = np.maximum(lack, 0.0)
@@ -230,7 +233,12 @@ def _on_feet(skeleton: Skeleton, new: Body, body: Body, targets: Floats, turns: 
         thigh, shank = bend_legs(leg, targets[:, k], most[k])
         rotations[:, hip] = multiply(conjugate(world[:, skeleton.parents[hip]]), thigh)
         rotations[:, knee] = multiply(conjugate(thigh), shank)
-        rotations[:, ankle] = multiply(conjugate(shank), turns[:, k])
+        turn = multiply(rises[k], feet.turns[:, k])
+        rotations[:, ankle] = multiply(conjugate(shank), turn)
+        toe = skeleton.roles.get(f"{('left', 'right')[k]}_toe")
+        if toe is not None and int(skeleton.parents[toe]) == ankle:
+            # Toes stay as they are.
+            rotations[:, toe] = multiply(multiply(conjugate(turn), feet.turns[:, k]), rotations[:, toe])
     return Body(body.roots - down, rotations)
 
 

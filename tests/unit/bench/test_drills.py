@@ -133,3 +133,26 @@ def test_few_take_a_time_around_a_corner_between_those_of_both_walls():
     few = rimea_corner.run_around(1, 8)
     assert few.lies_between()
     assert not dataclasses.replace(few, corner=few.short).lies_between()
+
+
+@pytest.mark.parametrize("density", [1.0, 2.0, 3.0])
+def test_who_walks_one_way_is_as_fast_as_people_measured(density):
+    least, most = endless.ONE_WAY[density]
+    assert least <= endless.run_endless(density, 501).speed <= most
+
+
+@pytest.mark.parametrize("density", [1.0, 2.0])
+def test_who_walks_both_ways_passes(density):
+    assert endless.run_endless(density, 501, both_ways=True).speed >= endless.BOTH_WAYS[density]
+
+
+@pytest.mark.parametrize("width", [0.8, 1.2])
+def test_a_neck_lets_through_what_it_is_to(width):
+    assert drills.run_drill(drills.bottleneck(width), 501).flow() / width >= drill_table.LEAST_FLOW
+
+
+@pytest.mark.parametrize("drill", [drills.counterflow(100), drills.crossing(40)], ids=["counterflow", "crossing"])
+def test_everyone_arrives_in_time(drill):
+    # Nobody who has not arrived (nan) is in time.
+    (seconds,) = (most for walked, most in drill_table.DRILLS if walked.name == drill.name)
+    assert (drills.run_drill(drill, 501).arrived <= seconds).all()

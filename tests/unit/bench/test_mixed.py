@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from crowdsim.bench.crowds import drills
-from crowdsim.bench.mixed import cases, shares, square
+from crowdsim.bench.mixed import cases, shares, square, switch_poses
 from crowdsim.bench.mixed.gaps import FAR, KINDS, LeastGaps, core_gaps
 from crowdsim.bench.mixed.jupedsim_crowd import RADIUS, walk_anticipating
 from crowdsim.bench.mixed.walks import cast_of, scenario_of, walk_mixed
@@ -128,3 +128,53 @@ def test_a_square_is_walked_here_and_in_jupedsim(monkeypatch):
     drawn = square.draw_square(8, 0.2, 1)
     theirs = walk_anticipating(drawn.state, drawn.drill.area, drawn.goals, 0.5)
     assert np.isnan(theirs).all(), "nobody can be there by then"
+
+
+def test_a_kick_of_a_joint_is_told_from_its_own_motion():
+    plain = np.zeros((8, 2, 3))
+    plain[:, :, 0] = 0.04 * np.arange(8)[:, None]
+    plain[3:, 1, 0] += 0.3
+    assert switch_poses.beyond_levels(plain, plain) == pytest.approx((0.0, 0.0), abs=1e-12)
+    shown = plain.copy()
+    shown[5:, 1, 1] += 0.05
+    assert switch_poses.beyond_levels(shown, plain) == pytest.approx((0.05, 0.0), abs=1e-12)
+
+
+def test_a_change_of_speed_is_told_from_those_of_both_levels():
+    plain = np.zeros((8, 1, 3))
+    # Steady before the switch at the third row; afterwards slower by 0.3 m/s in each thirtieth of a second.
+    plain[:, 0, 0] = np.cumsum([0.04, 0.04, 0.04, 0.04, 0.03, 0.02, 0.01, 0.0])
+    assert switch_poses.beyond_levels(plain, plain)[1] == pytest.approx(0.0, abs=1e-12)
+    shown = plain.copy()
+    shown[4:, 0, 2] += 0.01 * np.arange(1, 5)
+    jump, speed = switch_poses.beyond_levels(shown, plain)
+    assert (jump, speed) == pytest.approx((0.01, 0.3))
+
+
+def test_a_foot_slips_only_while_it_is_planted():
+    balls = np.zeros((12, 2, 3))
+    # The left foot creeps 4 mm on the floor, is lifted and carried ahead, and creeps 2 mm.
+    balls[:5, 0, 0] = 0.001 * np.arange(5)
+    balls[5:8, 0] = [[0.1, 0.0, 0.03], [0.3, 0.0, 0.05], [0.5, 0.0, 0.02]]
+    balls[8:, 0, 0] = 0.6 + 0.001 * np.minimum(np.arange(4), 2)
+    planted = switch_poses.planted_feet(balls)
+    assert planted[:, 0].tolist() == [True] * 5 + [False] * 4 + [True] * 3
+    assert planted[:, 1].all()
+    assert switch_poses.largest_slip(balls, planted) == pytest.approx(0.004)
+    # Not its way, but how far it comes.
+    balls[:5, 0, 0] = [0.0, 0.003, 0.0, 0.003, 0.0]
+    assert switch_poses.largest_slip(balls, planted) == pytest.approx(0.003)
+
+
+def test_switches_of_a_run_are_measured_as_shown(tmp_path):
+    path = tmp_path / "two.yaml"
+    path.write_text(TWO)
+    measured = switch_poses.measure([(str(path), 1)])
+    rows = [row for row in measured.rows if row["switches"]]
+    assert {row["to"] for row in measured.rows} == {"steered", "captured"}
+    assert rows
+    for row in rows:
+        for key, most in (("jump", 0.05), ("speed", 0.3), ("slip", 0.03)):
+            assert 0.0 <= row[f"{key}_median"] <= row[f"{key}_p90"] <= row[f"{key}_worst"] < most
+            assert (row[f"{key}_over"] > 0) == (row[f"{key}_worst"] > getattr(switch_poses, f"MOST_{key.upper()}"))
+        assert row["jump_worst"] > 0.0

@@ -5,8 +5,9 @@ import pytest
 
 from crowdsim.constants import NONE
 from crowdsim.recording.header import AgentState
-from crowdsim.recording.levels import Level, Switches, levels_of
+from crowdsim.recording.levels import Level, levels_of
 from crowdsim.recording.reader import Recording
+from crowdsim.recording.shown.switches import Switches
 from tests.support.small_recording import write_small_recording
 from tests.support.steered_recording import behavior_set
 from tests.support.switched_recording import Walk, mixed_header, switched_frames, write_frames
@@ -41,8 +42,22 @@ def test_switches_are_found_in_order_of_agents_and_time(recording):
     assert found.agents.tolist() == [0, 0, 0, 0]
     assert found.steps.tolist() == [10, 30, 33, 53]
     assert found.steered.tolist() == [True, False, True, False]
-    # To the steered level from the last captured step on.
-    assert found.shown.tolist() == [9, 30, 32, 53]
+    # Shown when both feet stand: earlier, as one if the time between is short, and later.
+    assert found.shown.tolist() == [1, 30, 30, 57]
+    assert found.at(np.array([0, 0, 1]), np.array([33, 34, 33])).tolist() == [2, NONE, NONE]
+    assert [found.steer_in_playback(step).tolist() for step in (0, 1, 9, 10, 29, 30, 32, 33, 53, 56, 57)] == [
+        [],
+        [0],
+        [0],
+        [],
+        [],
+        [0],
+        [0],
+        [],
+        [0],
+        [0],
+        [],
+    ]
 
 
 def test_the_last_switch_is_the_latest_that_is_shown():

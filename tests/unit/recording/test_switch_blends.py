@@ -105,7 +105,7 @@ def test_feet_that_stand_stay_where_they_are(recording):
     found = recording.switches
     feet = foot_times(recording, found, np.arange(len(found.steps)))
     for number, (agent, time, steered) in enumerate(zip(found.agents, found.shown / 10.0, found.steered, strict=True)):
-        after = found.shown[(found.agents == agent) & (found.shown > found.shown[number])] / 10.0
+        after = found.shown[number + 1 :][found.agents[number + 1 :] == agent] / 10.0
         for foot, toe in enumerate(toes):
             end = min(feet.hold[number, foot], after.min(initial=recording.duration), recording.duration)
             if end < time + 0.1:
@@ -163,7 +163,10 @@ def test_switches_that_follow_at_once_go_on_from_each_other(tmp_path):
             assert np.linalg.norm(new - old, axis=-1).max() < 1e-3
         times = np.arange(0.0, recording.duration, 0.21)
         through = joints(recording, times)
-    assert np.abs(np.diff(through, axis=0)).max() < 1.0
+        with without_blends():
+            alone = joints(recording, times)
+    # No joint goes farther than the farthest on one of the levels alone.
+    assert np.abs(np.diff(through, axis=0)).max() < np.abs(np.diff(alone, axis=0)).max()
     with Recording.open(tmp_path / "often.h5") as recording:
         np.testing.assert_array_equal(joints(recording, times[::-5])[::-1], through[::-5][::-1])
 
@@ -201,7 +204,7 @@ def test_who_leaves_and_comes_back_is_not_blended(tmp_path):
     state = np.array([AgentState.ABSENT])
     frames[21:23] = [frame._replace(state=state) for frame in frames[21:23]]
     with Recording.open(write_frames(tmp_path / "gone.h5", mixed_header(behavior_set(), 1), frames)) as recording:
-        assert recording.switches.shown.tolist() == [19]
+        assert recording.switches.shown.tolist() == [10]
         assert recording.levels[20:24, 0].tolist() == [Level.STEERED, Level.NOBODY, Level.NOBODY, Level.STEERED]
         assert np.isnan(recording.poses_at(2.15)[0]).all()
         shown = joints(recording, [2.32])
@@ -238,7 +241,7 @@ def test_differences_fade_with_their_speed():
         yaws=two,
         tilts=np.zeros((1, 2, 3)),
         hold=two + 5.0,
-        end=two + 5.3,
+        end=two + 5.0 + FADE,
         rise=two,
     )
     assert offsets.until == pytest.approx(5.0 + FADE)
@@ -248,6 +251,6 @@ def test_differences_fade_with_their_speed():
     np.testing.assert_allclose(
         faded(skeleton, still, offsets, 5.0).rotations[0, spine], about_axis(np.array([0.0, 0.0, 1.0]), 0.4), atol=1e-12
     )
-    rest = faded(skeleton, still, offsets, 5.3)
+    rest = faded(skeleton, still, offsets, 5.0 + FADE)
     np.testing.assert_allclose(rest.roots, still.roots, atol=1e-12)
     np.testing.assert_allclose(np.abs(rest.rotations), still.rotations, atol=1e-6)

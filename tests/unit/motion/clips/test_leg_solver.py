@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from crowdsim.motion.clips.kinematics import about_axis, multiply, rotate, rotation_vectors, turns_of
-from crowdsim.motion.clips.leg_solver import Leg, bend_legs, missing_height, stretch
+from crowdsim.motion.clips.leg_solver import Leg, bend_legs, missing_height, raised_heels, stretch
 
 THIGH, SHANK = 0.42, 0.41
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -78,6 +78,37 @@ def test_the_height_that_is_missing_lets_a_leg_reach():
     assert np.linalg.norm(target - lower.hips) == pytest.approx(0.98 * (THIGH + SHANK))
     assert missing_height(leg, leg.ankles, np.ones(1))[0] < 0.0
     assert stretch(legs(0.0, 0.0)) == pytest.approx(1.0)
+
+
+def feet(leg, back):
+    """Balls of feet 0.14 m long, whose ankles are where legs have them ``back`` meters behind the hip, and the way."""
+    targets = leg.hips + np.array([-back, 0.0, -np.sqrt(0.82**2 - back**2)])
+    return targets + [0.12, 0.0, -0.07], targets
+
+
+def test_heels_rise_until_legs_reach():
+    leg = legs(-0.4, 0.1)
+    # The hip has gone 0.3 m beyond the ankle; the leg is to reach 0.98 of its length, 7 mm less than the way.
+    balls, targets = feet(leg, 0.3)
+    turn = raised_heels(leg, balls, targets, np.array([0.98]))
+    raised = balls + rotate(turn, targets - balls)
+    assert np.linalg.norm(raised - leg.hips) == pytest.approx(0.98 * (THIGH + SHANK))
+    assert raised[0, 2] > targets[0, 2] + 0.005
+    # About the axis across the foot, toes down.
+    assert rotation_vectors(turn)[0, [0, 2]] == pytest.approx(0.0, abs=1e-12)
+    assert 0.0 < rotation_vectors(turn)[0, 1] < 0.3
+
+
+def test_heels_stay_if_legs_reach_or_have_not_passed_or_there_is_no_foot():
+    leg = legs(-0.4, 0.1)
+    for back, most, foot in ((0.3, 0.99, 1.0), (-0.3, 0.98, 1.0), (0.3, 0.98, 0.0)):
+        balls, targets = feet(leg, back)
+        turn = raised_heels(leg, targets + foot * (balls - targets), targets, np.array([most]))
+        assert turn == pytest.approx(np.array([[1.0, 0.0, 0.0, 0.0]]))
+    # And never by more than half a radian.
+    balls, targets = feet(leg, 0.3)
+    turn = raised_heels(leg, balls, targets, np.array([0.8]))
+    assert np.linalg.norm(rotation_vectors(turn)) == pytest.approx(0.5)
 
 
 def test_rotation_vectors_are_those_of_their_rotations():

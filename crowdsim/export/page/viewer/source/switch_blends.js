@@ -1,16 +1,18 @@
 // Bodies that have just gone over between captured and steered: the new motion, and what is left of the old one.
 // crowdsim/recording/shown/switch_offsets.py, switch_blends.py and motion/clips/leg_solver.py in JavaScript.
 
-import { conjugate, product, rotate, wrapAngle } from "./quaternions.js";
+import { conjugate, product, rotate } from "./quaternions.js";
 import { REACH } from "./body_parts.js";
 import { varints } from "./unpack.js";
 
-const FADE = 0.3; // seconds
+const FADE = 0.4; // seconds
 const LONGEST = 5.5; // seconds after which both feet are right
 const FASTEST = 1.5, FASTEST_TURN = 8; // of what fades on [m/s], [rad/s]
 const OWN_STEP = 1.5, HIGHEST = 0.05, BENT = 0.05;
+const RISES = 0.5, PASSED = 0.1, SHORT_FOOT = 0.02;
 const LAPSE = 1 / 60; // seconds
 const SIDES = ["left", "right"];
+const COLUMNS = ["node", "previous", "frame", "x", "y", "heading", "state", "steered", "behavior", "speed"];
 
 const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
 const minus = (a, b) => add(a, b, -1);
@@ -88,14 +90,13 @@ export class SwitchBlends {
   offsetsOf(agent, all, number, kept) {
     const one = all[number];
     if (one.offsets) return one.offsets;
-    const { source, steered } = this.bodies;
-    const played = this.playedAt(agent, one.step);
+    const { steered } = this.bodies;
+    const captured = this.playedAt(agent, one);
     const walk = (time, step) => {
       const body = this.newBody();
       steered.pose(agent, steered.stretchAt(agent, step), time, step, body.root, body.local);
       return body;
     };
-    const captured = { now: played.now, later: played.later, lapse: played.lapse };
     const way = one.toSteered ? LAPSE : -LAPSE, from = one.toSteered ? one.step : one.step - 1;
     const walking = { now: walk(one.time, from), later: walk(one.time + way, from), lapse: way };
     const [old, next] = one.toSteered ? [captured, walking] : [walking, captured];
@@ -113,21 +114,23 @@ export class SwitchBlends {
     return { root: new Float64Array(3), local: new Float64Array(4 * this.joints) };
   }
 
-  /** A captured body at a step, and in the next frame of its node, or the one before if there is none. */
-  playedAt(agent, step) {
-    const { source, nodes } = this.bodies, e = source.eventAt(agent, step);
-    const node = source.eventNode[e], previous = source.eventPrevious[e];
-    const [x, y, heading, frame] = source.trackAt(agent, step, new Float64Array(4));
-    const beside = step + 1 < source.steps ? step + 1 : step - 1;
-    const other = source.trackAt(agent, beside, new Float64Array(4));
-    const way = frame + 1 <= nodes.frames[node] ? 1 : -1, share = way * source.rate * LAPSE * (beside - step);
-    const now = this.newBody(), later = this.newBody();
-    nodes.pose(node, previous, frame, x, y, heading, now.root, now.local);
-    nodes.pose(
-      node, previous, frame + way, x + share * (other[0] - x), y + share * (other[1] - y),
-      heading + share * wrapAngle(other[2] - heading), later.root, later.local,
-    );
-    return { now, later, lapse: way * LAPSE };
+  /** A captured body at a step, and a frame later, or before if it is the old motion and there was one. */
+  playedAt(agent, one) {
+    const { source } = this.bodies, { step, time } = one;
+    const e = step > 0 ? source.eventAt(agent, step - 1) : -1;
+    const captured = e >= 0 && (source.eventState[e] & 3) > 0 && source.eventNode[e] >= 0;
+    const way = (one.toSteered && captured) || step + 1 === source.steps ? -LAPSE : LAPSE;
+    return { now: this.played(agent, time), later: this.played(agent, time + way), lapse: way };
+  }
+
+  played(agent, time) {
+    const { source, nodes } = this.bodies, place = time * source.rate, step = Math.floor(place + 1e-6);
+    const one = Object.fromEntries(COLUMNS.map((name) => [name, {}])), body = this.newBody();
+    const share = place - step;
+    source.between(source.chunkOf(step), agent, step, share < 1e-6 ? 0 : share, one);
+    const [node, previous, frame, x, y, heading] = COLUMNS.map((name) => one[name][agent]);
+    nodes.pose(node, previous, frame, x, y, heading, body.root, body.local);
+    return body;
   }
 
   forward(body) {
@@ -193,35 +196,51 @@ export class SwitchBlends {
     const turn = product(product(turnOf(scaled(foot.tilt, low)), aboutZ(share * foot.yaw)), fresh.turns[k]);
     // The foot turns about its ball.
     const back = minus(three(places, this.ankles[k]), fresh.balls[k]);
-    const about = turned(product(turn, conjugate(fresh.turns[k])), back);
-    return { ankle: add(add(fresh.balls[k], moved), about), turn };
+    const about = turned(product(turn, conjugate(fresh.turns[k])), back), ball = add(fresh.balls[k], moved);
+    return { ankle: add(ball, about), ball, turn };
   }
 
-  /** Bend the legs to their targets; the pelvis comes down if one does not reach. */
+  /** Bend the legs to their targets; the heel of one that does not reach rises, then the pelvis comes down. */
   onFeet(body, before, targets) {
     this.forward(body);
     const { places, world } = this, hinge = turned(four(world, 0), [0, 1, 0]);
     let down = 0;
-    const legs = this.legs.map(([hip, knee, ankle], k) => {
-      const [h, n, a] = [hip, knee, ankle].map((joint) => three(places, joint));
+    const legs = this.legs.map(([hip, knee, foot], k) => {
+      const [h, n, a] = [hip, knee, foot].map((joint) => three(places, joint));
       const whole = far(minus(n, h)) + far(minus(a, n));
-      const alone = far(minus(three(before, ankle), three(before, hip)));
+      const alone = far(minus(three(before, foot), three(before, hip)));
       const most = Math.max(alone / whole, far(minus(a, h)) / whole, REACH);
-      const { ankle: target } = targets[k], reach = most * whole, x = h[0] - target[0], y = h[1] - target[1];
+      const { ankle, ball } = targets[k], reach = most * whole, rise = raisedHeel(h, ball, ankle, reach);
+      const target = add(ball, turned(rise, minus(ankle, ball))), x = h[0] - target[0], y = h[1] - target[1];
       down = Math.max(down, h[2] - target[2] - Math.sqrt(Math.max(reach * reach - x * x - y * y, 0.01)));
-      return { h, n, a, most, thigh: four(world, hip), shank: four(world, knee) };
+      return { h, n, a, most, target, rise, thigh: four(world, hip), shank: four(world, knee) };
     });
     const parents = this.legs.map(([hip]) => four(world, this.bodies.parents[hip]));
     body.root[2] -= down;
     this.legs.forEach(([hip, knee, ankle], k) => {
       const leg = legs[k];
       for (const point of [leg.h, leg.n, leg.a]) point[2] -= down;
-      const { thigh, shank } = bendLeg(leg, targets[k].ankle, hinge);
+      const { thigh, shank } = bendLeg(leg, leg.target, hinge), turn = product(leg.rise, targets[k].turn);
       body.local.set(product(conjugate(parents[k]), thigh), 4 * hip);
       body.local.set(product(conjugate(thigh), shank), 4 * knee);
-      body.local.set(product(conjugate(shank), targets[k].turn), 4 * ankle);
+      body.local.set(product(conjugate(shank), turn), 4 * ankle);
+      // Toes stay as they are.
+      const toe = this.toes[k], kept = product(conjugate(turn), targets[k].turn);
+      if (this.bodies.parents[toe] === ankle) body.local.set(product(kept, four(body.local, toe)), 4 * toe);
     });
   }
+}
+
+/** The turn about the ball by which a heel rises so that its leg reaches the ankle, if the hip has passed the ball. */
+function raisedHeel(hip, ball, ankle, reach) {
+  const foot = minus(ball, ankle), from = minus(hip, ball), ahead = unit([foot[0], foot[1], 0]), radius = far(foot);
+  if (far(minus(hip, ankle)) <= reach || radius <= SHORT_FOOT) return [1, 0, 0, 0];
+  // Law of cosines in the triangle of ball, ankle and hip.
+  const x = dot(from, ahead), z = from[2], square = dot(from, from) + radius * radius - reach * reach;
+  const share = Math.min(Math.max(square / (2 * radius * Math.max(Math.hypot(x, z), 1e-9)), -1), 1);
+  const angle = Math.atan2(z, x) + Math.acos(share) - Math.atan2(-foot[2], -dot(foot, ahead));
+  const turn = Math.min(Math.max(angle, -RISES), 0) * Math.min(Math.max(x / PASSED, 0), 1);
+  return [Math.cos(turn / 2), Math.sin(turn / 2) * ahead[1], -Math.sin(turn / 2) * ahead[0], 0];
 }
 
 function bendLeg({ h, n, a, most, thigh, shank }, target, hinge) {

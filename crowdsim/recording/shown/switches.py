@@ -1,0 +1,57 @@
+"""The steps in which agents go over from one level to the other, and those in which playback shows it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import NONE
+
+Ints = NDArray[np.int64]
+
+
+class Switches(NamedTuple):
+    """The S switches of a recording, sorted by agent, then by time.
+
+    Attributes
+    ----------
+    agents : (S,) int64
+        Agent that switches.
+    steps : (S,) int64
+        First step on the new level.
+    shown : (S,) int64
+        Step at which playback changes to the new level, as a body can be steered along the track of any captured step:
+        at a switch to steered some steps before, at a switch to captured some steps after ``steps``.
+    steered : (S,) bool
+        Whether the new level is the steered one.
+    """
+
+    agents: Ints
+    steps: Ints
+    shown: Ints
+    steered: NDArray[np.bool_]
+
+    def last(self, agents: Ints, step: int | Ints) -> Ints:
+        """Return (n,) the latest switch of each of ``agents`` that is shown by ``step``; NONE if there is none."""
+        most = int(self.shown.max(initial=0)) + 2
+        numbers = np.append(NONE, self.agents * most + self.shown)
+        found = np.searchsorted(numbers, agents * most + np.minimum(step, most - 1), side="right") - 1
+        last: Ints = np.where(np.append(NONE, self.agents)[found] == agents, found - 1, NONE)
+        return last
+
+    def at(self, agents: Ints, steps: Ints) -> Ints:
+        """Return (n,) the switch of each of ``agents`` in ``steps`` (n,), NONE if there is none."""
+        most = int(max(self.steps.max(initial=0), np.max(steps, initial=0))) + 1
+        numbers = np.append(self.agents * most + self.steps, -1)
+        wanted = agents * most + steps
+        found = np.searchsorted(numbers[:-1], wanted)
+        at: Ints = np.where(numbers[found] == wanted, found, NONE)
+        return at
+
+    def steer_in_playback(self, step: int) -> Ints:
+        """Return the agents, captured at ``step``, that playback shows as steered."""
+        first, end = np.minimum(self.steps, self.shown), np.maximum(self.steps, self.shown)
+        agents: Ints = self.agents[(first <= step) & (step < end)]
+        return agents
