@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.clips.kinematics import conjugate, forward_kinematics, multiply
-from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.recording.columns import RecordedPoses
 from crowdsim.recording.header import RecordedFrame
 from crowdsim.recording.levels import Switches
@@ -93,7 +92,7 @@ class SwitchBlends:
             playing = some[~on_tracks]
             track = np.stack([frame.x, frame.y, frame.heading], axis=1)[playing].astype(np.float64)
             columns = frame.node[playing], frame.previous[playing], frame.frame[playing]
-            body.roots[~on_tracks], body.rotations[~on_tracks] = self._played(*columns, track)
+            body.roots[~on_tracks], body.rotations[~on_tracks] = self._played(time, playing, *columns, track)
         if len(some):
             body = faded(self._skeleton, body, self._offsets(numbers), time)
         return changed, *forward_kinematics(self._skeleton, *body)
@@ -202,16 +201,14 @@ class SwitchBlends:
         moved[:, 2] = wrap_angle(moved[:, 2])
         moved *= (way * recording.steps_per_second / CAPTURE_RATE * (beside - step))[:, None]
         columns = frame.node[agents], frame.previous[agents]
-        now = self._played(*columns, frame.frame[agents], track)
-        return now, self._played(*columns, frame.frame[agents] + way, track + moved), way / CAPTURE_RATE
+        time = step / recording.steps_per_second
+        now = self._played(time, agents, *columns, frame.frame[agents], track)
+        later = self._played(time, agents, *columns, frame.frame[agents] + way, track + moved)
+        return now, later, way / CAPTURE_RATE
 
-    def _played(self, node: Ints, previous: Ints, frame: Floats, track: Floats) -> Body:
-        """Return captured bodies in frames of their nodes."""
-        columns = (np.ascontiguousarray(values, np.int32) for values in (node, previous))
-        at = np.ascontiguousarray(frame, np.float64)
-        joints = self._skeleton.joint_count
-        places, world = np.empty((len(track), joints, 3), np.float32), np.empty((len(track), joints, 4), np.float32)
-        pose_joints(self._recording.pose_table, *columns, at, track, places, world)
+    def _played(self, time: float, agents: Ints, node: Ints, previous: Ints, frame: Floats, track: Floats) -> Body:
+        """Return captured bodies in frames of their nodes, their feet as they stand at ``time`` [s]."""
+        places, world = self._recording.played_poses(time, agents, node, previous, frame, track)
         turns = world.astype(np.float64)
         parents = self._skeleton.parents
         rotations = turns.copy()

@@ -127,6 +127,8 @@ export class SwitchBlends {
       node, previous, frame + way, x + share * (other[0] - x), y + share * (other[1] - y),
       heading + share * wrapAngle(other[2] - heading), later.root, later.local,
     );
+    this.bodies.feet.pin(agent, step / source.rate, node, frame, now.root, now.local);
+    this.bodies.feet.pin(agent, step / source.rate, node, frame + way, later.root, later.local);
     return { now, later, lapse: way * LAPSE };
   }
 
@@ -224,7 +226,8 @@ export class SwitchBlends {
   }
 }
 
-function bendLeg({ h, n, a, most, thigh, shank }, target, hinge) {
+/** World rotations of thigh and shank that bring an ankle to its target; crowdsim/motion/clips/leg_solver.py. */
+export function bendLeg({ h, n, a, most, thigh, shank }, target, hinge) {
   const first = minus(n, h), second = minus(a, n), upper = far(first), lower = far(second);
   const way = minus(target, h);
   const reach = Math.min(Math.max(far(way), Math.abs(upper - lower) + 1e-3), most * (upper + lower));
