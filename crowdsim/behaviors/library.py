@@ -28,7 +28,7 @@ from crowdsim.motion.captures.reader import capture_paths, read_clip
 from crowdsim.motion.clips.clearance import measure_clearances, measure_turning
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.graph.assembly import clip_frames
-from crowdsim.motion.graph.motion_graph import MotionGraph, MotionSource, build_motion_graph
+from crowdsim.motion.graph.motion_graph import FARTHEST_DRIFT, MotionGraph, MotionSource, build_motion_graph
 from crowdsim.motion.synthesis.styles import DEFAULT_SET
 
 if TYPE_CHECKING:
@@ -215,7 +215,9 @@ def _joined_captures(
             order,
             {name: given[name].radii for name in order},
             {name: given[name].left_out for name in order},
-        )
+        ),
+        most_drift=FARTHEST_DRIFT,
+        whole=True,
     )
     _require_joined(behaviors, graph)
     for index, behavior in enumerate(behaviors):

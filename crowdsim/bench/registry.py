@@ -34,6 +34,10 @@ _BENCHES = {
         "crowdsim.bench.motions.motion_graph",
         "motion graphs: standard against feature-based, time, size and branching as the set grows",
     ),
+    "planted-feet": (
+        "crowdsim.bench.motions.planted_feet",
+        "planted feet of captured bodies as shown: drift by stance beside that of the clips, time of posing",
+    ),
     "motion-search": (
         "crowdsim.bench.motions.motion_search",
         "A* on the motion graph: collision tests against channels, with and without branch kinematics",

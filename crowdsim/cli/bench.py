@@ -27,7 +27,7 @@ def bench(
     ] = None,
     captures: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="For motion-graph, motion-search and motion-maps: a folder of captures."),
+        typer.Option(metavar="FOLDER", help="For motion-graph, planted-feet, motion-search, motion-maps: captures."),
     ] = None,
     rvo2: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="For crowd: the sources of RVO2, to compare its times.")

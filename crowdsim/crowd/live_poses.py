@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import CrowdSimError
 from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.motion.graph.pose_table import PoseTable
+from crowdsim.motion.planted.follow_feet import FollowedFeet
+from crowdsim.motion.planted.planted_rows import FootTable
 from crowdsim.recording.header import COLUMN_TYPES, RecordedFrame, RecordingHeader
 from crowdsim.recording.levels import LevelColumn
 from crowdsim.recording.shown.bodies import ShownBodies
+from crowdsim.recording.shown.planted_feet import feet_of_nodes, played_in, pose_table_of, spans_of
 
 DELAY = 2.5
 """How long ago the moment shown is [s], if characters are steered: their footsteps follow from the way they go on."""
@@ -73,12 +77,25 @@ class LivePoses:
         self._rows: deque[tuple[NDArray[Any], ...]] = deque(
             maxlen=round((_BEFORE + DELAY) * rate) + self._every if steered else 1
         )
+        self._table = pose_table_of(header.motion)
+        self._foot_table = feet_of_nodes(header, self._table)
+        self._followed: FollowedFeet | None = None
+        if self._foot_table is not None:
+            agents = header.agents.count
+            self._followed = FollowedFeet(self._table, self._foot_table, agents, rate, spans_of(header))
+        # How all feet are corrected in each of the steps kept.
+        self._feet: deque[NDArray[np.float64]] = deque(maxlen=self._rows.maxlen)
         self._count = 0
         self._recent: tuple[int, _Recent] | None = None
 
     def add(self, frame: RecordedFrame) -> None:
         """Keep a step."""
-        self._rows.append(tuple(np.array(getattr(frame, name), kind) for name, kind in COLUMN_TYPES.items()))
+        row = tuple(np.array(getattr(frame, name), kind) for name, kind in COLUMN_TYPES.items())
+        self._rows.append(row)
+        if self._followed is not None:
+            # As a recording keeps it: rounded to the types of its columns.
+            self._followed.add(played_in(RecordedFrame(**dict(zip(COLUMN_TYPES, row, strict=True)))))
+            self._feet.append(self._followed.states)
         self._count += 1
 
     def latest(self) -> Poses:
@@ -90,7 +107,9 @@ class LivePoses:
         if self._recent is None or self._recent[0] != end:
             first = self._count - len(self._rows)
             begin = max(end - round((_BEFORE + DELAY) * self._header.steps_per_second), first)
-            self._recent = end, _Recent(self._header, list(self._rows)[begin - first : end - first], begin)
+            some = slice(begin - first, end - first)
+            tables = self._table, self._foot_table
+            self._recent = end, _Recent(self._header, list(self._rows)[some], begin, tables, list(self._feet)[some])
         recent = self._recent[1]
         row = max(self._count - 1 - self._delay, recent.begin)
         agents = np.flatnonzero(recent.levels[row - recent.begin] >= 0)
@@ -104,8 +123,17 @@ class _Recent(ShownBodies):
 
     name = "the simulation"
 
-    def __init__(self, header: RecordingHeader, rows: list[tuple[NDArray[Any], ...]], begin: int) -> None:
+    def __init__(
+        self,
+        header: RecordingHeader,
+        rows: list[tuple[NDArray[Any], ...]],
+        begin: int,
+        tables: tuple[PoseTable, FootTable | None],
+        feet: list[NDArray[np.float64]],
+    ) -> None:
         self.header, self.begin = header, begin
+        self.pose_table, self.foot_table = tables
+        self._feet = feet
         self._columns = {
             name: np.stack(values) for name, values in zip(COLUMN_TYPES, zip(*rows, strict=True), strict=True)
         }
@@ -117,6 +145,13 @@ class _Recent(ShownBodies):
     def steps(self) -> int:
         """Return the number of steps kept."""
         return len(self.x)
+
+    def foot_states(
+        self, time: float, agents: NDArray[np.int64], node: NDArray[np.int32], frame: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return how the feet of ``agents`` are corrected; times are always those of steps."""
+        states: NDArray[np.float64] = self._feet[round(time * self.steps_per_second)][agents]
+        return states
 
     def at_step(self, step: int) -> RecordedFrame:
         """Return row ``step`` as arrays (N,)."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.export.page.packed_bodies import LEVELS, pack_bodies, pack_looks
+from crowdsim.export.page.packed_feet import pack_no_feet
 from crowdsim.export.page.packed_place import density_cells, pack_scenery
 from crowdsim.export.page.packed_poses import pack_gaits, pack_nodes, pack_stretches, skeleton_facts
 from crowdsim.export.page.packing import Block
@@ -56,6 +57,7 @@ def pack_opening(simulation: Simulation) -> bytes:
     none = np.zeros(0, np.int64)
     # The viewer of recordings reads tracks from arrays; here they are empty, and the socket brings all.
     pack_events(block, Events(np.zeros(count, np.int64), *[none] * 5))
+    pack_no_feet(block)
     pack_stretches(block, [])
     for name in ("agents", "steps", "feet"):
         block.add_varints(f"switch_{name}", none)

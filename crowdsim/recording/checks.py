@@ -238,7 +238,7 @@ def _check_skeleton(motion: MotionRecord) -> None:
 
 
 def _check_gaits(header: RecordingHeader) -> None:
-    """Require one clip per behavior or none, with valid shapes, and pool phases if there are both nodes and clips."""
+    """Require one clip per behavior or none, of valid shapes, and phases and tracks that fit the rows of the pool."""
     gaits, joints = header.motion.gaits, header.motion.skeleton.joint_count
     if gaits and len(gaits) != len(header.behaviors):
         raise RecordingError(f"{len(gaits)} gaits for {len(header.behaviors)} behaviors; give each its own, or none")
@@ -256,6 +256,9 @@ def _check_gaits(header: RecordingHeader) -> None:
             f"motion.pool_phases has shape {phases.shape} or is not finite; give the {rows} phases of "
             "crowdsim.behaviors.entries.node_phases, or agents could not go over from one level to the other"
         )
+    tracks = np.asarray(header.motion.pool_tracks)
+    if len(tracks) and not (tracks.shape == (rows, 3) and np.isfinite(tracks).all()):
+        raise RecordingError(f"motion.pool_tracks has shape {tracks.shape} or is not finite; give {rows} track poses")
 
 
 def check_place(header: RecordingHeader) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.recording.header import RecordedFrame, RecordingHeader
 
@@ -74,11 +74,23 @@ class RecordedFile(RecordedTracks, Protocol):
 
 
 class RecordedPoses(RecordedTracks, Protocol):
-    """The part of a recording that posing agents after switches needs: also the poses of nodes."""
+    """The part of a recording that posing captured agents needs: also the poses of nodes."""
 
     @property
     def pose_table(self) -> PoseTable:
         """Return the poses of all nodes."""
+        ...
+
+    def played_poses(
+        self,
+        time: float,
+        agents: NDArray[np.int64],
+        node: ArrayLike,
+        previous: ArrayLike,
+        at: ArrayLike,
+        track: ArrayLike,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return joint positions and rotations of ``agents`` that play nodes."""
         ...
 
     def at_step(self, step: int) -> RecordedFrame:

@@ -171,6 +171,9 @@ class MotionRecord:
     pool_phases : (P,) float32
         Gait phase of each row of the pool [cycles], from :func:`~crowdsim.behaviors.entries.node_phases`; empty unless
         there are both nodes and gaits.
+    pool_tracks : (P, 3) float32
+        Track pose of each row relative to the first row of its node [m], [rad]; empty in older files, whose planted
+        feet are shown as their nodes fade.
     """
 
     skeleton: Skeleton
@@ -182,6 +185,7 @@ class MotionRecord:
     pool_rotations: NDArray[np.float32]
     gaits: Sequence[GaitRecord] = ()
     pool_phases: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    pool_tracks: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
 
     @property
     def mixed(self) -> bool:

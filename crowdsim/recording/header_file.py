@@ -143,6 +143,8 @@ def _write_motion(group: h5py.Group, motion: MotionRecord) -> None:
     _write_strings(group, "node_names", motion.node_names)
     for name, dtype in _MOTION_ARRAYS.items():
         _write_array(group, name, getattr(motion, name), dtype)
+    if len(motion.pool_tracks):
+        _write_array(group, "pool_tracks", motion.pool_tracks, "float32")
     if not motion.gaits:
         return
     if motion.mixed:
@@ -249,6 +251,7 @@ def _read_motion(group: h5py.Group) -> MotionRecord:
         # The group is missing if no agent is steered.
         gaits=_read_gaits(group) if "gait_names" in group else (),
         pool_phases=group["pool_phases"][:] if "pool_phases" in group else np.zeros(0, np.float32),
+        pool_tracks=group["pool_tracks"][:] if "pool_tracks" in group else np.zeros((0, 3), np.float32),
     )
 
 

@@ -243,6 +243,7 @@ def test_bench_lists_its_names(crowdsim):
         "planner",
         "plan-soundness",
         "motion-graph",
+        "planted-feet",
         "motion-search",
         "crowd",
         "ranks",

@@ -59,8 +59,8 @@ def compare(recording, visit, times):
     places, joints, switched, frames = [0.0], [0.0], [0.0], [0.0]
     for time in times:
         shown, frame = visit.ask("time => crowdsim.at(time)", time), recording.at_time(time)
-        step = recording._shown_step(time)
-        levels = recording._shown_levels(step)
+        step = recording.shown_step(time)
+        levels = recording.shown_levels(step)
         here = np.flatnonzero(levels != Level.NOBODY)
         assert [row["agent"] for row in shown] == here.tolist()
         poses = recording.poses_at(time, here)[0]

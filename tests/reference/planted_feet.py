@@ -14,7 +14,7 @@ def planted_speed(shown: Feet, own: Feet, rate: float = CAPTURE_RATE) -> Floats:
 
     A foot counts as planted if it is in ``own``, the same frames in the clip; it stands on its slowest point.
     """
-    planted = planted_steps(own)
+    planted = planted_steps(own, part=True)
     speed = np.full(planted.shape[:2], np.nan)
     for step in range(len(planted)):
         for foot in (0, 1):

@@ -52,7 +52,7 @@ def played(recording: Recording, times: np.ndarray) -> Played:
     balls, heels = (np.full((len(times), count, 2, 3), np.nan) for _ in range(2))
     knees, toes = (np.full((len(times), count, 2), np.nan) for _ in range(2))
     for row, time in enumerate(times):
-        frame, step = recording.at_time(time), recording._shown_step(time)
+        frame, step = recording.at_time(time), recording.shown_step(time)
         agents = np.flatnonzero(frame.steered)
         if not len(agents):
             continue

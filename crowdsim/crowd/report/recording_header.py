@@ -118,6 +118,7 @@ def captured_motion(assets: Assets) -> MotionRecord:
         node_frames=poses.node_frames,
         pool_root=poses.pool_root,
         pool_rotations=poses.pool_rotations,
+        pool_tracks=assets.graph.tracks.astype(np.float32),
     )
 
 

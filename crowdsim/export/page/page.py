@@ -17,6 +17,7 @@ from crowdsim.export.choice import Choice, choose
 from crowdsim.export.options import ExportOptions
 from crowdsim.export.page.choice import Chosen, shown_of
 from crowdsim.export.page.packed_bodies import LEVELS, pack_bodies, pack_looks
+from crowdsim.export.page.packed_feet import pack_feet
 from crowdsim.export.page.packed_place import pack_density, pack_paths, pack_place
 from crowdsim.export.page.packed_poses import (
     PHASES,
@@ -184,6 +185,7 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
         "opening": _opening(recording, chosen),
         **group_facts(recording.header.agents, chosen.agents),
     }
+    pack_feet(block, recording, chosen, played)
     pack_stretches(block, list(_stretches(recording, chosen)))
     pack_switches(block, recording, chosen)
     facts["paths"] = paths = paths or ("all" if most <= _PATHS_OF_ALL else "selected")

@@ -86,8 +86,11 @@ def stances(feet: Feet, rate: float = CAPTURE_RATE) -> list[Stance]:
     ]
 
 
-def planted_steps(feet: Feet, rate: float = CAPTURE_RATE) -> NDArray[np.bool_]:
-    """Return (F - 1, 2, P): True if a point stands on the floor from a frame to the next, in a lasting stance."""
+def planted_steps(feet: Feet, rate: float = CAPTURE_RATE, part: bool = False) -> NDArray[np.bool_]:
+    """Return (F - 1, 2, P): True if a point stands on the floor from a frame to the next, in a lasting stance.
+
+    part: True for a part of a longer motion, whose first and last stance may last longer than is seen.
+    """
     steps = np.diff(feet.points, axis=0)
     low = feet.points[..., 2] < feet.lowest + NEAR_FLOOR
     along = np.linalg.norm(steps[..., :2], axis=-1)
@@ -97,7 +100,8 @@ def planted_steps(feet: Feet, rate: float = CAPTURE_RATE) -> NDArray[np.bool_]:
     for foot in (0, 1):
         for begin, end in runs(np.any(planted[:, foot], axis=1)):
             first, last = begin + (begin > 0), end - (end < len(steps))
-            lasting[first:last, foot] = (last - first) / rate >= SHORTEST_STANCE
+            cut = part and (begin == 0 or end == len(steps))
+            lasting[first:last, foot] = cut or (last - first) / rate >= SHORTEST_STANCE
     return planted & lasting[..., None]
 
 

@@ -43,6 +43,9 @@ WIDEST_THRESHOLD = 0.3
 CAPTURED_DRIFT = 0.005
 """Largest drift of a planted foot that a transition between captures may add to that of the captures [m]."""
 
+FARTHEST_DRIFT = 0.05
+"""Drift that a transition may add if feet are pinned where they stand [m]: beyond, legs would be seen to reach far."""
+
 _AROUND = 8
 """Distances tried on either side of the one found by bisection."""
 
@@ -53,6 +56,7 @@ def build_motion_graph(
     max_out_edges: int | None = None,
     branching: float | None = None,
     most_drift: float | None = None,
+    whole: bool = False,
 ) -> MotionGraph:
     """Cut the clips, join their segments where the distance allows, and keep the largest strongly connected part.
 
@@ -72,6 +76,8 @@ def build_motion_graph(
         keeps at least half of the nodes. If many segments are alike, only ``max_out_edges`` can lower it.
     most_drift : float or None
         Leave out transitions that add more than this to the drift of a planted foot [m]; clip names must be unique.
+    whole : bool
+        Leave out none for its drift if segments would fall out of the graph with them.
 
     Raises
     ------
@@ -92,6 +98,8 @@ def build_motion_graph(
     if not len(leave):
         return graph
     candidates.needed[leave, enter] = np.inf
+    if whole and _edges(candidates, threshold)[2].sum() < keep.sum():
+        return graph
     graph, _ = _joined(candidates, threshold)
     return replace(graph, report=replace(graph.report, skating=len(leave)))
 

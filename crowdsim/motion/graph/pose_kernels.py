@@ -72,6 +72,71 @@ def _rotation_between(a, b, part):
     return rest * a0 + share * b0, rest * a1 + share * b1, rest * a2 + share * b2, rest * a3 + share * b3
 
 
+@helper
+def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, out_rotations, a):
+    """Compute row ``a`` of the joints of :func:`pose_joints`, whose track pose is (at_x, at_y, heading)."""
+    pool = table.pool_rotations
+    root = table.pool_root
+    # Rows of the pose pool: this frame and the next, and share between them.
+    first = table.node_first[node]
+    whole = int(frame)
+    part = frame - whole
+    row = first + whole
+    # The last frame of a node has no next one.
+    after = min(row + 1, first + table.node_frames[node])
+    # While a seam fades: last pose of the previous node, and the share w left of it.
+    old = first
+    w = 0.0
+    if previous >= 0 and frame < BLEND_FRAMES:
+        w = blend_weight(frame)
+        old = table.node_first[previous] + table.node_frames[previous]
+    # Root on the floor, in the frame of the track.
+    c, s = cos_sin(heading)
+    x = _between(root[row, 0], root[after, 0], part)
+    y = _between(root[row, 1], root[after, 1], part)
+    if w > 0.0:
+        # root(frame) + w * (old - first), with both turned to where the blended heading puts them.
+        apart = wrap_angle(_yaw(pool[old, 0]) - _yaw(pool[first, 0]))
+        x, y = _turned(w * apart, x - w * root[first, 0], y - w * root[first, 1])
+        old_x, old_y = _turned((w - 1.0) * apart, float(root[old, 0]), float(root[old, 1]))
+        x += w * old_x
+        y += w * old_y
+    for j in range(len(table.parents)):
+        q0, q1, q2, q3 = _rotation_between(pool[row, j], pool[after, j], part)
+        if w > 0.0:
+            d0, d1, d2, d3 = _faded_difference(pool, old, first, j, w)
+            q0, q1, q2, q3 = _multiply(d0, d1, d2, d3, q0, q1, q2, q3)
+        parent = table.parents[j]
+        if parent < 0:
+            # The root turns with the track's heading about z.
+            p0, p3 = cos_sin(0.5 * heading)
+            p1, p2 = 0.0, 0.0
+            out_positions[a, j, 0] = at_x + c * x - s * y
+            out_positions[a, j, 1] = at_y + s * x + c * y
+            z = _between(root[row, 2], root[after, 2], part)
+            out_positions[a, j, 2] = z + w * (root[old, 2] - root[first, 2])
+        else:
+            # Other joints: parent's place + offset turned by the parent's rotation; parents come first.
+            r = out_rotations[a, parent]
+            p0, p1, p2, p3 = float(r[0]), float(r[1]), float(r[2]), float(r[3])
+            ox = float(table.offsets[j, 0])
+            oy = float(table.offsets[j, 1])
+            oz = float(table.offsets[j, 2])
+            tx = 2.0 * (p2 * oz - p3 * oy)
+            ty = 2.0 * (p3 * ox - p1 * oz)
+            tz = 2.0 * (p1 * oy - p2 * ox)
+            out_positions[a, j, 0] = out_positions[a, parent, 0] + ox + p0 * tx + p2 * tz - p3 * ty
+            out_positions[a, j, 1] = out_positions[a, parent, 1] + oy + p0 * ty + p3 * tx - p1 * tz
+            out_positions[a, j, 2] = out_positions[a, parent, 2] + oz + p0 * tz + p1 * ty - p2 * tx
+        q0, q1, q2, q3 = _multiply(p0, p1, p2, p3, q0, q1, q2, q3)
+        # Normalize: interpolated quaternions are slightly short.
+        n = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
+        out_rotations[a, j, 0] = q0 * n
+        out_rotations[a, j, 1] = q1 * n
+        out_rotations[a, j, 2] = q2 * n
+        out_rotations[a, j, 3] = q3 * n
+
+
 @kernel
 def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations):
     """Compute world positions and rotations of all joints of A characters.
@@ -89,64 +154,7 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
     pose: (A, 3) float64 world track pose then.
     out_positions, out_rotations: (A, J, 3) [m] and (A, J, 4) float32 unit quaternions, filled.
     """
-    pool = table.pool_rotations
-    root = table.pool_root
     for a in range(len(node)):
-        # Rows of the pose pool: this frame and the next, and share between them.
-        first = table.node_first[node[a]]
-        whole = int(frame[a])
-        part = frame[a] - whole
-        row = first + whole
-        # The last frame of a node has no next one.
-        after = min(row + 1, first + table.node_frames[node[a]])
-        # While a seam fades: last pose of the previous node, and the share w left of it.
-        old = first
-        w = 0.0
-        if previous[a] >= 0 and frame[a] < BLEND_FRAMES:
-            w = blend_weight(frame[a])
-            old = table.node_first[previous[a]] + table.node_frames[previous[a]]
-        # Root on the floor, in the frame of the track.
-        c, s = cos_sin(pose[a, 2])
-        x = _between(root[row, 0], root[after, 0], part)
-        y = _between(root[row, 1], root[after, 1], part)
-        if w > 0.0:
-            # root(frame) + w * (old - first), with both turned to where the blended heading puts them.
-            apart = wrap_angle(_yaw(pool[old, 0]) - _yaw(pool[first, 0]))
-            x, y = _turned(w * apart, x - w * root[first, 0], y - w * root[first, 1])
-            old_x, old_y = _turned((w - 1.0) * apart, float(root[old, 0]), float(root[old, 1]))
-            x += w * old_x
-            y += w * old_y
-        for j in range(len(table.parents)):
-            q0, q1, q2, q3 = _rotation_between(pool[row, j], pool[after, j], part)
-            if w > 0.0:
-                d0, d1, d2, d3 = _faded_difference(pool, old, first, j, w)
-                q0, q1, q2, q3 = _multiply(d0, d1, d2, d3, q0, q1, q2, q3)
-            parent = table.parents[j]
-            if parent < 0:
-                # The root turns with the track's heading about z.
-                p0, p3 = cos_sin(0.5 * pose[a, 2])
-                p1, p2 = 0.0, 0.0
-                out_positions[a, j, 0] = pose[a, 0] + c * x - s * y
-                out_positions[a, j, 1] = pose[a, 1] + s * x + c * y
-                z = _between(root[row, 2], root[after, 2], part)
-                out_positions[a, j, 2] = z + w * (root[old, 2] - root[first, 2])
-            else:
-                # Other joints: parent's place + offset turned by the parent's rotation; parents come first.
-                r = out_rotations[a, parent]
-                p0, p1, p2, p3 = float(r[0]), float(r[1]), float(r[2]), float(r[3])
-                ox = float(table.offsets[j, 0])
-                oy = float(table.offsets[j, 1])
-                oz = float(table.offsets[j, 2])
-                tx = 2.0 * (p2 * oz - p3 * oy)
-                ty = 2.0 * (p3 * ox - p1 * oz)
-                tz = 2.0 * (p1 * oy - p2 * ox)
-                out_positions[a, j, 0] = out_positions[a, parent, 0] + ox + p0 * tx + p2 * tz - p3 * ty
-                out_positions[a, j, 1] = out_positions[a, parent, 1] + oy + p0 * ty + p3 * tx - p1 * tz
-                out_positions[a, j, 2] = out_positions[a, parent, 2] + oz + p0 * tz + p1 * ty - p2 * tx
-            q0, q1, q2, q3 = _multiply(p0, p1, p2, p3, q0, q1, q2, q3)
-            # Normalize: interpolated quaternions are slightly short.
-            n = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
-            out_rotations[a, j, 0] = q0 * n
-            out_rotations[a, j, 1] = q1 * n
-            out_rotations[a, j, 2] = q2 * n
-            out_rotations[a, j, 3] = q3 * n
+        pose_body(
+            table, node[a], previous[a], frame[a], pose[a, 0], pose[a, 1], pose[a, 2], out_positions, out_rotations, a
+        )

@@ -19,6 +19,8 @@ from crowdsim.recording.shown.switches import Switches
 
 if TYPE_CHECKING:
     from crowdsim.motion.graph.pose_table import PoseTable
+    from crowdsim.motion.planted.planted_rows import FootTable
+    from crowdsim.recording.shown.planted_feet import PlantedFeet
     from crowdsim.recording.shown.steered_poses import SteeredPoses
     from crowdsim.recording.shown.switch_blends import SwitchBlends
 
@@ -85,7 +87,7 @@ class ShownBodies(ABC):
         """
         if not -1e-9 <= time <= self.duration + 1e-9:
             raise RecordingError(f"{self.name} lasts from 0 to {self.duration:g} s; there is nothing at {time:g} s")
-        step = self._shown_step(time)
+        step = self.shown_step(time)
         share = min(time * self.steps_per_second, float(self.steps - 1)) - step
         now = self.at_step(step)
         if share < 1e-6:
@@ -94,7 +96,7 @@ class ShownBodies(ABC):
         then = self.at_step(step + 1)
         return frame_between(now, then, share, header.motion.node_frames, self.steps_per_second, header.ends)
 
-    def _shown_step(self, time: float) -> int:
+    def shown_step(self, time: float) -> int:
         """Return the step that is shown from its time until the next one."""
         return int(min(max(time * self.steps_per_second, 0.0), float(self.steps - 1)) + 1e-6)
 
@@ -105,16 +107,16 @@ class ShownBodies(ABC):
     def poses_at(self, time: float, agents: ArrayLike | None = None, blended: bool = True) -> tuple[Joints, Joints]:
         """Return world joint positions (A, J, 3) [m] and rotations (A, J, 4) of ``agents`` (default all).
 
-        Captured agents play the frames of their nodes; steered agents walk on their smoothed tracks; switches are
-        blended over 0.4 s, if ``blended``; else the new level is shown at once. Earlier calls do not matter. Absent
-        agents have nan. Raise RecordingError outside the recording.
+        Captured agents play the frames of their nodes, and their planted feet keep their places; steered agents walk on
+        their smoothed tracks; switches are blended over 0.4 s, if ``blended``; else the new level is shown at once.
+        Earlier calls do not matter. Absent agents have nan. Raise RecordingError outside the recording.
         """
-        frame, step = self.at_time(time), self._shown_step(time)
+        frame, step = self.at_time(time), self.shown_step(time)
         rows = np.arange(self.agent_count) if agents is None else np.asarray(agents, np.int64)
         skeleton = self.header.motion.skeleton
         positions = np.full((len(rows), skeleton.joint_count, 3), np.nan, np.float32)
         rotations = np.full((len(rows), skeleton.joint_count, 4), np.nan, np.float32)
-        levels = self._shown_levels(step)[rows]
+        levels = self.shown_levels(step)[rows]
         present = levels != Level.NOBODY
         if blended and len(self.switches.steps) and present.any():
             on_tracks = levels[present] == Level.STEERED
@@ -124,29 +126,76 @@ class ShownBodies(ABC):
             levels[changed] = Level.NOBODY
         captured, steered = levels == Level.CAPTURED, levels == Level.STEERED
         if captured.any():
-            positions[captured], rotations[captured] = self._captured_poses(frame, rows[captured])
+            some = rows[captured]
+            track = np.stack([frame.x, frame.y, frame.heading], axis=1)[some]
+            played = frame.node[some], frame.previous[some], frame.frame[some]
+            positions[captured], rotations[captured] = self.played_poses(time, some, *played, track)
         if steered.any():
             positions[steered], rotations[steered] = self._steered_poses.pose(time, step, rows[steered])
         return positions, rotations
 
-    def _shown_levels(self, step: int) -> NDArray[np.int8]:
+    def shown_levels(self, step: int) -> NDArray[np.int8]:
         """Return (N,) the level that bodies are shown on from ``step`` to the next one."""
         levels: NDArray[np.int8] = self.levels[step]
         levels[self.switches.steer_in_playback(step)] = Level.STEERED
         return levels
 
-    def _captured_poses(self, frame: RecordedFrame, agents: NDArray[np.int64]) -> tuple[Joints, Joints]:
-        """Return joint positions and rotations of ``agents``, all of which are captured."""
+    def played_poses(
+        self,
+        time: float,
+        agents: NDArray[np.int64],
+        node: ArrayLike,
+        previous: ArrayLike,
+        at: ArrayLike,
+        track: ArrayLike,
+    ) -> tuple[Joints, Joints]:
+        """Return joint positions (A, J, 3) [m] and rotations (A, J, 4) of ``agents`` that play nodes at ``time`` [s].
+
+        node, previous, at: (A,) what they play, see :class:`~crowdsim.recording.header.RecordedFrame`. track: (A, 3)
+        their track poses [m], [rad].
+        """
         from crowdsim.motion.graph.pose_kernels import pose_joints
 
-        track = np.stack([frame.x[agents], frame.y[agents], frame.heading[agents]], axis=1).astype(np.float64)
-        columns = (np.ascontiguousarray(values[agents], np.int32) for values in (frame.node, frame.previous))
-        at = np.ascontiguousarray(frame.frame[agents], np.float64)
+        nodes, before = (np.ascontiguousarray(values, np.int32) for values in (node, previous))
+        frames, pose = (np.ascontiguousarray(values, np.float64) for values in (at, track))
         joints = self.header.motion.skeleton.joint_count
         positions = np.empty((len(agents), joints, 3), np.float32)
         rotations = np.empty((len(agents), joints, 4), np.float32)
-        pose_joints(self.pose_table, *columns, at, track, positions, rotations)
+        pose_joints(self.pose_table, nodes, before, frames, pose, positions, rotations)
+        if self.foot_table is not None:
+            from crowdsim.motion.planted.pin_kernels import pin_feet
+            from crowdsim.recording.shown.planted_feet import spans_of
+
+            states = self.foot_states(time, agents, nodes, frames)
+            pin_feet(
+                self.pose_table, self.foot_table, states, nodes, frames, spans_of(self.header), positions, rotations
+            )
         return positions, rotations
+
+    def foot_states(
+        self, time: float, agents: NDArray[np.int64], node: NDArray[np.int32], frame: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return how the feet of ``agents`` (A,) are corrected at ``time`` [s] in ``frame`` of ``node``.
+
+        (A, 2, COLUMNS) float64; see :mod:`crowdsim.motion.planted.pin_kernels` for the columns.
+        """
+        return self.planted_feet.states_at(time, agents, node, frame)
+
+    @cached_property
+    def foot_table(self) -> FootTable | None:
+        """Return places and stances of the feet in all nodes; None if the recording does not tell them."""
+        from crowdsim.recording.shown.planted_feet import feet_of_nodes
+
+        return feet_of_nodes(self.header, self.pose_table)
+
+    @cached_property
+    def planted_feet(self) -> PlantedFeet:
+        """Return all changes of the feet of captured bodies; RecordingError if the recording has no foot table."""
+        from crowdsim.recording.shown.planted_feet import PlantedFeet
+
+        if self.foot_table is None:
+            raise RecordingError(f"{self.name} was written by an older version and does not tell where feet stand")
+        return PlantedFeet(self, self.foot_table)
 
     @cached_property
     def _steered_poses(self) -> SteeredPoses:
@@ -168,14 +217,6 @@ class ShownBodies(ABC):
     @cached_property
     def pose_table(self) -> PoseTable:
         """Return the poses of all nodes, as :func:`crowdsim.motion.graph.pose_kernels.pose_joints` takes them."""
-        from crowdsim.motion.graph.pose_table import PoseTable
+        from crowdsim.recording.shown.planted_feet import pose_table_of
 
-        motion = self.header.motion
-        return PoseTable(
-            parents=np.ascontiguousarray(motion.skeleton.parents, np.int32),
-            offsets=np.ascontiguousarray(motion.skeleton.offsets, np.float32),
-            node_first=np.ascontiguousarray(motion.node_first, np.int32),
-            node_frames=np.ascontiguousarray(motion.node_frames, np.int32),
-            pool_root=np.ascontiguousarray(motion.pool_root, np.float32),
-            pool_rotations=np.ascontiguousarray(motion.pool_rotations, np.float32),
-        )
+        return pose_table_of(self.header.motion)

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.motion.clips.kinematics import conjugate, forward_kinematics, multiply
-from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.recording.columns import RecordedPoses
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.shown.foot_times import LONGEST, FootTimes, foot_times
@@ -92,7 +91,7 @@ class SwitchBlends:
             playing = some[~on_tracks]
             track = np.stack([frame.x, frame.y, frame.heading], axis=1)[playing].astype(np.float64)
             columns = frame.node[playing], frame.previous[playing], frame.frame[playing]
-            body.roots[~on_tracks], body.rotations[~on_tracks] = self._played(*columns, track)
+            body.roots[~on_tracks], body.rotations[~on_tracks] = self._played(time, playing, *columns, track)
         if len(some):
             body = faded(self._skeleton, body, self._offsets(numbers), time)
         return changed, *forward_kinematics(self._skeleton, *body)
@@ -205,17 +204,13 @@ class SwitchBlends:
                 frame, some = recording.at_time(step / rate + since), agents[mine]
                 track = np.stack([frame.x, frame.y, frame.heading], axis=1)[some].astype(np.float64)
                 columns = frame.node[some], frame.previous[some], frame.frame[some]
-                _put(body, mine, Body(*self._played(*columns, track)))
+                _put(body, mine, self._played(step / rate + since, some, *columns, track))
             bodies.append(body)
         return bodies[0], bodies[1], lapses
 
-    def _played(self, node: Ints, previous: Ints, frame: Floats, track: Floats) -> Body:
-        """Return captured bodies in frames of their nodes."""
-        columns = (np.ascontiguousarray(values, np.int32) for values in (node, previous))
-        at = np.ascontiguousarray(frame, np.float64)
-        joints = self._skeleton.joint_count
-        places, world = np.empty((len(track), joints, 3), np.float32), np.empty((len(track), joints, 4), np.float32)
-        pose_joints(self._recording.pose_table, *columns, at, track, places, world)
+    def _played(self, time: float, agents: Ints, node: Ints, previous: Ints, frame: Floats, track: Floats) -> Body:
+        """Return captured bodies in frames of their nodes, their feet as they stand at ``time`` [s]."""
+        places, world = self._recording.played_poses(time, agents, node, previous, frame, track)
         turns = world.astype(np.float64)
         parents = self._skeleton.parents
         rotations = turns.copy()

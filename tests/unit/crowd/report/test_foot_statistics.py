@@ -71,7 +71,7 @@ def test_equals_the_slow_twin(graph: MotionGraph) -> None:
     node = longest(graph)
     frames = played(graph, node, sliding=0.2)
     own = graph.arrays.tracks[graph.arrays.node_track[node] :][: len(frames)]
-    like = FootStatistics(graph, RATE)._like
+    like = FootStatistics(graph, RATE)._rows.feet
     shown = feet(graph, node, np.array([[f.x[0], f.y[0], f.heading[0]] for f in frames]), like)
     expected = np.nanmean(planted_speed(shown, feet(graph, node, own, like), RATE))
     assert taken(graph, frames).stance_speed == pytest.approx(float(expected), abs=1e-6)

@@ -2,6 +2,7 @@
 
 import { multiply } from "./quaternions.js";
 import { NodePoses } from "./node_poses.js";
+import { PlantedFeet } from "./planted_feet.js";
 import { SteeredBodies, readGaits } from "./steered_bodies.js";
 import { SwitchBlends } from "./switch_blends.js";
 
@@ -18,6 +19,7 @@ export class Bodies {
     this.local = new Float64Array(4 * this.joints);
     this.positions = new Float64Array(3 * this.joints);
     this.rotations = new Float64Array(4 * this.joints);
+    this.feet = new PlantedFeet(this, block);
     this.switches = new SwitchBlends(this, block);
   }
 
@@ -32,6 +34,7 @@ export class Bodies {
         frame.node[agent], frame.previous[agent], frame.frame[agent],
         frame.x[agent], frame.y[agent], frame.heading[agent], this.root, this.local,
       );
+      this.feet.pin(agent, frame.time, frame.node[agent], frame.frame[agent], this.root, this.local);
     } else return false;
     this.switches.apply(agent, time, step, this.root, this.local);
     this.forward();

@@ -130,6 +130,7 @@ export class SwitchBlends {
     source.between(source.chunkOf(step), agent, step, share < 1e-6 ? 0 : share, one);
     const [node, previous, frame, x, y, heading] = COLUMNS.map((name) => one[name][agent]);
     nodes.pose(node, previous, frame, x, y, heading, body.root, body.local);
+    this.bodies.feet.pin(agent, time, node, frame, body.root, body.local);
     return body;
   }
 
@@ -243,7 +244,8 @@ function raisedHeel(hip, ball, ankle, reach) {
   return [Math.cos(turn / 2), Math.sin(turn / 2) * ahead[1], -Math.sin(turn / 2) * ahead[0], 0];
 }
 
-function bendLeg({ h, n, a, most, thigh, shank }, target, hinge) {
+/** World rotations of thigh and shank that bring an ankle to its target; crowdsim/motion/clips/leg_solver.py. */
+export function bendLeg({ h, n, a, most, thigh, shank }, target, hinge) {
   const first = minus(n, h), second = minus(a, n), upper = far(first), lower = far(second);
   const way = minus(target, h);
   const reach = Math.min(Math.max(far(way), Math.abs(upper - lower) + 1e-3), most * (upper + lower));

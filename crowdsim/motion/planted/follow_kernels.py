@@ -1,0 +1,171 @@
+"""Follow the feet of captured bodies from step to step: where each stands, and what fades after it lifts."""
+
+from crowdsim.geometry.planar_kernels import wrap_angle
+from crowdsim.jit import helper, kernel
+from crowdsim.motion.graph.pose_kernels import pose_body
+from crowdsim.motion.planted.pin_kernels import (
+    COLUMNS,
+    FADES,
+    FREE,
+    MODE,
+    NODE,
+    SINCE,
+    STANDS,
+    UNTIL,
+    YAW,
+    X,
+    Y,
+    correction,
+    place_of_foot,
+    shorter_way,
+)
+
+LONGEST_FADE = 24.0
+"""Frames over which the correction of a lifted foot fades at most: a usual swing."""
+
+
+@helper
+def _track_at(work, a, share):
+    """Return the track pose of body ``a`` at a share of the step."""
+    old, new = work.old_track[a], work.new_track[a]
+    if share >= 1.0:
+        return new[0], new[1], new[2]
+    x = old[0] + share * shorter_way(new[0] - old[0], work.spans[0])
+    y = old[1] + share * shorter_way(new[1] - old[1], work.spans[1])
+    return x, y, old[2] + share * wrap_angle(new[2] - old[2])
+
+
+@helper
+def _pose(work, a, node, previous, frame, share):
+    """Pose body ``a`` in a frame of a node at a share of the step."""
+    x, y, heading = _track_at(work, a, share)
+    pose_body(work.table, node, previous, frame, x, y, heading, work.positions, work.rotations, 0)
+
+
+@helper
+def _place(work, foot):
+    """Return ball and heading of a foot of the body posed last."""
+    return place_of_foot(work.feet, foot, work.positions, work.rotations, 0)
+
+
+@helper
+def _set(work, a, foot, mode, node, since, until, pose, share, count):
+    """Change the state of a foot at a share of the step, note it as event ``count``, and return the next number."""
+    state = work.states[a, foot]
+    state[MODE] = mode
+    state[NODE] = node
+    state[SINCE] = since
+    state[UNTIL] = until
+    state[X], state[Y], state[YAW] = pose
+    if count < len(work.rows):
+        work.rows[count] = 2 * a + foot
+        work.shares[count] = share
+        for k in range(COLUMNS):
+            work.events[count, k] = state[k]
+    return count + 1
+
+
+@helper
+def _release(work, a, foot, node, frame, moved, share, count):
+    """Let what moved a foot fade from ``frame`` of a node until it lands."""
+    row = work.table.node_first[node] + int(frame)
+    until = min(float(work.feet.landings[row, foot]), frame + LONGEST_FADE)
+    mode = FREE if abs(moved[0]) + abs(moved[1]) + abs(moved[2]) < 1e-9 else FADES
+    return _set(work, a, foot, mode, node, frame, until, moved, share, count)
+
+
+@helper
+def _play(work, a, node, previous, begin, end, early, late, count):
+    """Note what the feet do while a body plays frames ``begin`` to ``end`` of a node between two shares of the step."""
+    table, feet = work.table, work.feet
+    first = table.node_first[node]
+    for frame in range(int(begin) + 1, min(int(end), table.node_frames[node] - 1) + 1):
+        for foot in range(2):
+            stood, stands = feet.stands[first + frame - 1, foot], feet.stands[first + frame, foot]
+            if stood == stands:
+                continue
+            share = early + (late - early) * (frame - begin) / max(end - begin, 1e-9)
+            _pose(work, a, node, previous, float(frame), share)
+            place = _place(work, foot)
+            moved = correction(table, feet, work.states[a, foot], node, float(frame), foot, place, work.spans)
+            if stands:
+                pose = (place[0] + moved[0], place[1] + moved[1], place[2] + moved[2])
+                count = _set(work, a, foot, STANDS, node, float(frame), 0.0, pose, share, count)
+            else:
+                count = _release(work, a, foot, node, float(frame), moved, share, count)
+    return count
+
+
+@helper
+def _enter(work, a, node, previous, frame, share, shown, count):
+    """Go on in ``frame`` of the next node; ``shown`` are the places of both feet at the end of the last one."""
+    row = work.table.node_first[node] + int(frame)
+    _pose(work, a, node, previous, frame, share)
+    for foot in range(2):
+        if work.feet.stands[row, foot]:
+            count = _set(work, a, foot, STANDS, node, frame, 0.0, shown[foot], share, count)
+        else:
+            place = _place(work, foot)
+            x, y = (
+                shorter_way(shown[foot][0] - place[0], work.spans[0]),
+                shorter_way(shown[foot][1] - place[1], work.spans[1]),
+            )
+            count = _release(work, a, foot, node, frame, (x, y, wrap_angle(shown[foot][2] - place[2])), share, count)
+    return count
+
+
+@helper
+def _shown(work, a, node, frame, foot):
+    """Return the place of a foot as shown of the body posed last, which plays a frame of a node."""
+    place = _place(work, foot)
+    x, y, yaw = correction(work.table, work.feet, work.states[a, foot], node, frame, foot, place, work.spans)
+    return place[0] + x, place[1] + y, place[2] + yaw
+
+
+@helper
+def _appear(work, a, node, previous, frame, count):
+    """Begin with a body that has just come: it stands where its clip has it."""
+    row = work.table.node_first[node] + int(frame)
+    _pose(work, a, node, previous, frame, 1.0)
+    for foot in range(2):
+        mode = STANDS if work.feet.stands[row, foot] else FREE
+        count = _set(work, a, foot, mode, node, frame, 0.0, _place(work, foot), 1.0, count)
+    return count
+
+
+@kernel
+def follow_feet(work):
+    """Follow the feet of all bodies over one step, as :func:`crowdsim.recording.between.frame_between` shows it.
+
+    work: :class:`crowdsim.motion.planted.follow_feet.Step`. Its states change, and each change is noted in order;
+    return the number of changes, of which those beyond the length of its arrays are not noted.
+    """
+    count = 0
+    table = work.table
+    for a in range(len(work.new_node)):
+        node, frame, previous = work.new_node[a], work.new_frame[a], work.new_previous[a]
+        if node < 0:
+            for foot in range(2):
+                work.states[a, foot, MODE] = FREE
+            continue
+        old, since, before = work.old_node[a], work.old_frame[a], work.old_previous[a]
+        if old < 0:
+            count = _appear(work, a, node, previous, frame, count)
+            continue
+        if old == node and frame >= since:
+            count = _play(work, a, node, previous, since, frame, 0.0, 1.0, count)
+            continue
+        # The last node ends within the step, or was left before its end.
+        last = float(table.node_frames[old])
+        advance = last - since + frame
+        begin, share, end = 0.0, 1.0, last
+        if 2.0 * advance <= 3.0 * work.natural:
+            share = (last - since) / advance if advance > 0.0 else 1.0
+        else:
+            begin, end = frame, min(since + work.natural, last)
+        count = _play(work, a, old, before, since, end, 0.0, share, count)
+        _pose(work, a, old, before, end, share)
+        shown = (_shown(work, a, old, end, 0), _shown(work, a, old, end, 1))
+        count = _enter(work, a, node, previous, begin, share, shown, count)
+        count = _play(work, a, node, previous, begin, frame, share, 1.0, count)
+    return count

@@ -1,0 +1,126 @@
+"""Planted feet of captured bodies at any time of a recording, from the nodes that they have played until then."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion.graph.pose_table import PoseTable
+from crowdsim.motion.planted.follow_feet import FollowedFeet, Played
+from crowdsim.motion.planted.pin_kernels import COLUMNS, NODE, SINCE
+from crowdsim.motion.planted.planted_rows import FootTable, foot_table
+from crowdsim.recording.columns import RecordedPoses
+from crowdsim.recording.header import MotionRecord, RecordedFrame, RecordingHeader
+from crowdsim.recording.levels import Level, levels_of
+
+_STEPS_AT_ONCE = 256
+_TICKS = 1_000_000
+"""Units per second in which times of changes are compared."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def pose_table_of(motion: MotionRecord) -> PoseTable:
+    """Return the poses of all nodes, as :func:`crowdsim.motion.graph.pose_kernels.pose_joints` takes them."""
+    return PoseTable(
+        parents=np.ascontiguousarray(motion.skeleton.parents, np.int32),
+        offsets=np.ascontiguousarray(motion.skeleton.offsets, np.float32),
+        node_first=np.ascontiguousarray(motion.node_first, np.int32),
+        node_frames=np.ascontiguousarray(motion.node_frames, np.int32),
+        pool_root=np.ascontiguousarray(motion.pool_root, np.float32),
+        pool_rotations=np.ascontiguousarray(motion.pool_rotations, np.float32),
+    )
+
+
+def feet_of_nodes(header: RecordingHeader, table: PoseTable) -> FootTable | None:
+    """Return places and stances of the feet in all nodes; None for older recordings, which do not tell them."""
+    motion = header.motion
+    if not len(motion.pool_tracks):
+        return None
+    return foot_table(table, motion.skeleton, motion.pool_tracks.astype(np.float64))
+
+
+def spans_of(header: RecordingHeader) -> Floats:
+    """Return the lengths (2,) of a periodic floor along x and y [m], 0 without ends."""
+    spans = np.zeros(2)
+    if header.ends is not None:
+        spans[header.ends.axis] = header.ends.high - header.ends.low
+    return spans
+
+
+def played_in(frame: RecordedFrame) -> Played:
+    """Return what the bodies of one step play; only captured bodies play nodes."""
+    captured = levels_of(frame.state, frame.node, frame.phase) == Level.CAPTURED
+    return Played(
+        np.where(captured, frame.node, -1).astype(np.int32),
+        np.asarray(frame.previous, np.int32),
+        np.asarray(frame.frame, np.float64),
+        np.stack([frame.x, frame.y, frame.heading], axis=1).astype(np.float64),
+    )
+
+
+class PlantedFeet:
+    """All changes of the feet of a recording, by foot and time.
+
+    Each step is followed once, from the first on: where a foot stands may have begun long before a time asked for.
+    """
+
+    def __init__(self, recording: RecordedPoses, feet: FootTable) -> None:
+        self._recording = recording
+        followed = FollowedFeet(
+            recording.pose_table, feet, recording.agent_count, recording.steps_per_second, spans_of(recording.header)
+        )
+        rows, ticks, events = [], [], []
+        for step, frame in enumerate(_frames(recording)):
+            row, share, state = followed.add(played_in(frame))
+            rows.append(row)
+            ticks.append(_ticks((step - 1.0 + share) / recording.steps_per_second))
+            events.append(state)
+        row, tick, event = np.concatenate(rows), np.concatenate(ticks), np.concatenate(events)
+        self._most = int(tick.max(initial=0)) + 2
+        key = row * self._most + tick
+        order = np.argsort(key, kind="stable")
+        self._keys, self._rows, self._events = key[order], row[order], event[order]
+
+    def changes_of(self, agent: int, foot: int) -> tuple[Floats, Floats]:
+        """Return the times (c,) [s] and states (c, COLUMNS) of all changes of a foot, in order."""
+        row = 2 * agent + foot
+        first, end = np.searchsorted(self._rows, (row, row + 1))
+        return (self._keys[first:end] - row * self._most) / _TICKS, self._events[first:end]
+
+    def states_at(self, time: float, agents: Ints, node: NDArray[np.int32], frame: Floats) -> Floats:
+        """Return the states (n, 2, COLUMNS) of the feet of ``agents`` (n,), which play ``frame`` of ``node``."""
+        states = np.zeros((len(agents), 2, COLUMNS))
+        if not len(self._keys):
+            return states
+        tick = min(int(_ticks(time)), self._most - 1)
+        for foot in (0, 1):
+            row = 2 * agents + foot
+            last = np.searchsorted(self._keys, row * self._most + tick, side="right") - 1
+            missing = np.ones(len(agents), bool)
+            # Rounding may put a change just before or behind the time: it holds in its own node only.
+            for number in (last, last - 1, last + 1):
+                place = np.clip(number, 0, len(self._keys) - 1)
+                found = self._events[place]
+                fits = missing & (number == place) & (self._rows[place] == row) & (found[:, NODE] == node)
+                fits &= found[:, SINCE] <= frame + 1e-3
+                states[fits, foot] = found[fits]
+                missing &= ~fits
+        return states
+
+
+def _ticks(times: Floats | float) -> Ints:
+    ticks: Ints = np.rint(np.asarray(times) * _TICKS).astype(np.int64)
+    return ticks
+
+
+def _frames(recording: RecordedPoses) -> Iterator[RecordedFrame]:
+    """Yield all steps, read some at once."""
+    columns = [getattr(recording, name) for name in RecordedFrame._fields]
+    for first in range(0, recording.steps, _STEPS_AT_ONCE):
+        rows = [column[first : first + _STEPS_AT_ONCE] for column in columns]
+        for values in zip(*rows, strict=True):
+            yield RecordedFrame(*values)
