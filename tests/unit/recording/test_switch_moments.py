@@ -43,9 +43,9 @@ def test_bodies_are_shown_as_steered_between_the_moment_and_the_step(recording):
         for row in range(min(step, shown), max(step, shown)):
             assert recording.levels[row][agent] == Level.CAPTURED
             assert agent in found.steer_in_playback(row)
-            assert recording._shown_levels(row)[agent] == Level.STEERED
-        assert recording._shown_levels(shown)[agent] == (Level.STEERED if steered else Level.CAPTURED)
-        assert recording._shown_levels(shown - 1)[agent] == (Level.CAPTURED if steered else Level.STEERED)
+            assert recording.shown_levels(row)[agent] == Level.STEERED
+        assert recording.shown_levels(shown)[agent] == (Level.STEERED if steered else Level.CAPTURED)
+        assert recording.shown_levels(shown - 1)[agent] == (Level.CAPTURED if steered else Level.STEERED)
 
 
 def test_a_short_captured_time_is_shown_as_steered(tmp_path):
@@ -56,7 +56,7 @@ def test_a_short_captured_time_is_shown_as_steered(tmp_path):
             steps, shown = found.steps[found.agents == agent], found.shown[found.agents == agent]
             assert steps[2] - steps[1] < 18
             assert steps[1] <= shown[1] == shown[2] < steps[2]
-            assert all(recording._shown_levels(row)[agent] == Level.STEERED for row in range(steps[0], steps[3]))
+            assert all(recording.shown_levels(row)[agent] == Level.STEERED for row in range(steps[0], steps[3]))
             # The bodies of both steered times stand on nearly the same places.
             old, new = (recording.poses_at(shown[1] / 10.0 + late, [agent])[0][0] for late in (-1e-5, 0.0))
             assert np.linalg.norm(new - old, axis=-1).max() < 1e-3
