@@ -194,7 +194,7 @@ class SwitchBlends:
         if step > 0:
             earlier = recording.at_step(step - 1)
             before = before & (earlier.node[agents] != NONE) & (earlier.state[agents] != AgentState.ABSENT)
-        before = before & (step > 0) | (step + 1 == recording.steps)
+        before = (before & (step > 0)) | (step + 1 == recording.steps)
         lapses = np.where(before, -1.0, 1.0) / CAPTURE_RATE
         bodies = []
         for seconds in (np.zeros(len(agents)), lapses):

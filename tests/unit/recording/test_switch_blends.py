@@ -165,8 +165,10 @@ def test_switches_that_follow_at_once_go_on_from_each_other(tmp_path):
         through = joints(recording, times)
         with without_blends():
             alone = joints(recording, times)
-    # No joint goes farther than the farthest on one of the levels alone.
-    assert np.abs(np.diff(through, axis=0)).max() < np.abs(np.diff(alone, axis=0)).max()
+    # In 0.21 s, no joint goes 5 cm farther than that joint does on the levels alone, nor farther than any does there.
+    farthest, own = (np.abs(np.diff(each, axis=0)).max(axis=(0, 1, 3)) for each in (through, alone))
+    assert (farthest < own + 0.05).all()
+    assert farthest.max() < own.max()
     with Recording.open(tmp_path / "often.h5") as recording:
         np.testing.assert_array_equal(joints(recording, times[::-5])[::-1], through[::-5][::-1])
 
