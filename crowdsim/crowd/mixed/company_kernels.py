@@ -5,7 +5,7 @@ import math
 from crowdsim.jit import kernel
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL
-from crowdsim.steering.wall_kernels import distance_at
+from crowdsim.steering.wall_kernels import distance_at, is_lane, is_lane_behind
 
 _SLOWEST = 0.15
 """Relative speed below which two characters do not approach each other [m/s]."""
@@ -18,7 +18,7 @@ _SAME_WAY = 0.3
 
 
 @kernel
-def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, confined, soon, soon_wide):
+def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, confined, in_lane, soon, soon_wide):
     """For each character, count the others near it, and predict when another one passes close by.
 
     The prediction takes both to keep their velocities. It leaves out others behind the character.
@@ -29,23 +29,30 @@ def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, c
         Characters, sorted by the cells of ``frame``; ``starts`` has the first row of each cell.
     order : (n,) int32
         Number of the character of each row.
-    walls : Walls
-        Walls of the place.
+    walls : (Walls, Walls)
+        Walls for the legs and for the torso.
+    lane : (float, float)
+        Width between torso walls below which they form a lane, and length for which the lane must have gone on behind
+        a character [m].
     reach : (float, float)
         Others within the first distance are counted, others within the second are looked at [m].
-    narrow, wide : float
-        Distances between centers at closest approach [m].
+    closest : (float, float)
+        Distances between centers at closest approach, the narrower first [m].
     near : (n,) int64
         Gets the number of others counted, by character as all outputs.
     confined : (n,) bool
         Gets True if a wall leaves no room to pass.
+    in_lane : (n,) bool
+        Gets True in a lane.
     soon : (n,) float64
-        Gets the time until the first closest approach within ``narrow`` [s], infinite if there is none. Others that go
-        the same way do not count, as they can be followed.
+        Gets the time until the first closest approach within the narrower distance [s], infinite if there is none.
+        Others that go the same way do not count, as they can be followed.
     soon_wide : (n,) float64
-        Gets the same for ``wide``; others that go the same way count.
+        Gets the same for the wider distance; others that go the same way count.
     """
     few, far = reach
+    narrow, wide = closest
+    lane_width, lane_length = lane
     cells = math.ceil(far / CELL)
     for me in range(len(rows)):
         mine = rows[me]
@@ -88,6 +95,11 @@ def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, c
                         first = min(first, time)
         # Outputs are ordered by character, as rows change their order with every step.
         near[order[me]] = count
-        confined[order[me]] = distance_at(walls, mine.x, mine.y) < _NO_ROOM
+        confined[order[me]] = distance_at(walls[0], mine.x, mine.y) < _NO_ROOM
+        in_lane[order[me]] = (
+            goes
+            and is_lane(walls[1], mine.x, mine.y, mine.ix, mine.iy, lane_width)
+            and is_lane_behind(walls[1], mine.x, mine.y, mine.ix, mine.iy, lane_width, lane_length)
+        )
         soon[order[me]] = first
         soon_wide[order[me]] = first_wide

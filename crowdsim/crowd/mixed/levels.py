@@ -44,8 +44,17 @@ BLOCKED_FOR = 0.3
 QUEUES_FOR = 12.0
 """The same for a character without room to pass others, which steering would hardly help [s]."""
 
+LANE = (0.9, 2.5)
+"""Width between walls below which a character is in a lane, and length that the lane must have had behind it [m]."""
+
+SLOW = 0.5
+"""Share of its own speed below which a character in a lane counts as slow."""
+
+SLOW_OVER = 3.0
+"""Time over which its speed is averaged for that [s]."""
+
 STAYS_FOR = 2.0
-"""Least time on a level before a character goes back [s]."""
+"""Least time on a level, and after the end of a lane in which it was slow, before a character goes back [s]."""
 
 FAVORED = 1.0
 """The same in areas in which the scenario favors captured motion [s]."""
@@ -80,6 +89,9 @@ class Levels:
         """(n,) others within NEAR, for characters in the world; see :func:`find_company`, also for ``confined`` and
         ``soon``."""
         self.confined, self.soon = np.zeros(count, np.bool_), np.full(count, np.inf)
+        self._in_lane, self._lane_step = np.zeros(count, np.bool_), np.zeros(count, np.int64)
+        self._slow = np.zeros(count, np.bool_)
+        self._mean_speeds = self._speeds.copy()
 
     def keep_paces(self, natural_speed: float) -> None:
         """Let characters with a prescribed speed steer for good if no captured motion is as fast.
@@ -95,18 +107,33 @@ class Levels:
         self._paced[agents] = self._auto[agents]
         self.keep_paces(natural_speed)
 
-    def look_around(self, crowd: SortedCrowd, walls: Walls, step: int) -> None:
-        """Find the company of all characters in the world, sorted by cells, between ``walls``."""
+    def look_around(self, crowd: SortedCrowd, walls: tuple[Walls, Walls], step: int) -> None:
+        """Find the company of all characters in the world, sorted by cells, between the walls for legs and torso."""
         count = len(crowd.rows)
-        near, confined = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-        soon, wide = np.empty(count), np.empty(count)
+        near, soon, wide = np.zeros(count, np.int64), np.empty(count), np.empty(count)
+        confined, in_lane = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
         everybody = (crowd.rows, crowd.starts, crowd.frame, crowd.order)
-        find_company(*everybody, walls, (NEAR, SEEN), MEETS, PASSES, near, confined, soon, wide)
+        find_company(*everybody, walls, LANE, (NEAR, SEEN), (MEETS, PASSES), near, confined, in_lane, soon, wide)
         agents = np.empty(count, np.int64)
         agents[crowd.order] = crowd.rows["id"]
         self.near[agents], self.confined[agents], self.soon[agents] = near, confined, soon
+        self._in_lane[agents], self._lane_step[agents[in_lane]] = in_lane, step
+        self._slow[agents] &= step - self._lane_step[agents] < STAYS_FOR * STEERING_RATE
         calm = (near <= EASED) & (wide > CALM_FOR)
         self._calm_since[agents[~calm]] = step
+
+    def follow_speeds(self, agents: NDArray[np.int64], speeds: Floats, ahead: Bools) -> None:
+        """Average the speeds (k,) [m/s] of captured characters, and note which are slow in a lane, until it ends.
+
+        ``ahead`` (k,) is True for those that face ahead, as sideways everybody is slow. Captured motion stops in tight
+        bends, where steering does not.
+        """
+        means = self._mean_speeds[agents]
+        means += (speeds - means) / (SLOW_OVER * STEERING_RATE)
+        slow = self._in_lane[agents] & ahead & (means < SLOW * self._speeds[agents])
+        self._slow[agents[slow]] = True
+        # A slow character begins a new average when it is captured again.
+        self._mean_speeds[agents] = np.where(slow, self._speeds[agents], means)
 
     def is_favored(self, places: Floats) -> Bools:
         """Return which positions (k, 2) [m] are in the area in which the scenario favors captured motion."""
@@ -120,10 +147,11 @@ class Levels:
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
         refused = blocked >= np.where(self.confined[agents], QUEUES_FOR, BLOCKED_FOR)
         too_fast = ~self.may_capture[agents]
-        return np.asarray(self.may_steer[agents] & (too_fast | refused | (met & ~self.is_favored(places))))
+        anywhere = too_fast | refused | self._slow[agents]
+        return np.asarray(self.may_steer[agents] & (anywhere | (met & ~self.is_favored(places))))
 
     def capture(self, agents: NDArray[np.int64], places: Floats, step: int) -> Bools:
         """Return which of some steered characters may go back to captured motion."""
         stays = np.where(self.is_favored(places), FAVORED, STAYS_FOR) * STEERING_RATE
         since = np.maximum(self.changed[agents], self._calm_since[agents])
-        return np.asarray(self.may_capture[agents] & (step - since >= stays))
+        return np.asarray(self.may_capture[agents] & (step - since >= stays) & ~self._slow[agents])

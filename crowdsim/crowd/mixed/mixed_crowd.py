@@ -29,6 +29,7 @@ from crowdsim.crowd.state.timelines import StandingBodies
 from crowdsim.crowd.steered.steered_crowd import LEG_RADIUS, LOST_SECONDS, SteeredCrowd
 from crowdsim.crowd.systems.spawn import NO_MOTION
 from crowdsim.ecs.world import View
+from crowdsim.geometry.elementary import hypot
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
 from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.people.arrivals import NEVER
@@ -75,6 +76,7 @@ class MixedCrowd:
         aims = Aims(scenario, self.steered.errands, self.steered.place.guidance)
         self.switches = Switches(self.captured, self.steered, self.levels, aims)
         self.levels.keep_paces(self.switches.natural_speed)
+        self._walks_ahead = self.captured.assets.breadths[:, 1] == 0.0
         self.hash = 0
         self._before = np.full((self.count, 2), np.nan)
         self._stands_since = np.zeros(self.count, np.int64)
@@ -165,10 +167,13 @@ class MixedCrowd:
         # Captured characters that meet others begin to steer; their reservations are released.
         others = self._others(view)
         everybody = steered.steering.sort(self._with_steered(others), steered.place.bounds)
-        self.levels.look_around(everybody, steered.steering.walls[0], self.step_count)
-        wanted = self.levels.steer(view.agent.astype(np.int64), view.pose[:, :2], self._refused(view))
-        wanted &= self._walks(view)
-        if self.switches.to_steered(view, wanted, self._velocities(view), others):
+        legs, torso, _ = steered.steering.walls
+        self.levels.look_around(everybody, (legs, torso), self.step_count)
+        agents, velocities, walks = view.agent.astype(np.int64), self._velocities(view), self._walks(view)
+        speeds, ahead = hypot(*velocities.T), self._walks_ahead[view.behavior]
+        self.levels.follow_speeds(agents[walks], speeds[walks], ahead[walks])
+        wanted = walks & self.levels.steer(agents, view.pose[:, :2], self._refused(view))
+        if self.switches.to_steered(view, wanted, velocities, others):
             captured.world.apply_changes()
             steered.world.apply_changes()
 

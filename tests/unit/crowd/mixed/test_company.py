@@ -9,11 +9,13 @@ from crowdsim.crowd.mixed.company_kernels import find_company
 from crowdsim.crowd.mixed.levels import (
     BLOCKED_FOR,
     CROWDED,
+    LANE,
     MEETS,
     NEAR,
     PASSES,
     QUEUES_FOR,
     SEEN,
+    SLOW_OVER,
     STAYS_FOR,
     Levels,
 )
@@ -25,6 +27,7 @@ from tests.reference.mixed_crowd import company
 from tests.support.steered import agents
 
 NO_WALLS = build_walls([])
+OPEN = (NO_WALLS, NO_WALLS)
 GROUPS = """\
 crowdsim: 1
 name: groups
@@ -40,7 +43,7 @@ captured_near: {point: [3, 3], radius: 1}
 
 
 def sorted_crowd(state):
-    with Steering(NO_WALLS, NO_WALLS, leg_radius=0.125) as steering:
+    with Steering(*OPEN, leg_radius=0.125) as steering:
         return steering.sort(state)
 
 
@@ -62,11 +65,14 @@ def test_company_is_what_the_twin_finds(seed):
     velocities = rng.normal(0.0, 1.0, (count, 2)) * (rng.random((count, 1)) < 0.8)
     state = walkers(rng.uniform(0.0, 14.0, (count, 2)), velocities)
     crowd = sorted_crowd(state)
-    near, confined = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-    soon, wide = np.empty(count), np.empty(count)
+    near, soon, wide = np.zeros(count, np.int64), np.empty(count), np.empty(count)
+    confined, in_lane = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     walls = build_walls([[-1.0, 5.0, 15.0, 5.0]])
     everybody = (crowd.rows, crowd.starts, crowd.frame, crowd.order)
-    find_company(*everybody, walls, (NEAR, SEEN), MEETS, PASSES, near, confined, soon, wide)
+    find_company(
+        *everybody, (walls, NO_WALLS), LANE, (NEAR, SEEN), (MEETS, PASSES), near, confined, in_lane, soon, wide
+    )
+    assert not in_lane.any()
     for k, (others, first, first_wide) in enumerate(company(state, (NEAR, SEEN), MEETS, PASSES)):
         assert near[k] == others
         assert (
@@ -82,7 +88,7 @@ def levels_of(text=GROUPS):
 
 
 def look(levels, places, velocities, step=0):
-    levels.look_around(sorted_crowd(walkers(places, velocities)), NO_WALLS, step)
+    levels.look_around(sorted_crowd(walkers(places, velocities)), OPEN, step)
 
 
 APART = [[10.0, 9.0], [18.0, 1.0]]
@@ -121,7 +127,7 @@ def test_where_nobody_can_pass_characters_queue():
     places = [[10.0, 0.0], [12.0, 0.0]]
     corridor = build_walls([[0.0, -1.0, 20.0, -1.0], [0.0, 1.0, 20.0, 1.0]])
     crowd = sorted_crowd(walkers([*places, *APART], [[0.9, 0.0], [0.5, 0.0], *STILL]))
-    levels.look_around(crowd, corridor, 0)
+    levels.look_around(crowd, (corridor, NO_WALLS), 0)
     first, alone = np.array([0]), np.array(places[:1])
     assert not levels.steer(first, alone, np.array([QUEUES_FOR - 0.1])).any()
     assert levels.steer(first, alone, np.array([QUEUES_FOR])).all()
@@ -134,7 +140,7 @@ def test_a_crowd_steers():
     around = [[10.0 + 0.7 * math.cos(k), 5.0 + 0.7 * math.sin(k)] for k in range(CROWDED)]
     state = walkers([[10.0, 5.0], *around], np.zeros((CROWDED + 1, 2)))
     state["id"][1:] = 1
-    levels.look_around(sorted_crowd(state), NO_WALLS, 0)
+    levels.look_around(sorted_crowd(state), OPEN, 0)
     assert levels.steer(np.array([0]), np.array([[10.0, 5.0]]), np.zeros(1)).all()
 
 
@@ -148,3 +154,53 @@ def test_a_character_goes_back_only_after_a_while_of_calm():
     assert levels.capture(first, place, 40 + wait).all()
     levels.changed[0] = 40 + wait
     assert not levels.capture(first, place, 40 + 2 * wait - 1).any()
+
+
+def in_a_lane(levels, x, step=0, half=0.4):
+    """Let the first of four walk at ``x`` in a lane from 0 to 10 m, twice ``half`` wide; the others stand apart."""
+    walls = build_walls([[0.0, -half, 10.0, -half], [0.0, half, 10.0, half]])
+    crowd = sorted_crowd(walkers([[x, 0.0], [15.0, 3.0], *APART], [[0.4, 0.0], [0.0, 0.0], *STILL]))
+    levels.look_around(crowd, (NO_WALLS, walls), step)
+
+
+FIRST = np.array([0])
+
+
+def walk_slowly(levels, seconds, facing=True):
+    for _ in range(int(seconds * 10)):
+        levels.follow_speeds(FIRST, np.array([0.1]), np.array([facing]))
+
+
+@pytest.mark.parametrize(("x", "half", "steers"), [(5.0, 0.4, True), (1.5, 0.4, False), (5.0, 0.5, False)])
+def test_the_slow_steer_in_a_lane_that_began_well_behind_them(x, half, steers):
+    levels, place = levels_of(), np.array([[x, 0.0]])
+    in_a_lane(levels, x, half=half)
+    walk_slowly(levels, 0.1)
+    assert not levels.steer(FIRST, place, np.zeros(1)).any(), "a moment is not enough"
+    walk_slowly(levels, 2.0 * SLOW_OVER)
+    assert levels.steer(FIRST, place, np.zeros(1)).any() == steers
+
+
+def test_who_walks_at_its_own_speed_or_sideways_is_not_slow():
+    levels, place = levels_of(), np.array([[5.0, 0.0]])
+    in_a_lane(levels, 5.0)
+    walk_slowly(levels, 2.0 * SLOW_OVER, facing=False)
+    assert not levels.steer(FIRST, place, np.zeros(1)).any()
+    levels = levels_of()
+    in_a_lane(levels, 5.0)
+    for _ in range(100):
+        levels.follow_speeds(FIRST, np.array([1.0]), np.array([True]))
+    assert not levels.steer(FIRST, place, np.zeros(1)).any()
+
+
+def test_the_slow_go_back_a_while_after_the_end_of_the_lane():
+    levels = levels_of()
+    in_a_lane(levels, 5.0)
+    walk_slowly(levels, 2.0 * SLOW_OVER)
+    for step in range(1, 100):
+        in_a_lane(levels, 5.0, step)
+        assert not levels.capture(FIRST, np.array([[5.0, 0.0]]), step).any()
+    wait = int(STAYS_FOR * 10)
+    for step in range(100, 100 + wait):
+        in_a_lane(levels, 12.0, step)
+        assert levels.capture(FIRST, np.array([[12.0, 0.0]]), step).any() == (step == 99 + wait)
