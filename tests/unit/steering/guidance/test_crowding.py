@@ -128,8 +128,9 @@ def test_people_go_around_others_at_an_open_corner_but_not_before_a_door():
     door = shapely.box(0.0, 0.0, 20.0, 16.0).difference(shapely.box(10.0, -1.0, 10.3, 17.0))
     door = door.union(shapely.box(9.0, 7.4, 11.0, 8.6))
     waiting = np.stack(np.meshgrid(np.arange(0.0, 2.0, 0.4), np.arange(0.0, 2.0, 0.4)), axis=-1).reshape(-1, 2)
+    more = np.stack(np.meshgrid(np.arange(0.0, 3.0, 0.35), np.arange(0.0, 3.0, 0.35)), axis=-1).reshape(-1, 2)
     for area, jam, goal, comes, changes in (
-        (bend, waiting + [12.1, 7.0], shapely.box(12.0, 15.0, 20.0, 16.0), [4.0, 2.0], 1),
+        (bend, more + [12.1, 7.0], shapely.box(12.0, 15.0, 20.0, 16.0), [4.0, 2.0], 1),
         (door, waiting + [8.2, 7.2], shapely.box(19.0, 0.0, 20.0, 16.0), [4.0, 9.0], 0),
     ):
         ground = ground_of([area, area])
