@@ -40,7 +40,7 @@ class Weighing(NamedTuple):
     share: float = 0.6
     """An agent changes to a path that costs less than this share of its present one. A low share means: to another
     door, not around others who wait for the same door."""
-    around: float = 0.75
+    around: float = 0.8
     """The same for a path out of the crowd, which may save less: around an open corner, agents use the free width."""
     jam: float = 0.2
     """A path leads out of the crowd if the crowd's part of its cost is below this share of that of the present path."""
