@@ -102,7 +102,7 @@ def measure_behaviors(tracks: Tracks, places: Places) -> Result:
     moving = table[table["speed"] >= 0.0]
     positions = moving[["x", "y"]].to_numpy()
     where = {"whole floor": np.ones(len(moving), np.bool_)}
-    where |= {area: shapely.contains_xy(shape, positions) for area, shape in places.areas.items()}
+    where |= {area: shapely.contains_xy(place.shape, positions) for area, place in places.areas.items()}
     values: dict[str, Any] = {}
     rows = []
     for place, inside in where.items():

@@ -85,7 +85,10 @@ def measure_areas(tracks: Tracks, places: Places, voronoi_rate: float = VORONOI_
     part = pedpy.TrajectoryData(rows[["id", "frame", "x", "y"]].reset_index(drop=True), frame_rate=float(tracks.rate))
     speeds = tracks.speeds.merge(rows[["id", "frame"]], on=["id", "frame"])
     cells = _cells(tracks, part)
-    parts = [_measure(name, area, tracks, part, speeds, cells) for name, area in usable.items()]
+    parts = []
+    for name, area in usable.items():
+        table = _measure(name, area, tracks, part, speeds, cells)
+        parts.append(table[places.areas[name].during(table["time"].to_numpy())])
     return Measured(pandas.concat(parts, ignore_index=True), len(frames), (*sentences,))
 
 
@@ -93,7 +96,10 @@ def _usable(tracks: Tracks, places: Places) -> tuple[dict[str, pedpy.Measurement
     """Return the areas that PedPy takes, and sentences on others and on those that walls or obstacles fill in part."""
     usable, sentences = {}, []
     free = tracks.recording.walkable()
-    for name, area in places.areas.items():
+    for name, place in places.areas.items():
+        area = place.shape
+        if place.told:
+            sentences.append(f"{name} is measured{place.told}.")
         # A circle is a polygon of many corners, whose last bits are not convex.
         hull = area.convex_hull
         if hull.area - area.area > 1e-6 * area.area:

@@ -63,9 +63,9 @@ def outline(axes: Axes, walkable: shapely.Geometry, places: Places) -> None:
     """Draw the outline of the free floor, areas and lines."""
     fill(axes, walkable, facecolor="none", edgecolor=EDGE, linewidth=0.8)
     for area in places.areas.values():
-        fill(axes, area, facecolor="none", edgecolor=COLORS[1], linewidth=1.2, linestyle="--")
+        fill(axes, area.shape, facecolor="none", edgecolor=COLORS[1], linewidth=1.2, linestyle="--")
     for line in places.lines.values():
-        axes.plot(*shapely.get_coordinates(line).T, color=COLORS[1], linewidth=2.0)
+        axes.plot(*shapely.get_coordinates(line.shape).T, color=COLORS[1], linewidth=2.0)
 
 
 def legend(axes: Axes) -> None:

@@ -31,8 +31,10 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
         return Result(name, title, {}, ("There is no line: name one under `lines` of the scenario or by --line.",))
     values: dict[str, Any] = {}
     sentences, parts, intervals = [], [], {}
-    for line_name, line in places.lines.items():
+    for line_name, place in places.lines.items():
+        line = place.shape
         crossings = crossing_frames(tracks, line)
+        crossings = crossings[place.during(tracks.time(crossings["frame"].to_numpy()))]
         times = tracks.time(crossings["frame"].to_numpy())
         width = _free_width(tracks, line)
         band = flow_band(width)
@@ -47,7 +49,7 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
             "flow_per_m": flow / width if flow is not None and width > 0.0 else None,
             "measured_flow_per_m": None if band is None else {**band._asdict(), "source": FLOW_SOURCE},
         }
-        sentences.append(_sentence(line_name, values[line_name], band))
+        sentences.append(_sentence(f"{line_name}{place.told}", values[line_name], band))
         passed = np.arange(1, len(times) + 1)
         parts.append(
             pandas.DataFrame({"line": line_name, "agent": _agents(tracks, crossings), "time": times, "passed": passed})

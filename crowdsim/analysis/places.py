@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import shapely
 from shapely import LineString, Polygon
 
-from crowdsim.analysis.results import Places
+from crowdsim.analysis.results import Place, Places
 from crowdsim.errors import CrowdSimError
-from crowdsim.recording.header import RecordingHeader
+from crowdsim.recording.header import RecordingHeader, ShapeRecord
 
 _LEAST = 1e-3
 """Shortest line [m], and least size of an area [m2]."""
@@ -33,24 +33,26 @@ def places_of(header: RecordingHeader, lines: Sequence[str] = (), areas: Sequenc
         If a text is not of that form, or names a place that is there.
     """
     places = Places(
-        {record.name: shapely.from_wkt(record.shape) for record in header.areas},
-        {record.name: shapely.from_wkt(record.shape) for record in header.lines},
+        {record.name: _of_scenario(record) for record in header.areas},
+        {record.name: _of_scenario(record) for record in header.lines},
     )
     for text in areas:
         name, points = _read(text, "--area", places.areas)
-        places.areas[name] = _area(text, points)
+        places.areas[name] = Place(_area(text, points))
     for text in lines:
         name, points = _read(text, "--line", places.lines)
         line = LineString(points)
         if any(math.dist(*ends) < _LEAST for ends in itertools.pairwise(points)):
             raise CrowdSimError(f"--line {text}: two points lie on each other; give points that differ")
-        places.lines[name] = line
+        places.lines[name] = Place(line)
     return places
 
 
-def _read(
-    text: str, option: str, known: dict[str, Polygon] | dict[str, LineString]
-) -> tuple[str, list[tuple[float, float]]]:
+def _of_scenario(record: ShapeRecord) -> Place:
+    return Place(shapely.from_wkt(record.shape), record.start, record.end)
+
+
+def _read(text: str, option: str, known: dict[str, Place]) -> tuple[str, list[tuple[float, float]]]:
     name, equals, numbers = text.partition("=")
     name = name.strip()
     try:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import LineString, Polygon
 
 if TYPE_CHECKING:
@@ -14,11 +17,30 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+class Place(NamedTuple):
+    """A shape, and the times from and until which a run is measured there [s]."""
+
+    shape: Polygon | LineString
+    start: float = 0.0
+    end: float = math.inf
+
+    def during(self, times: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which times [s] count."""
+        return np.asarray((times >= self.start) & (times < self.end))
+
+    @property
+    def told(self) -> str:
+        """Return the times for readers; nothing if they are those of the whole run."""
+        if self.start <= 0.0 and self.end == math.inf:
+            return ""
+        return f" from {self.start:g} s on" if self.end == math.inf else f" from {self.start:g} to {self.end:g} s"
+
+
 class Places(NamedTuple):
     """Areas and lines at which a run is measured, by name."""
 
-    areas: dict[str, Polygon]
-    lines: dict[str, LineString]
+    areas: dict[str, Place]
+    lines: dict[str, Place]
 
 
 @dataclass(frozen=True)

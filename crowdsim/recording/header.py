@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -84,10 +85,12 @@ class MeshRecord:
 
 @dataclass(frozen=True)
 class ShapeRecord:
-    """A named area (POLYGON) or line (LINESTRING) of the scenario, as WKT."""
+    """A named area (POLYGON) or line (LINESTRING) of the scenario, as WKT, measured from ``start`` to ``end`` [s]."""
 
     name: str
     shape: str
+    start: float = 0.0
+    end: float = math.inf
 
 
 @dataclass(frozen=True)

@@ -92,6 +92,8 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
     for kind, shapes in (("area", header.areas), ("line", header.lines)):
         _write_strings(environment, f"{kind}_names", [shape.name for shape in shapes])
         _write_strings(environment, f"{kind}_shapes", [shape.shape for shape in shapes])
+        times = np.array([(shape.start, shape.end) for shape in shapes]).reshape(-1, 2)
+        _write_array(environment, f"{kind}_times", times, "float64")
 
     _write_strings(environment, "mesh_names", [mesh.name for mesh in header.meshes])
     _write_array(environment, "mesh_counts", [(len(m.points), len(m.triangles)) for m in header.meshes], "int64")
@@ -201,8 +203,13 @@ def _read_shapes(environment: h5py.Group, kind: str) -> tuple[ShapeRecord, ...]:
     """Return areas or lines; none if the file does not hold their shapes."""
     if f"{kind}_names" not in environment:
         return ()
-    rows = zip(_read_strings(environment, f"{kind}_names"), _read_strings(environment, f"{kind}_shapes"), strict=True)
-    return tuple(ShapeRecord(*row) for row in rows)
+    names, shapes = _read_strings(environment, f"{kind}_names"), _read_strings(environment, f"{kind}_shapes")
+    # Older files lack the times.
+    times = environment[f"{kind}_times"][:] if f"{kind}_times" in environment else [(0.0, np.inf)] * len(names)
+    return tuple(
+        ShapeRecord(name, shape, float(start), float(end))
+        for name, shape, (start, end) in zip(names, shapes, times, strict=True)
+    )
 
 
 def _read_ends(ends: NDArray[np.float64]) -> Ends:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -34,6 +35,7 @@ from crowdsim.scenario.people.attributes import draw_attributes
 from crowdsim.scenario.people.crowd_placement import CrowdPlacement
 from crowdsim.scenario.people.placement import Placement
 from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.schema.measured import Area, Line
 
 
 def record_header(
@@ -58,9 +60,14 @@ def record_header(
         motion=motion,
         ends=_ends_of(scenario),
         walkable=[layer.free.wkt for layer in environment.fixed_layers],
-        areas=[ShapeRecord(area.name, area.shape().wkt) for area in scenario.areas],
-        lines=[ShapeRecord(line.name, line.shape().wkt) for line in scenario.lines],
+        areas=[_shape_record(area) for area in scenario.areas],
+        lines=[_shape_record(line) for line in scenario.lines],
     )
+
+
+def _shape_record(place: Area | Line) -> ShapeRecord:
+    end = math.inf if place.until is None else place.until
+    return ShapeRecord(place.name, place.shape().wkt, place.start_time, end)
 
 
 def _ends_of(scenario: Scenario) -> Ends | None:

@@ -68,6 +68,28 @@ def test_passages_are_those_that_pedpy_finds_in_the_exported_file(analysis, expo
     assert found.values["across"]["flow_per_m"] == pytest.approx(32 / (times[-5] - times[4]) / 5.0)
 
 
+def test_lines_and_areas_count_within_their_times(analysis, tmp_path):
+    header = hall_header(40)
+    (area,), (line,) = header.areas, header.lines
+    later = replace(line, name="later", start=8.0, end=14.0)
+    header = replace(header, areas=(replace(area, start=8.0, end=14.0),), lines=(line, later))
+    with write_tracks(tmp_path / "run.h5", *random_walkers(40, 300), header=header) as recording:
+        assert (recording.header.lines[1].start, recording.header.lines[1].end) == (8.0, 14.0)
+        found = analyze(recording, only=("flow", "diagram"))
+    whole, times = result_of(analysis, "flow").table["time"], result_of(found, "flow").table
+    assert (times[times.line == "across"]["time"].to_numpy() == whole.to_numpy()).all()
+    expected = whole[(whole >= 8.0) & (whole < 14.0)]
+    assert 0 < len(expected) < 40
+    assert times[times.line == "later"]["time"].tolist() == expected.tolist()
+    whole = result_of(analysis, "diagram").table
+    expected = whole[(whole.time >= 8.0) & (whole.time < 14.0)]
+    assert 0 < len(expected) < len(whole)
+    pandas.testing.assert_frame_equal(
+        result_of(found, "diagram").table.reset_index(drop=True), expected.reset_index(drop=True)
+    )
+    assert any("from 8 to 14 s" in text for text in result_of(found, "diagram").sentences)
+
+
 def test_passages_in_the_text_file_are_the_same(recording, analysis, tmp_path):
     file = export(recording, tmp_path / "run.txt")
     trajectory = pedpy.load_trajectory_from_txt(trajectory_file=file)
