@@ -251,9 +251,9 @@ def draw_analysis(name: str, file: Path, recordings: Recordings) -> None:
 
 
 def neck_study(file: Path, recordings: Recordings) -> None:
-    """Sweep the width of the neck over five seeds, and draw flow over width beside what was measured on people."""
+    """Sweep the width of the neck over twenty seeds, and draw flow over width beside what was measured on people."""
     with tempfile.TemporaryDirectory() as folder:
-        points = points_of(str(NECK), "1-5", [f"{NECK_WIDTH}=0.8,1.0,1.2,1.6,2.0"])
+        points = points_of(str(NECK), "1-20", [f"{NECK_WIDTH}=0.8,1.0,1.2,1.6,2.0"])
         rows = sweep(points, Path(folder), jobs=2).rows
     figure = Figure(figsize=(7.2, 3.8), dpi=110, layout="constrained")
     axes = figure.subplots()
@@ -271,7 +271,7 @@ def neck_study(file: Path, recordings: Recordings) -> None:
     for point, outcome in rows:
         axes.plot(float(point.settings[0][1]), outcome.figures["lines.neck.flow"], ".", color="#d55e00", markersize=3.0)
     axes.errorbar(
-        at, flow, off, fmt="o-", color="#d55e00", capsize=3.0, label="crowdsim, mean of five seeds, 95 % band"
+        at, flow, off, fmt="o-", color="#d55e00", capsize=3.0, label="crowdsim, mean of twenty seeds, 95 % band"
     )
     axes.set(xlabel="width of the neck [m]", ylabel="flow [1/s]", xlim=(0.4, 2.3), ylim=(0.0, None))
     axes.spines[["top", "right"]].set_visible(False)
