@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import hypot
 from crowdsim.validate.observed import Observed
 
 Runs: TypeAlias = Mapping[str, Observed]
@@ -99,12 +100,13 @@ def uniform_delays(case: str, first: float, last: float, source: str) -> Criteri
     return judge
 
 
-def speeds_as_drawn(case: str, begin: str, end: str, way: float, tolerance: float, source: str) -> Criterion:
-    """Check that characters walk at their drawn speeds between two lines ``way`` [m] apart, within a tolerance."""
+def speeds_as_drawn(case: str, begin: str, end: str, tolerance: float, source: str) -> Criterion:
+    """Check that characters walk straight from one line to another at their drawn speeds, within a tolerance."""
 
     def judge(runs: Runs) -> list[Finding]:
         run = runs[case]
-        walked = way / (run.times_at(end) - run.times_at(begin))
+        ways = hypot(*(run.crossed[end] - run.crossed[begin]).T)
+        walked = ways / (run.times_at(end) - run.times_at(begin))
         off = np.abs(walked / run.speeds - 1.0)
         return [
             Finding("speed walked off that drawn, median", float(np.median(off)), "", 0.0, tolerance, source),

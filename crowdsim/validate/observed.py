@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary import hypot
 from crowdsim.recording.header import AgentState
-from crowdsim.recording.measured import Measured
+from crowdsim.recording.measured import Crossings, Measured
 from crowdsim.recording.reader import Recording
 from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.scenario import Scenario
@@ -43,6 +43,8 @@ class Observed(NamedTuple):
         Drawn walking speeds [m/s] and delays [s].
     starts : (n, 2) float64
         Start positions [m].
+    crossed : dict of str to (n, 2) float64
+        Position of each at its first crossing of a line [m]; nan for never.
     outside : int
         Number of positions, over all steps, that are not on the free floor.
     seconds : float
@@ -57,6 +59,7 @@ class Observed(NamedTuple):
     speeds: Floats
     delays: Floats
     starts: Floats
+    crossed: dict[str, Floats]
     outside: int
     seconds: float
 
@@ -67,10 +70,7 @@ class Observed(NamedTuple):
 
     def times_at(self, line: str, group: str | None = None) -> Floats:
         """Return (n,) when each character of a group (None: of all) first crossed a line [s]; nan for never."""
-        crossings = self.measured.lines[line]
-        times = np.full(len(self.groups), np.nan)
-        # In reverse order, so that the first crossing of each character overwrites later ones.
-        times[crossings.agent[::-1]] = crossings.time[::-1]
+        times = _first_times(self.measured.lines[line], len(self.groups))
         return times if group is None else times[np.array(self.groups) == group]
 
 
@@ -86,12 +86,20 @@ def observe(scenario: Scenario, recording: Recording, seconds: float) -> Observe
     shapely.prepare(free)
     set_out, left = np.full(cast.head_count, np.nan), np.full(cast.head_count, np.nan)
     outside, there = 0, np.zeros(cast.head_count, np.bool_)
+    crossed = {name: np.full((cast.head_count, 2), np.nan) for name in recording.measured.lines}
+    steps = {
+        name: rate * _first_times(line, cast.head_count).round(6) for name, line in recording.measured.lines.items()
+    }
     # Read many steps at once, as a file is slow to open for each.
     for begin in range(0, recording.steps, STEPS_AT_ONCE):
         end = min(begin + STEPS_AT_ONCE, recording.steps)
         x, y = (np.asarray(column[begin:end], np.float64) for column in (recording.x, recording.y))
         present = np.asarray(recording.state[begin:end]) != AgentState.ABSENT
         outside += int((~shapely.contains_xy(free, x[present], y[present])).sum())
+        for name, at in steps.items():
+            agents = np.flatnonzero((at >= begin) & (at < end))
+            rows = at[agents].astype(np.int64) - begin
+            crossed[name][agents] = np.column_stack((x[rows, agents], y[rows, agents]))
         far = present & (hypot(x - cast.starts[:, 0], y - cast.starts[:, 1]) >= SET_OUT)
         for k in range(end - begin):
             time = (begin + k) / rate
@@ -107,6 +115,15 @@ def observe(scenario: Scenario, recording: Recording, seconds: float) -> Observe
         speeds=cast.walkers.speeds,
         delays=cast.walkers.delays,
         starts=cast.starts,
+        crossed=crossed,
         outside=outside,
         seconds=seconds,
     )
+
+
+def _first_times(crossings: Crossings, count: int) -> Floats:
+    """Return (count,) when each character first crossed a line [s]; nan for never."""
+    times = np.full(count, np.nan)
+    # In reverse order, so that the first crossing of each character overwrites later ones.
+    times[crossings.agent[::-1]] = crossings.time[::-1]
+    return times

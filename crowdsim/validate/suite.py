@@ -206,7 +206,7 @@ TESTS = (
         "speeds of a population",
         f"{RIMEA}, test 7; IMO 7; NIST Verif.2.4",
         (Case("lanes", "rimea_07"),),
-        (criteria.speeds_as_drawn("lanes", "begin", "end", 40.0, 0.03, f"{RIMEA}, test 7; 3 % is ours"),),
+        (criteria.speeds_as_drawn("lanes", "begin", "end", 0.03, f"{RIMEA}, test 7; 3 % is ours"),),
         "Characters walk at the speeds that were drawn. They set out two seconds apart, so that few are held up.",
     ),
     Test(

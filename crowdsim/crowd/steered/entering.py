@@ -1,12 +1,16 @@
-"""Entry of steered characters: at their time, once their place is free."""
+"""Entry of steered characters: at their time, once their place is free; after a while at another place nearby."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
+from crowdsim.constants import STEERING_RATE
 from crowdsim.crowd.ranks.company import ALONE, Company
 from crowdsim.crowd.steered.components import NO_GOAL, Errand
 from crowdsim.crowd.steered.entering_kernels import ROOM, admit
@@ -24,11 +28,19 @@ from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.ways import NOBODY_ELSE, Others, clear_of, listed
 
+AWAITS_SECONDS = 10.0
+"""Time after which a character whose place is still taken tries others around it [s]: somebody may stay there."""
+
+_RADII = np.repeat([0.5, 1.0, 1.5, 2.0], 8)
+_TURNS = np.tile(np.arange(8), 4) * (np.pi / 4.0)
+_AROUND = np.column_stack((_RADII * cos(_TURNS), _RADII * sin(_TURNS)))
+"""Offsets of these others, (k, 2) [m]; one is tried in each step."""
+
 
 class Entering:
     """Let characters enter, those with the earliest time first.
 
-    A character whose place is taken tries again in the next step.
+    A character whose place is taken tries again in the next step, after AWAITS_SECONDS at others in its start region.
     """
 
     def __init__(
@@ -39,9 +51,10 @@ class Entering:
         exits: ExitChoice,
         errands: Errands,
         seam: Seam,
+        regions: Sequence[BaseGeometry],
         company: Company = ALONE,
     ) -> None:
-        self._company = company
+        self._company, self._regions = company, regions
         self._seam = seam
         self._world, self._place, self._cast, self._errands, self._exits = world, place, cast, errands, exits
         self.entered = np.full(cast.head_count, -1, np.int64)
@@ -71,17 +84,18 @@ class Entering:
         if not len(due):
             return
         due = due[np.argsort(cast.start_steps[due], kind="stable")]
-        coming = self._rows(due)
-        present = self._company.around(self._world.column("row"), cast.starts[due], 2.0 * self._broadest + ROOM)
+        places = self._places(due, step)
+        coming = self._rows(due, places)
+        present = self._company.around(self._world.column("row"), places, 2.0 * self._broadest + ROOM)
         sorted_crowd = steering.sort(self._seam.with_copies(present), self._place.bounds)
         crowd = (sorted_crowd.rows, sorted_crowd.starts, sorted_crowd.frame)
         ways = listed(others, sorted_crowd.frame, self._broadest + ROOM)
         clear = clear_of(ways, sorted_crowd.frame, coming, ROOM)
-        coming, due = coming[clear], due[clear]
+        coming, due, places = coming[clear], due[clear], places[clear]
         admitted = np.zeros(len(due), np.bool_)
         admit(coming, crowd, self._broadest, steering.walls, admitted)
         agents, rows = due[admitted], coming[admitted]
-        self.entered[agents] = step
+        self.entered[agents], cast.starts[agents] = step, places[admitted]
         go_step = step + cast.delay_steps[agents]
         stands = go_step > step
         goals = rows["goal"].astype(np.int32)
@@ -102,11 +116,23 @@ class Entering:
             anchor=place,
         )
 
-    def _rows(self, agents: NDArray[np.int64]) -> NDArray[Any]:
-        """Return the rows (ROW) of characters as they enter."""
+    def _places(self, agents: NDArray[np.int64], step: int) -> NDArray[np.float64]:
+        """Return where characters (k,) try to enter in this step, (k, 2) [m]."""
+        cast = self._cast
+        places = cast.starts[agents]
+        waited = step - cast.start_steps[agents] - round(AWAITS_SECONDS * STEERING_RATE)
+        for group in np.unique(cast.group[agents[waited >= 0]]).tolist():
+            rows = np.flatnonzero((waited >= 0) & (cast.group[agents] == group))
+            others = places[rows] + _AROUND[waited[rows] % len(_AROUND)]
+            inside = shapely.contains_xy(self._regions[group], *others.T)
+            places[rows[inside]] = others[inside]
+        return places
+
+    def _rows(self, agents: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[Any]:
+        """Return the rows (ROW) of characters as they enter at ``places`` (k, 2) [m]."""
         cast = self._cast
         rows = np.zeros(len(agents), ROW)
-        rows["x"], rows["y"] = cast.starts[agents].T
+        rows["x"], rows["y"] = places.T
         rows["radius"] = 0.5 * BODY_DEPTH
         rows["half"] = rows["rest"] = 0.5 * (cast.walkers.breadths[agents] - BODY_DEPTH)
         rows["speed"] = cast.walkers.speeds[agents]
@@ -116,7 +142,7 @@ class Entering:
         rows["id"] = agents
         self._place.guidance.write(rows, np.full(len(agents), PLAIN, np.int32))
         # A character without guidance faces its goal.
-        toward = self._errands.middles[rows["goal"]] - cast.starts[agents]
+        toward = self._errands.middles[rows["goal"]] - places
         guided = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)
         away = np.where(guided[:, None], np.column_stack((rows["gx"], rows["gy"])), toward)
         given = cast.headings[agents]

@@ -28,7 +28,7 @@ NEAR_GOAL = 0.5
 """Length to go below which it is tested whether the region is reached [m]."""
 
 GIVES_UP = 4.0
-"""Time stuck after which a character in the region of its goal stands where it is, instead of at its own spot [s]."""
+"""Time stuck after which a character in the region of its goal counts as standing, though it is off its spot [s]."""
 
 TAKES_SECONDS = 8.0
 """Time after which it does the same, plus twice the time of the free way to its spot [s]."""
@@ -247,12 +247,11 @@ class Errands:
         view.row["goal"][walks] = view.goal[walks]
 
     def _take_places(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
-        """Lead characters to their spots; those that are there, or come no nearer, turn and stand where they are."""
+        """Lead characters to their spots; those that are there, or come no nearer, turn and count as standing."""
         group = self._itinerary[view.agent[rows]]
         distance = self._lead(view, rows)
         is_there = distance <= self._within[group]
         gives_up = ~is_there & ((view.row["stuck"][rows] > GIVES_UP) | (view.go_step[rows] <= step))
-        view.stand[rows[gives_up]] = np.column_stack((view.row["x"], view.row["y"]))[rows[gives_up]]
         there = rows[is_there | gives_up]
         view.errand[there] = Errand.TURNS
         view.go_step[there] = step + round(TURN_SECONDS * self._rate)
@@ -273,13 +272,17 @@ class Errands:
         self._go_on(view, stops[~last])
 
     def _stand(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Let characters stand in their prescribed headings; one that was pushed off its spot for good walks back."""
+        """Let characters stand in their prescribed headings; one that stays, but off its spot, walks there.
+
+        It may have been pushed off, or have given up. It does not get stuck: so it gives way to all who do.
+        """
         self._stop(view, rows)
         at = rows[view.reached[rows] > 0]
         self._turn(view, at, self._asked(view, at, view.reached[at] - 1))
         stays = at[view.errand[at] == Errand.STAYS]
         away = hypot(*(view.stand[stays].T - np.array([view.row["x"][stays], view.row["y"][stays]]))) > PUSHED_OFF
         self._lead(view, stays[away])
+        view.row["stuck"][stays] = 0.0
 
     def _stop(self, view: View, rows: NDArray[np.int64]) -> None:
         """Remove the guidance of rows."""

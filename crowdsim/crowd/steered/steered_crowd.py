@@ -88,7 +88,10 @@ class SteeredCrowd:
         self.errands = Errands(self.cast, self.exits, STEERING_RATE)
         self.parties = Parties(self.cast.first, free, scenario.span, STEERING_RATE)
         self.seam = Seam(scenario, self.place.guidance)
-        self.entering = Entering(self.world, self.place, self.cast, self.exits, self.errands, self.seam, company)
+        regions = [group.start.shape() for group in scenario.agents]
+        self.entering = Entering(
+            self.world, self.place, self.cast, self.exits, self.errands, self.seam, regions, company
+        )
         self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
             behaviors,

@@ -32,6 +32,7 @@ def made_up(count: int = 3, **changes: Any) -> Observed:
         speeds=np.ones(count),
         delays=10.0 * numbers,
         starts=np.zeros((count, 2)),
+        crossed={},
         outside=0,
         seconds=1.0,
     )
@@ -91,11 +92,13 @@ def test_times_of_reaction_are_those_drawn() -> None:
 
 
 def test_speeds_walked_are_those_drawn() -> None:
-    test = criteria.speeds_as_drawn("run", "begin", "end", 40.0, 0.03, "x")
+    test = criteria.speeds_as_drawn("run", "begin", "end", 0.03, "x")
+    # The second one walks at an angle: 24 m along and 32 m across.
+    crossed = {"begin": np.zeros((3, 2)), "end": np.array([[40.0, 0.0], [24.0, 32.0], [40.0, 0.0]])}
     speeds = np.array([1.0, 2.0, 0.5])
     lines = {"begin": crossings([0.0, 1.0, 2.0]), "end": crossings([40.0, 21.0, 82.0])}
-    assert judged(test, run=made_up(lines=lines, speeds=speeds)) == [(0.0, True), (0.0, True)]
-    slow = judged(test, run=made_up(lines=lines, speeds=speeds * 1.1))
+    assert judged(test, run=made_up(lines=lines, speeds=speeds, crossed=crossed)) == [(0.0, True), (0.0, True)]
+    slow = judged(test, run=made_up(lines=lines, speeds=speeds * 1.1, crossed=crossed))
     assert [passed for _, passed in slow] == [False, False]
 
 

@@ -73,6 +73,19 @@ def test_a_run_is_observed_as_a_slow_look_at_its_recording_has_it(tmp_path: Path
     assert seen.last == seen.left.max() < 30.0
 
 
+def test_places_of_crossings_are_on_their_lines(tmp_path: Path) -> None:
+    scenario = load_scenario(FOLDER / "rimea_07.yaml", ["agents.0.locomotion=steered"])
+    with Simulation(scenario).run(tmp_path / "run.h5") as recording:
+        seen = observe(scenario, recording, 1.0)
+    for name, at in (("begin", 5.0), ("end", 45.0)):
+        places = seen.crossed[name]
+        known = np.isfinite(seen.times_at(name))
+        assert known.any()
+        assert (np.isnan(places).all(axis=1) == ~known).all()
+        # They are those of the step before, at most 2.2 m/s times 0.1 s from the line.
+        assert np.abs(places[known, 0] - at).max() < 0.25
+
+
 @pytest.mark.parametrize("locomotion", ["steered", "auto"])
 def test_a_test_passes_is_reported_and_comes_out_the_same_again(tmp_path: Path, locomotion: str) -> None:
     test = find_tests(["rimea-1"])[0]
