@@ -42,6 +42,7 @@ def _version(name: str) -> str:
 
 
 def _processor() -> str:
+    """Return the name of the processor, as Linux or else the platform has it."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as lines:
             for line in lines:

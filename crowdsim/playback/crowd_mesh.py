@@ -213,6 +213,7 @@ def _repeat(triangles: NDArray[np.int64], size: int, count: int) -> NDArray[np.i
 
 
 def _disc_triangles() -> NDArray[np.int64]:
+    """Return the triangles (t, 3) of a disc: a fan around its center, and a ring around the fan."""
     i = np.arange(_SHADOW_SIDES)
     j = (i + 1) % _SHADOW_SIDES
     inner, outer = 1 + i, 1 + _SHADOW_SIDES + i

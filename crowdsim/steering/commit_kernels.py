@@ -197,6 +197,7 @@ def add_ways(ways, frame, mine, most, lines, count):
 def nearest_feasible(wx, wy, lines, count):
     """Return the displacement nearest to ``(wx, wy)`` that satisfies the first ``count`` half planes [m].
 
+    ``lines`` (k, 4) are half planes as :func:`set_line` writes them: normal, offset, tolerance.
     Incremental linear programming in two dimensions (de Berg et al., Computational Geometry, section 4.3) with a
     quadratic objective, as in van den Berg et al., Reciprocal n-body Collision Avoidance (2011). The feasible set is
     convex and contains (0, 0), so a solution exists and is no longer than ``(wx, wy)``.

@@ -1,4 +1,4 @@
-"""Words of the package: no riddles in docstrings and comments, and comments above the stages of kernels."""
+"""Words of the package: no riddles in docstrings, comments and pages, and comments above the stages of kernels."""
 
 import ast
 import io
@@ -10,9 +10,12 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted(path for folder in ("crowdsim", "tools") for path in (ROOT / folder).rglob("*.py"))
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
 KERNELS = sorted((ROOT / "crowdsim").rglob("*_kernels.py"))
 
-RIDDLES = re.compile(r"\b(somebody|anybody|whoever|whomever|what is asked|told by|lest|nobody knows)\b", re.IGNORECASE)
+RIDDLES = re.compile(
+    r"\b(somebody|someone|anybody|whoever|whomever|what is asked|told by|lest|nobody knows)\b", re.IGNORECASE
+)
 """Words that a stranger stumbles over; the field's terms are agent, character and obstacle."""
 
 LEAST_SHARE = 0.05
@@ -37,6 +40,13 @@ def test_docstrings_and_comments_hold_no_riddles(path: Path) -> None:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
     ]
     found = [f"{name(path)}:{line}: {match[0]!r}" for line, words in said for match in RIDDLES.finditer(words)]
+    assert not found
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_pages_hold_no_riddles(path: Path) -> None:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    found = [f"{name(path)}:{k}: {match[0]!r}" for k, line in enumerate(lines, 1) for match in RIDDLES.finditer(line)]
     assert not found
 
 

@@ -164,9 +164,12 @@ class MotionSearch:
         return plan
 
     def _recover(self, plan: MotionPlan, kept: int) -> Generator[MotionPlan, None, MotionPlan]:
-        """Search again from the end of the played nodes, on a new route; return these nodes if nothing is found."""
+        """Search again from the end of the played nodes, on a new route; return these nodes if nothing is found.
+
+        ``kept`` nodes of ``plan`` are played, or will be.
+        """
         graph = self.assets.graph
-        for time in range(RECOVERIES):
+        for attempt in range(RECOVERIES):
             played = plan.until(kept - 1)
             node, origin = int(played.nodes[-1]), played.origins[-1]
             position = np.array(node_end(graph, node, *origin)[:2])
@@ -177,9 +180,10 @@ class MotionSearch:
                 return played
             revision = self.environment.revision
             plan, kept = yield from self._follow(
-                request, route, self.environment.meshes, played=played, strictly=time == 0
+                request, route, self.environment.meshes, played=played, strictly=attempt == 0
             )
             self.recoveries += plan.count > played.count
+            # Begin anew only if more was played meanwhile, or the environment has changed: else the result is the same.
             if plan.arrives or (kept == played.count and self.environment.revision == revision):
                 return plan
         return plan.until(kept - 1)

@@ -12,8 +12,9 @@ BODY_ROOM = 0.01
 
 @kernel
 def meets_body(agent, timeline, bodies):
-    """Return True if a character on a timeline (K, 5) comes within BODY_ROOM of a steered body.
+    """Return True if a character on a timeline comes within BODY_ROOM of a steered body.
 
+    ``timeline`` (K, 5) has the capsule at each sample: center, radius, and vector from center to end of the core [m].
     ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; the body of ``agent`` itself does not count.
     The character's capsule is replaced by the disc that contains it, so the test is conservative.
     """

@@ -4,6 +4,11 @@ A timeline samples track and body at the world's slots (every ``slot_frames`` fr
 ``start`` on. After its last sample the character stands there for ever, or is gone from slot ``gone`` on. Between
 samples, positions are interpolated linearly. A body is a disc as broad as its behavior, narrower with the arms held in,
 or a capsule along the way if it walks sideways.
+
+Arguments of all helpers: a timeline (K, 5) with its ``start`` and ``gone`` slots; ``first_slot``, before which meetings
+do not count; ``radius`` of the body at rest [m]; ``obstacles``, ``everyone`` or ``others`` (the timelines of all rows),
+``chain``, ``draft`` (a scratch chain) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one
+of the present node from which a chain goes on.
 """
 
 import math

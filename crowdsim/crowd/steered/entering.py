@@ -12,7 +12,7 @@ from crowdsim.crowd.steered.components import NO_GOAL, Errand
 from crowdsim.crowd.steered.entering_kernels import ROOM, admit
 from crowdsim.crowd.steered.errands import Errands
 from crowdsim.crowd.steered.exits import ExitChoice
-from crowdsim.crowd.steered.seam import Seam
+from crowdsim.crowd.steered.periodic_boundary import PeriodicBoundary
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.world import World
 from crowdsim.geometry.elementary import atan2, cos, sin
@@ -38,11 +38,11 @@ class Entering:
         cast: CrowdPlacement,
         exits: ExitChoice,
         errands: Errands,
-        seam: Seam,
+        boundary: PeriodicBoundary,
         company: Company = ALONE,
     ) -> None:
         self._company = company
-        self._seam = seam
+        self._boundary = boundary
         self._world, self._place, self._cast, self._errands, self._exits = world, place, cast, errands, exits
         self.entered = np.full(cast.head_count, -1, np.int64)
         """(n,) step in which each character entered the world, -1 before."""
@@ -73,7 +73,7 @@ class Entering:
         due = due[np.argsort(cast.start_steps[due], kind="stable")]
         coming = self._rows(due)
         present = self._company.around(self._world.column("row"), cast.starts[due], 2.0 * self._broadest + ROOM)
-        sorted_crowd = steering.sort(self._seam.with_copies(present), self._place.bounds)
+        sorted_crowd = steering.sort(self._boundary.with_copies(present), self._place.bounds)
         crowd = (sorted_crowd.rows, sorted_crowd.starts, sorted_crowd.frame)
         ways = listed(others, sorted_crowd.frame, self._broadest + ROOM)
         clear = clear_of(ways, sorted_crowd.frame, coming, ROOM)

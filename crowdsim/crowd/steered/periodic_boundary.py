@@ -43,7 +43,7 @@ def laid_three_times(environment: Environment, span: tuple[float, float]) -> Env
     )
 
 
-class Seam:
+class PeriodicBoundary:
     """Line at which both ends of a periodic floor meet; without effect on other floors."""
 
     def __init__(self, scenario: Scenario, guidance: Guidance) -> None:

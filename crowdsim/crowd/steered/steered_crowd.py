@@ -25,7 +25,7 @@ from crowdsim.crowd.steered.errands import Errands, NewGoal
 from crowdsim.crowd.steered.exits import ExitChoice, exits_summary
 from crowdsim.crowd.steered.gait import walk_on
 from crowdsim.crowd.steered.parties import Parties
-from crowdsim.crowd.steered.seam import Seam, laid_three_times
+from crowdsim.crowd.steered.periodic_boundary import PeriodicBoundary, laid_three_times
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.records import joined, opaque
 from crowdsim.ecs.world import World
@@ -87,8 +87,8 @@ class SteeredCrowd:
         self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE, company)
         self.errands = Errands(self.cast, self.exits, STEERING_RATE)
         self.parties = Parties(self.cast.first, free, scenario.span, STEERING_RATE)
-        self.seam = Seam(scenario, self.place.guidance)
-        self.entering = Entering(self.world, self.place, self.cast, self.exits, self.errands, self.seam, company)
+        self.boundary = PeriodicBoundary(scenario, self.place.guidance)
+        self.entering = Entering(self.world, self.place, self.cast, self.exits, self.errands, self.boundary, company)
         self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
             behaviors,
@@ -230,7 +230,7 @@ class SteeredCrowd:
         # All rows take a step among others who do not: their copies beyond the ends of a periodic floor, and ghosts.
         view = world.view()
         before = view.row["heading"].copy()
-        everybody, numbers = self.seam.with_copies(view.row), None
+        everybody, numbers = self.boundary.with_copies(view.row), None
         if self.company.size > 1:
             everybody = joined(view.row, ghosts.rows[~ghosts.leaves])
             numbers = np.concatenate((view.id, ghosts.ids[~ghosts.leaves]))
@@ -238,7 +238,7 @@ class SteeredCrowd:
         if everybody is not view.row:
             opaque(view.row)[:] = opaque(everybody)[: len(view.row)]
         walk_on(view, before, place.asked)
-        self.seam.wrap(view)
+        self.boundary.wrap(view)
 
     def meet(self, gone: NDArray[np.int64]) -> Ghosts:
         """Exchange characters with the neighbors, and measure the gaps that the step before left.
@@ -294,7 +294,7 @@ class SteeredCrowd:
         view = self.world.view()
         self.statistics.add(view, self.steering)
         if self.company.size == 1:
-            self.statistics.add_gaps(self.seam.with_copies(view.row), self.steering)
+            self.statistics.add_gaps(self.boundary.with_copies(view.row), self.steering)
 
     def join(self) -> None:
         """Take in what other processes know, after the last step: arrivals, exits, and what they have measured."""

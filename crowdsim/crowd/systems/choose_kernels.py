@@ -1,6 +1,11 @@
 """Choice of the next node: most captured characters go on along their plans, one row after the other, in one kernel.
 
 Rows are processed in order, and each reads the timelines that earlier ones reserved in the same step.
+
+Arguments of all helpers: ``rows`` (columns of all rows), ``progress`` and ``room`` (scratch) as of
+:mod:`crowdsim.crowd.systems.going_on`; ``table`` (PlanTable), the plans of all agents; ``obstacles``, ``everyone`` (the
+timelines of all rows) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of its node from
+which a row goes on.
 """
 
 import math
@@ -120,16 +125,16 @@ def slowest(playback):
 
 
 @helper
-def walks_through(table, errands, agent):
+def walks_through(table, progress, agent):
     """Return True if a plan ends at a goal that its character leaves at once for the next one."""
-    return table.arrives[agent] and not is_last(table, errands, agent) and not errands.waits[agent] > 0.0
+    return table.arrives[agent] and not is_last(table, progress, agent) and not progress.waits[agent] > 0.0
 
 
 @helper
-def is_last(table, errands, agent):
+def is_last(table, progress, agent):
     """Return True if the goal of its plan is the last one of a character."""
-    reached = errands.reached[agent] + table.passes[agent] + 1
-    return reached == errands.rounds[agent] * errands.goals[agent]
+    reached = progress.reached[agent] + table.passes[agent] + 1
+    return reached == progress.rounds[agent] * progress.goals[agent]
 
 
 @helper
@@ -166,8 +171,11 @@ def own(obstacles, rows, row, ways):
 
 @helper
 def own_timeline(rows, row, timeline, gone, playback, everyone):
-    """Let a row own a new timeline, and play its nodes as ``playback`` says."""
-    # Circle around the first sample that contains all others.
+    """Reserve a timeline (k, 5) for a row from the present slot on, and play its nodes as ``playback`` says.
+
+    ``gone`` is the slot from which the row takes no room. The neighbor search gets the row's new circle.
+    """
+    # Circle around the first sample that contains all others; rounding must not leave any of them outside.
     circle = rows.timeline_circle[row]
     circle[0], circle[1] = timeline[0, 0], timeline[0, 1]
     reach = 0.0
@@ -185,7 +193,7 @@ def own_timeline(rows, row, timeline, gone, playback, everyone):
 
 
 @helper
-def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, playback, frame):
+def reserve_on(graph, rows, row, table, progress, obstacles, everyone, room, playback, frame):
     """Reserve the next nodes of a row's plan, as few as end in a stand; return True on success.
 
     Arguments are those of :func:`go_on`; ``frame`` is that of the present node from which the row goes on.
@@ -218,7 +226,7 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
             chain.blend_offsets[k + 1, axis] = blend_offsets[following + k, axis]
     # It leaves the world after the last node if the plan arrives at its last goal, and it does not stay there.
     leaves = table.arrives[agent] and following + available == len(nodes)
-    leaves = leaves and is_last(table, errands, agent) and not rows.stays[row]
+    leaves = leaves and is_last(table, progress, agent) and not rows.stays[row]
     taken = 0
     gone = np.int64(0)
     own_rate = rates_of(table, agent)[following]
@@ -268,8 +276,11 @@ def slow_down(graph, rows, row, obstacles, everyone, room, playback, frame):
 
 
 @helper
-def follow(graph, rows, row, table, errands, frame):
-    """Enter the next node of a row's plan, which is reserved; return True if a search ends or begins with that."""
+def follow(graph, rows, row, table, progress, frame):
+    """Enter the next node of a row's plan, which is reserved.
+
+    Return True if a search for a plan ends or begins with that.
+    """
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
     nodes, origins, blend_offsets = plan_of(table, agent)
@@ -284,15 +295,15 @@ def follow(graph, rows, row, table, errands, frame):
         rows.next_blend_offset[row, axis] = blend_offsets[following, axis]
     if rows.awaiting_plan[row]:
         return idle  # a search for a way around the others is no longer needed
-    return len(nodes) - following <= NODES_LEFT and walks_through(table, errands, agent)
+    return len(nodes) - following <= NODES_LEFT and walks_through(table, progress, agent)
 
 
 @kernel
-def go_on(graph, rows, chosen, begin, table, errands, obstacles, everyone, room, playback):
+def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, room, playback):
     """Let ``chosen`` rows, from number ``begin`` of them on, go on along their plans, one after the other.
 
-    Rows whose node does not end yet reserve ahead, and slow down if they cannot. ``rows``, ``errands`` and ``room`` are
-    those of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body with a radius of 1 m;
+    Rows whose node does not end yet reserve ahead, and slow down if they cannot. ``rows``, ``progress`` and ``room``
+    are those of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body with a radius of 1 m;
     ``playback`` is at the natural rate. The kernel stops at the first row that needs more than arrays, and returns its
     number and what the caller has to do: OTHERWISE, BEHIND_IT or MAKE_ROOM. At the end it returns the number of rows
     and ALL_DONE.
@@ -317,7 +328,7 @@ def go_on(graph, rows, chosen, begin, table, errands, obstacles, everyone, room,
             if room.reserves_otherwise:
                 return number, OTHERWISE
             # If it is refused it slows down while its node lasts, and counts as refused at the end of the node.
-            if not reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, playback, frame):
+            if not reserve_on(graph, rows, row, table, progress, obstacles, everyone, room, playback, frame):
                 if not leaves:
                     if slow_down(
                         graph, rows, row, own(obstacles, rows, row, room.ways[:0]), everyone, room, playback, frame
@@ -337,6 +348,6 @@ def go_on(graph, rows, chosen, begin, table, errands, obstacles, everyone, room,
             wide = 2.0 * rows.body_radius[row]
             if next_in_way(rows.way, rows.rank, room.may_move, row, rows.pose, wide, 0, everyone.near) >= 0:
                 return number, MAKE_ROOM
-        if leaves and follow(graph, rows, row, table, errands, frame):
+        if leaves and follow(graph, rows, row, table, progress, frame):
             return number, BEHIND_IT
     return len(chosen), ALL_DONE

@@ -36,7 +36,7 @@ from crowdsim.crowd.systems.choose_kernels import (
     slowest,
 )
 from crowdsim.crowd.systems.give_way import GivingWay
-from crowdsim.crowd.systems.going_on import Errands, Room, Rows, Walker, take
+from crowdsim.crowd.systems.going_on import Progress, Room, Rows, Walker, take
 from crowdsim.crowd.systems.replan import reach_goal, standing_near
 from crowdsim.crowd.systems.surroundings import Surroundings
 from crowdsim.ecs.world import View
@@ -77,7 +77,7 @@ class Choosing:
         self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
         self._ahead_steps = max(round(AHEAD_RETRY_SECONDS * plans.assets.steps_per_second), 1)
         self._playback = Playback.natural(0, plans.assets.frames_per_step)
-        self._errands = Errands.of(plans.itineraries)
+        self._progress = Progress.of(plans.itineraries)
         self._room = Room.make()
 
     def choose(self, view: View) -> None:
@@ -116,7 +116,7 @@ class Choosing:
         refused: list[int] = []
         assets, rows, obstacles = plans.assets, Rows.of(view), self.surroundings.of_any(view, self._playback)
         everyone = self.surroundings.everyone(view)
-        constant = plans.motions.table, self._errands, obstacles, everyone, room
+        constant = plans.motions.table, self._progress, obstacles, everyone, room
         number = 0
         while True:
             room.counts[EXTENDED] = 0

@@ -103,7 +103,7 @@ class Walker(NamedTuple):
         )
 
 
-class Errands(NamedTuple):
+class Progress(NamedTuple):
     """Progress of all n characters on their itineraries: a live view of these."""
 
     reached: Longs
@@ -116,7 +116,7 @@ class Errands(NamedTuple):
     """(n,) time to stand at each place but the last [s]."""
 
     @classmethod
-    def of(cls, itineraries: Itineraries) -> Errands:
+    def of(cls, itineraries: Itineraries) -> Progress:
         """Return the progress on ``itineraries``."""
         cast = itineraries.cast
         return cls(itineraries.reached, itineraries.places, cast.rounds, cast.waits)
@@ -183,7 +183,11 @@ class Room(NamedTuple):
 def take(
     view: View, row: int, node: int, origin: NDArray[np.float64], blend_offset: NDArray[np.float64], cursor: int = NONE
 ) -> None:
-    """Let a row enter a node when its present one ends; ``cursor``: index of the node in the plan, NONE without one."""
+    """Let a row enter a node when its present one ends.
+
+    ``origin`` and ``blend_offset`` (3,) place the node: x, y [m], heading [rad]. ``cursor`` is its index in the plan,
+    NONE without one.
+    """
     view.next_node[row] = node
     view.next_origin[row] = origin
     view.next_blend_offset[row] = blend_offset

@@ -84,7 +84,7 @@ def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, 
     row = first + whole
     # The last frame of a node has no next one.
     after = min(row + 1, first + table.node_frames[node])
-    # While a seam fades: last pose of the previous node, and the share w left of it.
+    # While a blend offset fades: last pose of the previous node, and the share w left of it.
     old = first
     w = 0.0
     if previous >= 0 and frame < BLEND_FRAMES:

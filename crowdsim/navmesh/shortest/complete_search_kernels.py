@@ -1,4 +1,8 @@
-"""The search for a shortest path that keeps all arrivals at an arc, for the few queries in which one is not enough."""
+"""The search for a shortest path that keeps all arrivals at an arc, for the few queries in which one is not enough.
+
+Arguments are those of :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`; ``arrivals`` are records ARRIVAL, and
+``first`` (nodes,) is the arrival last added at each node, -1 for none.
+"""
 
 import numpy as np
 

@@ -107,7 +107,10 @@ def _missing(
 
 
 def joined_to(path: AnnotatedPath, ends: NDArray[np.float64], costs: NDArray[np.float64]) -> AnnotatedPath:
-    """Return the path with its first and last section lengthened to start and goal (2, 2)."""
+    """Return the path with its first and last section lengthened to start and goal, ``ends`` (2, 2) [m].
+
+    ``costs`` (n,) are those of a meter with each behavior.
+    """
     before, after = distance(path.points[0], ends[0]), distance(path.points[-1], ends[1])
     if before == after == 0.0:
         return path

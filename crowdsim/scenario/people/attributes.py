@@ -42,6 +42,7 @@ def draw_attributes(keys: ScenarioFields) -> dict[str, Values]:
 
 
 def _draw(attribute: Attribute, count: int, generator: np.random.Generator) -> Values:
+    """Draw values (count,) of an attribute: words by their shares, or numbers."""
     if attribute.words is None:
         return draw_spread(attribute, count, generator)
     words, shares = list(attribute.words), np.array(list(attribute.words.values()))

@@ -121,6 +121,7 @@ class Box(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Box:
+        """Refuse a box that is given by anything else than two corners, or center and size."""
         corners, centered = (self.min, self.max), (self.center, self.size)
         given = sum(value is not None for value in (*corners, *centered))
         if given != 2 or not (None not in corners or None not in centered):
