@@ -122,7 +122,7 @@ class RankedRun:
         return summary
 
     def _steps(self, part: RankPart, progress: Callable[[int, int, Any], None] | None) -> None:
-        """Take all steps, and keep the own characters of each."""
+        """Take all steps, and keep the own agents of each."""
         crowd = self.crowd
         movables = self.scenario.environment.timetable.movables
         before: list[Placing | None] = [None] * len(movables)

@@ -1,4 +1,4 @@
-"""Reserved segments of captured characters as steered agents meet them: each is kept clear along its whole length."""
+"""Reserved segments of captured agents as steered agents meet them: each is kept clear along its whole length."""
 
 from crowdsim.geometry.cell_kernels import cells_between, count_or_list, counts_to_starts
 from crowdsim.jit import helper, kernel

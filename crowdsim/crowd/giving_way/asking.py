@@ -1,4 +1,4 @@
-"""Arrays with which kernels ask standing characters to give way, and scratch memory."""
+"""Arrays with which kernels ask standing agents to give way, and scratch memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Statistics of a run of steered characters."""
+"""Statistics of a run of steered agents."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ WAY_UNIT = 2.0**-32
 
 
 class SteeredStatistics:
-    """Measures of steered characters, summed up step by step."""
+    """Measures of steered agents, summed up step by step."""
 
     def __init__(
         self, behaviors: Sequence[Behavior], layers: Sequence[str], areas: Mapping[str, shapely.Polygon], gait: Clip

@@ -1,4 +1,4 @@
-"""Entry of steered characters: at their time, once their place is free."""
+"""Entry of steered agents: at their time, once their place is free."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from crowdsim.steering.ways import NOBODY_ELSE, Others, clear_of, listed
 
 
 class Entering:
-    """Let characters enter, those with the earliest time first.
+    """Let agents enter, those with the earliest time first.
 
-    A character whose place is taken tries again in the next step.
+    An agent whose place is taken tries again in the next step.
     """
 
     def __init__(
@@ -45,9 +45,9 @@ class Entering:
         self._boundary = boundary
         self._world, self._place, self._cast, self._errands, self._exits = world, place, cast, errands, exits
         self.entered = np.full(cast.head_count, -1, np.int64)
-        """(n,) step in which each character entered the world, -1 before."""
+        """(n,) step in which each agent entered the world, -1 before."""
         self.shut_out = np.zeros(0, np.int64)
-        """Characters whose time has come and whose place is covered by a movable."""
+        """Agents whose time has come and whose place is covered by a movable."""
         self._broadest = 0.5 * float(cast.walkers.breadths.max(initial=0.0))
 
     def enter(
@@ -57,16 +57,16 @@ class Entering:
         wanted: NDArray[np.bool_] | None = None,
         others: Others = NOBODY_ELSE,
     ) -> None:
-        """Ask the world for the characters that enter in this step.
+        """Ask the world for the agents that enter in this step.
 
-        ``wanted`` (n,): which characters may enter; all if None. None enters on a reserved segment of ``others``.
+        ``wanted`` (n,): which agents may enter; all if None. None enters on a reserved segment of ``others``.
         """
         cast = self._cast
         is_due = (self.entered < 0) & (cast.start_steps <= step)
         due = np.flatnonzero(is_due if wanted is None else is_due & wanted)
         covered = self._place.covers(cast.starts[due])
         self.shut_out = due[covered]
-        # No character enters where a movable waits to appear.
+        # No agent enters where a movable waits to appear.
         due = due[~covered & ~self._place.announces(cast.starts[due], self._broadest + ROOM)]
         if not len(due):
             return
@@ -103,7 +103,7 @@ class Entering:
         )
 
     def _rows(self, agents: NDArray[np.int64]) -> NDArray[Any]:
-        """Return the rows (ROW) of characters as they enter."""
+        """Return the rows (ROW) of agents as they enter."""
         cast = self._cast
         rows = np.zeros(len(agents), ROW)
         rows["x"], rows["y"] = cast.starts[agents].T
@@ -115,7 +115,7 @@ class Entering:
         rows["goal"] = self._errands.goal(agents, np.zeros(len(agents), np.int64))
         rows["id"] = agents
         self._place.guidance.write(rows, np.full(len(agents), PLAIN, np.int32))
-        # A character without guidance faces its goal.
+        # An agent without guidance faces its goal.
         toward = self._errands.middles[rows["goal"]] - cast.starts[agents]
         guided = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)
         away = np.where(guided[:, None], np.column_stack((rows["gx"], rows["gy"])), toward)

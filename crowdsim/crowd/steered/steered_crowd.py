@@ -1,4 +1,4 @@
-"""Steered characters of a scenario: each step they choose a velocity and take a step that touches nothing."""
+"""Steered agents of a scenario: each step they choose a velocity and take a step that touches nothing."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ LEG_RADIUS = 0.5 * BODY_DEPTH
 """Radius of the disc that stands for the legs [m]."""
 
 LOST_SECONDS = 5.0
-"""Time without a path after which a character is not waited for, if nothing changes any more [s]."""
+"""Time without a path after which an agent is not waited for, if nothing changes any more [s]."""
 
 
 class SteeredCrowd:
-    """The steered characters of a scenario.
+    """The steered agents of a scenario.
 
     Parameters
     ----------
@@ -55,11 +55,11 @@ class SteeredCrowd:
     threads : int
         Number of threads that step the agents; the result does not depend on it.
     cast : CrowdPlacement, optional
-        The characters; drawn from the scenario by default.
+        The agents; drawn from the scenario by default.
     behavior_set : BehaviorSet, optional
         That of the scenario, if it is loaded already.
     company : Company
-        The processes that share the run; this one holds the characters of its region.
+        The processes that share the run; this one holds the agents of its region.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class SteeredCrowd:
         company: Company = ALONE,
     ) -> None:
         self.hash = 0
-        """64-bit hash of all states so far; of one of several processes, that of its own characters only."""
+        """64-bit hash of all states so far; of one of several processes, that of its own agents only."""
         self.digest = 0
         """Sum of the digests of the rows after the last step."""
         self.company = company
@@ -99,7 +99,7 @@ class SteeredCrowd:
 
     @property
     def count(self) -> int:
-        """Return the number of characters of the scenario, present or not."""
+        """Return the number of agents of the scenario, present or not."""
         return self.cast.head_count
 
     @property
@@ -109,22 +109,22 @@ class SteeredCrowd:
 
     @property
     def arrivals(self) -> NDArray[np.int64]:
-        """Return the step (n,) in which each character reached its last goal, NONE before."""
+        """Return the step (n,) in which each agent reached its last goal, NONE before."""
         return self.errands.arrived
 
     @property
     def arrived(self) -> int:
-        """Return the number of characters that have reached their last goal."""
+        """Return the number of agents that have reached their last goal."""
         return int((self.arrivals >= 0).sum())
 
     @property
     def expected(self) -> NDArray[np.bool_]:
-        """Return which characters (n,) have arrived, are in the world, or come without a command."""
+        """Return which agents (n,) have arrived, are in the world, or come without a command."""
         return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
 
     @property
     def finished(self) -> bool:
-        """Return True if all characters that can arrive have arrived; all processes that share the run must ask."""
+        """Return True if all agents that can arrive have arrived; all processes that share the run must ask."""
         waits = self.cast.start_steps != NEVER
         waits &= self.entering.entered < 0
         done = self.arrived
@@ -143,14 +143,14 @@ class SteeredCrowd:
 
     @property
     def waiting(self) -> int:
-        """Return the number of characters that are on their way but do not move."""
+        """Return the number of agents that are on their way but do not move."""
         view = self.world.view()
         here = ((view.state == AgentState.WAITING) & (view.errand == Errand.WALKS)).sum()
         return int(self.company.sum(np.array([here], np.int64))[0])
 
     @property
     def unreachable(self) -> dict[str, str]:
-        """Return by character the reason why it has no path."""
+        """Return by agent the reason why it has no path."""
         lost, _ = self.company.together(self.world.column("agent")[self.world.column("lost_since") != NONE])
         reason = "no path leads from its position to its goal; look for obstacles in the way"
         return {
@@ -167,7 +167,7 @@ class SteeredCrowd:
         self.place.agenda.timetable = timetable
 
     def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
-        """Send characters (k,) to ``region`` instead of all their goals, each on its own.
+        """Send agents (k,) to ``region`` instead of all their goals, each on its own.
 
         ``places`` (k, 2) are their spots [m] if they are to stay.
         """
@@ -241,7 +241,7 @@ class SteeredCrowd:
         self.boundary.wrap(view)
 
     def meet(self, gone: NDArray[np.int64]) -> Ghosts:
-        """Exchange characters with the neighbors, and measure the gaps that the step before left.
+        """Exchange agents with the neighbors, and measure the gaps that the step before left.
 
         ``gone`` (k,) are the ids of those who leave in this step.
         """
@@ -266,7 +266,7 @@ class SteeredCrowd:
         return self.place.placing(movable)
 
     def new_routes(self) -> list[Route]:
-        """Return no paths, as steered characters follow fields."""
+        """Return no paths, as steered agents follow fields."""
         return []
 
     def header(self, scenario: Scenario) -> RecordingHeader:
@@ -280,11 +280,11 @@ class SteeredCrowd:
         )
 
     def frame(self) -> RecordedFrame:
-        """Return the present step of all characters; those outside the world are marked absent."""
+        """Return the present step of all agents; those outside the world are marked absent."""
         return frame_of_rows(present_rows(self.world.view()), self.count)
 
     def exits_used(self, arrived: NDArray[np.int64]) -> dict[str, Any]:
-        """Return how many characters left through each exit; ``arrived`` (n,): step in which each did, NONE before."""
+        """Return how many agents left through each exit; ``arrived`` (n,): step in which each did, NONE before."""
         names, numbers = zip(*self.cast.exits.items(), strict=True) if self.cast.exits else ((), ())
         goals = self.errands.last_goals()
         return exits_summary(names, np.array(numbers, np.int32), goals, arrived, STEERING_RATE)

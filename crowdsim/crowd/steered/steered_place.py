@@ -30,7 +30,7 @@ KEPT_OFF = 0.02
 
 
 WALKING = np.dtype([("x", np.float64), ("y", np.float64), ("goal", np.int64), ("following", np.int32)])
-"""What the renewal of a field reads of a character: position [m], goal and the field that it follows."""
+"""What the renewal of a field reads of an agent: position [m], goal and the field that it follows."""
 
 
 class SteeredPlace:
@@ -43,7 +43,7 @@ class SteeredPlace:
     goals : sequence of Polygon
         Regions of the goals [m].
     behaviors : sequence of Behavior
-        Behaviors of the characters, least preferred first.
+        Behaviors of the agents, least preferred first.
     steps_per_second : int
         Rate of the steps.
     threads : int

@@ -1,4 +1,4 @@
-"""Choice of the next node: most captured characters go on along their plans, one row after the other, in one kernel.
+"""Choice of the next node: most captured agents go on along their plans, one row after the other, in one kernel.
 
 Rows are processed in order, and each reads the timelines that earlier ones reserved in the same step.
 
@@ -24,22 +24,22 @@ from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, next_rate
 from crowdsim.recording.header import AgentState
 
 LOOKAHEAD = 12
-"""Largest number of nodes of the plan that are considered at once, if the character cannot come to a stand after
+"""Largest number of nodes of the plan that are considered at once, if the agent cannot come to a stand after
 fewer."""
 
 NODES_LEFT = 4
-"""Nodes left of a plan when the next path is searched, for characters that walk on through their goal."""
+"""Nodes left of a plan when the next path is searched, for agents that walk on through their goal."""
 
 BEHIND_METERS = 2.0
-"""Distance behind another character of the same way up to which one takes its turn [m], so that not each character at a
+"""Distance behind another agent of the same way up to which one takes its turn [m], so that not each agent at a
 door waits for its own turn."""
 
 BEHIND_WIDTH = 0.6
-"""Distance of the other character from the way up to which it is followed [m]."""
+"""Distance of the other agent from the way up to which it is followed [m]."""
 
 
 AHEAD_SECONDS = 0.4
-"""Time before the end of its node from which on a character reserves ahead, or slows down [s]."""
+"""Time before the end of its node from which on an agent reserves ahead, or slows down [s]."""
 
 WAY_ROOM = 0.2
 """Room beyond the radii of both bodies that stops keep from the ways of others [m], so that these can give way."""
@@ -60,7 +60,7 @@ BEHIND_IT = 1
 """The row goes on; with that, a search ends or begins."""
 
 MAKE_ROOM = 2
-"""The row has reserved but not gone on yet: a standing character is in its way ahead."""
+"""The row has reserved but not gone on yet: a standing agent is in its way ahead."""
 
 _MOVING = int(AgentState.MOVING)
 EXTENDED, REFUSED = 0, 1
@@ -69,7 +69,7 @@ EXTENDED, REFUSED = 0, 1
 
 @helper
 def plan_of(table, agent):
-    """Return nodes (n,) int32, origins and blend offsets (n, 3) of a character's plan."""
+    """Return nodes (n,) int32, origins and blend offsets (n, 3) of an agent's plan."""
     # The table holds the addresses of arrays that the plan keeps alive.
     places, count = table.places[agent], np.int64(table.nodes[agent])
     return (
@@ -81,7 +81,7 @@ def plan_of(table, agent):
 
 @helper
 def rates_of(table, agent):
-    """Return the rates (n,) of the nodes of a character's plan while nothing is in its way [ticks/step]."""
+    """Return the rates (n,) of the nodes of an agent's plan while nothing is in its way [ticks/step]."""
     return array_at(table.places[agent][3], (np.int64(table.nodes[agent]),), np.int64)
 
 
@@ -89,8 +89,8 @@ def rates_of(table, agent):
 def frame_of(graph, rows, row, playback):
     """Return the frame of its node from which a row goes on, and True if it can leave its node in this step.
 
-    ``rows`` are the columns of the captured characters (:mod:`crowdsim.crowd.state.components`), ``row`` is one of
-    them. Time within a frame is counted in ticks, FRAME_TICKS of which are a frame. A waiting character can leave its
+    ``rows`` are the columns of the captured agents (:mod:`crowdsim.crowd.state.components`), ``row`` is one of
+    them. Time within a frame is counted in ticks, FRAME_TICKS of which are a frame. A waiting agent can leave its
     idle node at any frame; it counts as at the end of it.
     """
     length = np.int64(graph.node_frames[rows.node[row]])
@@ -126,13 +126,13 @@ def slowest(playback):
 
 @helper
 def walks_through(table, progress, agent):
-    """Return True if a plan ends at a goal that its character leaves at once for the next one."""
+    """Return True if a plan ends at a goal that its agent leaves at once for the next one."""
     return table.arrives[agent] and not is_last(table, progress, agent) and not progress.waits[agent] > 0.0
 
 
 @helper
 def is_last(table, progress, agent):
-    """Return True if the goal of its plan is the last one of a character."""
+    """Return True if the goal of its plan is the last one of an agent."""
     reached = progress.reached[agent] + table.passes[agent] + 1
     return reached == progress.rounds[agent] * progress.goals[agent]
 
@@ -204,7 +204,7 @@ def reserve_on(graph, rows, row, table, progress, obstacles, everyone, room, pla
     following = np.int64(rows.cursor[row]) + 1
     nodes, origins, blend_offsets = plan_of(table, agent)
 
-    # Publish the way ahead, take over the rank of a character that it follows, and gather the ways to be kept free.
+    # Publish the way ahead, take over the rank of an agent that it follows, and gather the ways to be kept free.
     way, timeline = rows.way[row], room.timeline
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, way)
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, everyone.near)

@@ -49,24 +49,24 @@ NEAR_GOAL = 1.0
 """Distance from a goal on the way below which it counts as reached if the last of the path is taken [m]."""
 
 LONG_SECONDS = 5.0
-"""Time after which a waiting character lets others stop in its way, until it looks for a way around [s]."""
+"""Time after which a waiting agent lets others stop in its way, until it looks for a way around [s]."""
 
 ASIDE_SECONDS = 3.0
-"""Time after which a waiting character in a narrow place steps close to a wall [s]."""
+"""Time after which a waiting agent in a narrow place steps close to a wall [s]."""
 
 RETRY_SECONDS = 0.2
-"""Time between two tries of a standing character that waits for others to go on [s]."""
+"""Time between two tries of a standing agent that waits for others to go on [s]."""
 
 AHEAD_RETRY_SECONDS = 0.1
-"""Time between two tries of a walking character to reserve its next nodes [s]."""
+"""Time between two tries of a walking agent to reserve its next nodes [s]."""
 
 
 class Choosing:
     """Choose the next node of each row whose node ends in this step.
 
-    Each row owns a reserved timeline that ends with the character standing, or gone, and that no other reserved
+    Each row owns a reserved timeline that ends with the agent standing, or gone, and that no other reserved
     timeline meets. A node of the plan is entered only after the timeline through it and the stop behind it was
-    reserved, row by row in order. A refused row can always follow the timeline it has, so characters never collide.
+    reserved, row by row in order. A refused row can always follow the timeline it has, so agents never collide.
     """
 
     def __init__(self, plans: Plans) -> None:
@@ -228,7 +228,7 @@ class Choosing:
             self._abandon(view, row, agent)
             self._stop(view, row)
         elif graph.node_idle[node]:
-            # Repeat the idle node. Characters that have arrived stay so (the states are in that order).
+            # Repeat the idle node. Agents that have arrived stay so (the states are in that order).
             view.state[row] = max(view.state[row], AgentState.WAITING)
             take(view, row, node, view.origin[row], np.zeros(3))
         else:
@@ -269,7 +269,7 @@ class Choosing:
         )
 
     def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
-        """Reserve the beginning of the plan of a character that enters the world in the middle of a node.
+        """Reserve the beginning of the plan of an agent that enters the world in the middle of a node.
 
         Return the columns of its reservation; None if there is no room.
         """
@@ -357,7 +357,7 @@ class Choosing:
         return chain
 
     def _walks_through(self, plan: MotionPlan, agent: int) -> bool:
-        """Return True if a plan ends at a goal that its character leaves at once for the next one."""
+        """Return True if a plan ends at a goal that its agent leaves at once for the next one."""
         itineraries, ahead = self.plans.itineraries, len(plan.passes)
         return plan.arrives and not itineraries.is_last(agent, ahead) and not itineraries.stands(agent, ahead)
 

@@ -1,4 +1,4 @@
-"""Giving way: a refused character asks those that stand in its way to move, in the order of ranks."""
+"""Giving way: a refused agent asks those that stand in its way to move, in the order of ranks."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
 
 DEPTH = 16
-"""Largest number of characters that give way to one, in one chain."""
+"""Largest number of agents that give way to one, in one chain."""
 
 TRIES = 1000
-"""Moves that are tried for one character that asks."""
+"""Moves that are tried for one agent that asks."""
 
 TRIES_AHEAD = 100
-"""Moves that are tried to let a character step aside before it is in the way."""
+"""Moves that are tried to let an agent step aside before it is in the way."""
 
 TRIES_A_STEP = 6000
-"""Moves that are tried in one step for all characters that ask."""
+"""Moves that are tried in one step for all agents that ask."""
 
 
 class GivingWay:
-    """Let standing characters move out of the way, with a limited number of tries in each step."""
+    """Let standing agents move out of the way, with a limited number of tries in each step."""
 
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
@@ -69,7 +69,7 @@ class GivingWay:
             self._room.may_move[row] = False
 
     def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> None:
-        """Let standing characters in the way ahead of a walking row step aside; ``near`` are the rows by cells."""
+        """Let standing agents in the way ahead of a walking row step aside; ``near`` are the rows by cells."""
         assets = self.plans.assets
         asking = self.asking(view, TRIES_AHEAD)
         now = Playback.natural(self.plans.step, assets.frames_per_step)

@@ -68,7 +68,7 @@ class Rows(NamedTuple):
 
 
 class Walker(NamedTuple):
-    """A character that reserves: its row (NONE before it enters), its node, and how it plays that."""
+    """An agent that reserves: its row (NONE before it enters), its node, and how it plays that."""
 
     row: int
     agent: int
@@ -104,7 +104,7 @@ class Walker(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """Progress of all n characters on their itineraries: a live view of these."""
+    """Progress of all n agents on their itineraries: a live view of these."""
 
     reached: Longs
     """(n,) number of places reached."""

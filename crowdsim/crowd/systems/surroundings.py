@@ -1,4 +1,4 @@
-"""What captured characters keep clear of: walls, movables about to appear, bodies, ways, passages; and neighbors."""
+"""What captured agents keep clear of: walls, movables about to appear, bodies, ways, passages; and neighbors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
 
 PASSAGE_BODIES = 3.0
-"""Distance from a narrow passage at which a character may stop, in radii of its body."""
+"""Distance from a narrow passage at which an agent may stop, in radii of its body."""
 
 _NOTHING = np.empty((0, 4))
 
@@ -29,7 +29,7 @@ class Surroundings:
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
         self.bodies: StandingBodies = NO_BODIES
-        """Bodies of steered characters, which stand still as far as reservations know."""
+        """Bodies of steered agents, which stand still as far as reservations know."""
         self._near: tuple[View, Neighbors] | None = None
 
     def begin(self) -> None:
@@ -37,7 +37,7 @@ class Surroundings:
         self._near = None
 
     def obstacles(self, view: View, walker: Walker) -> Obstacles:
-        """Return what a walker keeps clear of besides other captured characters."""
+        """Return what a walker keeps clear of besides other captured agents."""
         return self._obstacles(view, walker, self._kept_free(view, walker))
 
     def of_any(self, view: View, playback: Playback) -> Obstacles:
@@ -63,7 +63,7 @@ class Surroundings:
     def _obstacles(self, view: View, walker: Walker, kept_free: NDArray[np.float64]) -> Obstacles:
         """Return the obstacles of a walker; ``kept_free`` (M, 4) are outlines that it must not enter."""
         assets, environment = self.plans.assets, self.plans.environment
-        # A character alone in the world hinders no other: it may stop in passages.
+        # An agent alone in the world hinders no other: it may stop in passages.
         alone = len(view.agent) == (walker.row != NONE)
         return Obstacles(
             layers=tuple(mesh.arrays for mesh in environment.meshes),
@@ -79,7 +79,7 @@ class Surroundings:
         )
 
     def _kept_free(self, view: View, walker: Walker) -> NDArray[np.float64]:
-        """Return the outlines (M, 4) of obstacles about to appear, if the character does not touch them already."""
+        """Return the outlines (M, 4) of obstacles about to appear, if the agent does not touch them already."""
         waited_for = self.plans.environment.waited_for
         if not waited_for:
             return _NOTHING

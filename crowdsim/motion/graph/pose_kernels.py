@@ -1,4 +1,4 @@
-"""Joints of characters from their node, frame and track pose, as recordings store them."""
+"""Joints of agents from their node, frame and track pose, as recordings store them."""
 
 import math
 
@@ -139,7 +139,7 @@ def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, 
 
 @kernel
 def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations):
-    """Compute world positions and rotations of all joints of A characters.
+    """Compute world positions and rotations of all joints of A agents.
 
     Over the first BLEND_FRAMES frames the difference between the last pose of the previous node and the first of this
     one fades out. The difference fades, not the old pose, which would hold the feet back. It fades in the world: the

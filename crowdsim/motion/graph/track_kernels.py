@@ -1,4 +1,4 @@
-"""Position of a character on its track: chaining of nodes, and fading of the blend offset between two nodes.
+"""Position of an agent on its track: chaining of nodes, and fading of the blend offset between two nodes.
 
 Units are meters and radians; a pose is (x, y, heading). ``graph`` is a
 :class:`crowdsim.motion.graph.arrays.GraphArrays`.
@@ -47,7 +47,7 @@ def node_end(graph, node, x, y, heading):
 
 @kernel
 def track_pose(graph, node, frame, x, y, heading, dx, dy, dheading):
-    """Return the world track pose of a character ``frame`` frames into ``node``.
+    """Return the world track pose of an agent ``frame`` frames into ``node``.
 
     (x, y, heading) is the node's origin; (dx, dy, dheading) is the blend offset: the end of the node before less this
     origin, 0 if there is none. It fades out by :func:`blend_weight`.

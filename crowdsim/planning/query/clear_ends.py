@@ -1,4 +1,4 @@
-"""Free ends of a path for a character that stands closer to obstacles than plans allow."""
+"""Free ends of a path for an agent that stands closer to obstacles than plans allow."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _PROBE = 0.005
 def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return each of ``points`` (n, 2), or a place nearby with planned clearance if the point has only the body's own.
 
-    A motion strays from its path, so a character at rest may be closer to obstacles than planned. The widest behavior
+    A motion strays from its path, so an agent at rest may be closer to obstacles than planned. The widest behavior
     that fits counts; a behavior that turns the body counts only if no other fits.
     """
     upright = need.narrowest_upright  # if a wider behavior fits, this one fits, too

@@ -53,13 +53,13 @@ Density = Annotated[
 
 
 LEAST_SPAN = 10.0
-"""Least length of a periodic floor [m], so that no character sees itself ahead."""
+"""Least length of a periodic floor [m], so that no agent sees itself ahead."""
 
 
 class Floor(Part):
     """The whole floor, without obstacles: drawn, read from a file, or derived from the obstacles.
 
-    ``periodic``: a character that leaves the floor at one end of this axis comes in at the other end.
+    ``periodic``: an agent that leaves the floor at one end of this axis comes in at the other end.
     """
 
     model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("polygon",), ("file",), ("derive",)))
