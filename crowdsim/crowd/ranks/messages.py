@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.ranks.company import Ghosts
 from crowdsim.crowd.ranks.partition import Regions, cells_of
+from crowdsim.crowd.ranks.protocol import Ghosts
 from crowdsim.ecs.world import World
 from crowdsim.steering.row_kernels import ROW
 

@@ -1,4 +1,4 @@
-"""The company of processes that mpiexec has started: what :mod:`crowdsim.crowd.ranks.company` says, through MPI."""
+"""The ranks that mpiexec has started: what :mod:`crowdsim.crowd.ranks.protocol` says, through MPI."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.ranks.company import Ghosts
 from crowdsim.crowd.ranks.messages import GHOST, RowMessage, ghosts_of, migrant_type
 from crowdsim.crowd.ranks.partition import Regions, cells_of
+from crowdsim.crowd.ranks.protocol import Ghosts
 from crowdsim.ecs.world import World
 from crowdsim.errors import CrowdSimError
 from crowdsim.steering.row_kernels import CELL

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
-from crowdsim.crowd.ranks.company import Company
+from crowdsim.crowd.ranks.protocol import Ranks
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import hypot
 from crowdsim.motion.clips.clip import Clip
@@ -64,12 +64,12 @@ class SteeredFeet:
             self._kept[agent] += 1
         self._step += 1
 
-    def join(self, company: Company) -> None:
+    def join(self, ranks: Ranks) -> None:
         """Join the tracks with those of the same agents in other processes; the floor must not be periodic."""
         pieces = [np.empty((0, 6))]
         for number, track in self._tracks.items():
             pieces.append(np.column_stack((np.full(len(track), number), self._steps[number], np.array(track))))
-        rows, _ = company.together(np.concatenate(pieces))
+        rows, _ = ranks.together(np.concatenate(pieces))
         rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
         self._tracks = {int(number): list(rows[rows[:, 0] == number][:LONGEST, 2:]) for number in np.unique(rows[:, 0])}
 

@@ -37,7 +37,7 @@ class Chain(NamedTuple):
     """(C, 3) offset of the pose before to the origin, which fades out along the node."""
 
     @classmethod
-    def room(cls, count: int) -> Chain:
+    def empty(cls, count: int) -> Chain:
         """Allocate a chain of ``count`` nodes."""
         return cls(np.zeros(count, np.int32), np.zeros((count, 3)), np.zeros((count, 3)))
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.ranks.company import ALONE, Company
+from crowdsim.crowd.ranks.protocol import ONE_RANK, Ranks
 from crowdsim.crowd.steered.components import NO_GOAL, Errand
 from crowdsim.crowd.steered.entering_kernels import ROOM, admit
 from crowdsim.crowd.steered.errands import Errands
@@ -39,9 +39,9 @@ class Entering:
         exits: ExitChoice,
         errands: Errands,
         boundary: PeriodicBoundary,
-        company: Company = ALONE,
+        ranks: Ranks = ONE_RANK,
     ) -> None:
-        self._company = company
+        self._ranks = ranks
         self._boundary = boundary
         self._world, self._place, self._cast, self._errands, self._exits = world, place, cast, errands, exits
         self.entered = np.full(cast.head_count, -1, np.int64)
@@ -72,7 +72,7 @@ class Entering:
             return
         due = due[np.argsort(cast.start_steps[due], kind="stable")]
         coming = self._rows(due)
-        present = self._company.around(self._world.column("row"), cast.starts[due], 2.0 * self._broadest + ROOM)
+        present = self._ranks.around(self._world.column("row"), cast.starts[due], 2.0 * self._broadest + ROOM)
         sorted_crowd = steering.sort(self._boundary.with_copies(present), self._place.bounds)
         crowd = (sorted_crowd.rows, sorted_crowd.starts, sorted_crowd.frame)
         ways = listed(others, sorted_crowd.frame, self._broadest + ROOM)
@@ -89,7 +89,7 @@ class Entering:
         place = np.column_stack((rows["x"], rows["y"], rows["heading"]))
         self._world.spawn_many(
             len(agents),
-            self._company.holds(cast.starts[agents]),
+            self._ranks.holds(cast.starts[agents]),
             agent=agents,
             state=np.where(stands, AgentState.WAITING, AgentState.MOVING),
             behavior=len(self._place.asked) - 1,

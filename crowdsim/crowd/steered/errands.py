@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shapely import Polygon
 
 from crowdsim.constants import NONE
-from crowdsim.crowd.ranks.company import ALONE, Company
+from crowdsim.crowd.ranks.protocol import ONE_RANK, Ranks
 from crowdsim.crowd.steered.components import NO_GOAL, Errand
 from crowdsim.crowd.steered.exits import ExitChoice
 from crowdsim.ecs.world import View
@@ -189,9 +189,9 @@ class Errands:
         """Note the number of places (n,) that agents have reached while they were captured."""
         np.maximum(self._visits, visits, out=self._visits)
 
-    def laps(self, company: Company = ALONE) -> dict[str, int]:
+    def laps(self, ranks: Ranks = ONE_RANK) -> dict[str, int]:
         """Return the number of rounds completed by the agents of each group that repeats its round."""
-        laps, reached = {}, company.sum(self._visits)
+        laps, reached = {}, ranks.sum(self._visits)
         for number, itinerary in enumerate(self._cast.itineraries):
             if itinerary.rounds != 1:
                 visits = reached[self._cast.group == number]

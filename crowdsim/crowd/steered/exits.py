@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon
 
 from crowdsim.constants import NONE
-from crowdsim.crowd.ranks.company import ALONE, Company
+from crowdsim.crowd.ranks.protocol import ONE_RANK, Ranks
 from crowdsim.crowd.steered.components import Errand
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import hypot
@@ -74,7 +74,7 @@ class ExitChoice:
         Gives the lengths of the paths to all goals.
     steps_per_second : int
         Rate of the steps.
-    company : Company
+    ranks : Ranks
         The processes that share the run.
     """
 
@@ -84,9 +84,9 @@ class ExitChoice:
         free: MultiPolygon,
         guidance: Guidance,
         steps_per_second: int,
-        company: Company = ALONE,
+        ranks: Ranks = ONE_RANK,
     ) -> None:
-        self._company = company
+        self._ranks = ranks
         self.goals = cast.assigned.copy()
         """(n,) int32: goal to which each agent goes finally, NONE before it has entered."""
         self._cast, self._guidance, self._rate = cast, guidance, steps_per_second
@@ -142,9 +142,9 @@ class ExitChoice:
 
     def _ways(self, view: View) -> tuple[Floats, Ints]:
         """Return the lengths of the ways [m] and the goals of all agents that may wait at an exit."""
-        if self._company.size == 1 or not self._quickest.any():
+        if self._ranks.size == 1 or not self._quickest.any():
             return view.row["togo"], view.row["goal"]
-        ways, _ = self._company.together(np.column_stack((view.row["togo"], view.row["goal"])))
+        ways, _ = self._ranks.together(np.column_stack((view.row["togo"], view.row["goal"])))
         return ways[:, 0], ways[:, 1].astype(np.int64)
 
     def _change(self, view: View, rows: Ints, goals: NDArray[np.int32]) -> None:
@@ -203,8 +203,8 @@ class ExitChoice:
         """Update the expected flows of exits with a queue by the number that left in the last second."""
         row = view.row
         held_up = (hypot(row["vx"], row["vy"]) < HELD_UP * view.pace) & (row["goal"] >= 0)
-        queued = self._company.sum(np.bincount(row["goal"][held_up], minlength=len(self._flows)))
-        left = self._company.sum(self._left)
+        queued = self._ranks.sum(np.bincount(row["goal"][held_up], minlength=len(self._flows)))
+        left = self._ranks.sum(self._left)
         # Before the first agent has left at an exit, its queue says nothing.
         shows = (queued >= QUEUES) & (self._left_before > 0)
         # Exponential average of the numbers that left in each second.

@@ -12,8 +12,8 @@ from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import NONE, STEERING_RATE
 from crowdsim.crowd.crowd import Route
-from crowdsim.crowd.ranks.company import ALONE, NO_GHOSTS, Company, Ghosts
 from crowdsim.crowd.ranks.present import frame_of_rows, present_rows
+from crowdsim.crowd.ranks.protocol import NO_GHOSTS, ONE_RANK, Ghosts, Ranks
 from crowdsim.crowd.report.recording_header import record_header, steered_agents, steered_motion
 from crowdsim.crowd.report.steered_statistics import SteeredStatistics
 from crowdsim.crowd.state.assets import load_behaviors
@@ -58,7 +58,7 @@ class SteeredCrowd:
         The agents; drawn from the scenario by default.
     behavior_set : BehaviorSet, optional
         That of the scenario, if it is loaded already.
-    company : Company
+    ranks : Ranks
         The processes that share the run; this one holds the agents of its region.
     """
 
@@ -68,27 +68,27 @@ class SteeredCrowd:
         threads: int,
         cast: CrowdPlacement | None = None,
         behavior_set: BehaviorSet | None = None,
-        company: Company = ALONE,
+        ranks: Ranks = ONE_RANK,
     ) -> None:
         self.hash = 0
         """64-bit hash of all states so far; of one of several processes, that of its own agents only."""
         self.digest = 0
         """Sum of the digests of the rows after the last step."""
-        self.company = company
+        self.ranks = ranks
         self._step = 0
         self.behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
         behaviors = self.behavior_set.behaviors
         self.cast = place_crowd(scenario) if cast is None else cast
         environment = laid_three_times(scenario.environment, scenario.span)
-        self.place = SteeredPlace(environment, self.cast.goals, behaviors, STEERING_RATE, threads, company)
+        self.place = SteeredPlace(environment, self.cast.goals, behaviors, STEERING_RATE, threads, ranks)
         self.world = World(COLUMNS)
         self.steering = Steering(*self.place.walls, leg_radius=LEG_RADIUS, threads=threads)
         free = scenario.environment.layers[0].free
-        self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE, company)
+        self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE, ranks)
         self.errands = Errands(self.cast, self.exits, STEERING_RATE)
         self.parties = Parties(self.cast.first, free, scenario.span, STEERING_RATE)
         self.boundary = PeriodicBoundary(scenario, self.place.guidance)
-        self.entering = Entering(self.world, self.place, self.cast, self.exits, self.errands, self.boundary, company)
+        self.entering = Entering(self.world, self.place, self.cast, self.exits, self.errands, self.boundary, ranks)
         self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
             behaviors,
@@ -132,26 +132,26 @@ class SteeredCrowd:
             since = self.world.column("lost_since")
             done += int(((since != NONE) & (self._step - since > LOST_SECONDS * STEERING_RATE)).sum())
             waits[self.entering.shut_out] = False
-            done += len(self.entering.shut_out) if self.company.rank == 0 else 0
+            done += len(self.entering.shut_out) if self.ranks.rank == 0 else 0
         # While some are yet to come, which all processes know, nobody needs to count.
         if waits.any():
             return False
         expected = int((self.cast.start_steps != NEVER).sum())
-        if self.company.size == 1:
+        if self.ranks.size == 1:
             expected = int(self.expected.sum())
-        return int(self.company.sum(np.array([done], np.int64))[0]) >= expected
+        return int(self.ranks.sum(np.array([done], np.int64))[0]) >= expected
 
     @property
     def waiting(self) -> int:
         """Return the number of agents that are on their way but do not move."""
         view = self.world.view()
         here = ((view.state == AgentState.WAITING) & (view.errand == Errand.WALKS)).sum()
-        return int(self.company.sum(np.array([here], np.int64))[0])
+        return int(self.ranks.sum(np.array([here], np.int64))[0])
 
     @property
     def unreachable(self) -> dict[str, str]:
         """Return by agent the reason why it has no path."""
-        lost, _ = self.company.together(self.world.column("agent")[self.world.column("lost_since") != NONE])
+        lost, _ = self.ranks.together(self.world.column("agent")[self.world.column("lost_since") != NONE])
         reason = "no path leads from its position to its goal; look for obstacles in the way"
         return {
             **{str(agent): reason for agent in sorted(lost.tolist())},
@@ -231,7 +231,7 @@ class SteeredCrowd:
         view = world.view()
         before = view.row["heading"].copy()
         everybody, numbers = self.boundary.with_copies(view.row), None
-        if self.company.size > 1:
+        if self.ranks.size > 1:
             everybody = joined(view.row, ghosts.rows[~ghosts.leaves])
             numbers = np.concatenate((view.id, ghosts.ids[~ghosts.leaves]))
         self.steering.step(everybody, others, len(view.row), numbers)
@@ -245,11 +245,11 @@ class SteeredCrowd:
 
         ``gone`` (k,) are the ids of those who leave in this step.
         """
-        if self.company.size == 1:
+        if self.ranks.size == 1:
             return NO_GHOSTS
         view, entered = self.world.view(), self.entering.entered
         came, leaves = entered[view.agent] == self._step, np.isin(view.id, gone)
-        ghosts = self.company.exchange(self.world, self.exits.goals, came, leaves)
+        ghosts = self.ranks.exchange(self.world, self.exits.goals, came, leaves)
         view = self.world.view()
         there = entered[view.agent] != self._step
         everybody = joined(opaque(view.row)[there].view(view.row.dtype), ghosts.rows[~ghosts.came])
@@ -293,23 +293,23 @@ class SteeredCrowd:
         """Add the present step to the statistics."""
         view = self.world.view()
         self.statistics.add(view, self.steering)
-        if self.company.size == 1:
+        if self.ranks.size == 1:
             self.statistics.add_gaps(self.boundary.with_copies(view.row), self.steering)
 
     def join(self) -> None:
         """Take in what other processes know, after the last step: arrivals, exits, and what they have measured."""
-        company = self.company
+        ranks = self.ranks
         self.meet(np.zeros(0, np.int64))
         came = self.errands.arrived != NONE
-        self.exits.goals[:] = company.most(np.where(came, self.exits.goals, NONE))
-        self.errands.arrived[:] = company.most(self.errands.arrived)
-        self.statistics.join(company)
+        self.exits.goals[:] = ranks.most(np.where(came, self.exits.goals, NONE))
+        self.errands.arrived[:] = ranks.most(self.errands.arrived)
+        self.statistics.join(ranks)
 
     def summary(self) -> dict[str, Any]:
         """Return the figures that sum up the run; all processes that share it must ask, after :meth:`join`."""
         view = self.world.view()
         arrived, entered = self.errands.arrived, self.entering.entered
-        stands, _ = self.company.together(np.column_stack(self.errands.how_they_stood(view)))
+        stands, _ = self.ranks.together(np.column_stack(self.errands.how_they_stood(view)))
         done = arrived >= 0
         times = (arrived - entered)[done] / STEERING_RATE
         return {
@@ -317,7 +317,7 @@ class SteeredCrowd:
             "arrived": int(done.sum()),
             "waiting": self.waiting,
             "unreachable": self.unreachable,
-            "laps": self.errands.laps(self.company),
+            "laps": self.errands.laps(self.ranks),
             "exits": self.exits_used(arrived),
             "stands": stands_summary(*stands.T),
             "events": self.place.agenda.report(),

@@ -2,7 +2,7 @@
 
 Rows are processed in order, and each reads the timelines that earlier ones reserved in the same step.
 
-Arguments of all helpers: ``rows`` (columns of all rows), ``progress`` and ``room`` (scratch) as of
+Arguments of all helpers: ``rows`` (columns of all rows), ``progress`` and ``scratch`` as of
 :mod:`crowdsim.crowd.systems.going_on`; ``table`` (PlanTable), the plans of all agents; ``obstacles``, ``everyone`` (the
 timelines of all rows) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of its node from
 which a row goes on.
@@ -64,7 +64,7 @@ MAKE_ROOM = 2
 
 _MOVING = int(AgentState.MOVING)
 EXTENDED, REFUSED = 0, 1
-"""Indices in ``Room.counts``: rows that have reserved, rows that cannot go on."""
+"""Indices in ``Scratch.counts``: rows that have reserved, rows that cannot go on."""
 
 
 @helper
@@ -138,15 +138,15 @@ def is_last(table, progress, agent):
 
 
 @helper
-def note_standing(graph, rows, room):
+def note_standing(graph, rows, scratch):
     """Note, once a step, which rows stand and may be asked to give way.
 
     It is done when a row may ask for the first time, and holds for all later ones.
     """
-    if not room.noted[0]:
-        room.noted[0] = True
+    if not scratch.noted[0]:
+        scratch.noted[0] = True
         for row in range(len(rows.node)):
-            room.may_move[row] = graph.node_idle[rows.node[row]] and rows.next_node[row] == NONE
+            scratch.may_move[row] = graph.node_idle[rows.node[row]] and rows.next_node[row] == NONE
 
 
 @helper
@@ -193,7 +193,7 @@ def own_timeline(rows, row, timeline, gone, playback, everyone):
 
 
 @helper
-def reserve_on(graph, rows, row, table, progress, obstacles, everyone, room, playback, frame):
+def reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, playback, frame):
     """Reserve the next nodes of a row's plan, as few as end in a stand; return True on success.
 
     Arguments are those of :func:`go_on`; ``frame`` is that of the present node from which the row goes on.
@@ -205,15 +205,15 @@ def reserve_on(graph, rows, row, table, progress, obstacles, everyone, room, pla
     nodes, origins, blend_offsets = plan_of(table, agent)
 
     # Publish the way ahead, take over the rank of an agent that it follows, and gather the ways to be kept free.
-    way, timeline = rows.way[row], room.timeline
+    way, timeline = rows.way[row], scratch.timeline
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, way)
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, everyone.near)
     rows.rank[row] = min(rows.turn[row], behind)
-    room.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, everyone.near, room.ways)
-    kept_clear = own(obstacles, rows, row, room.ways[: room.ways_count[0]])
+    scratch.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, everyone.near, scratch.ways)
+    kept_clear = own(obstacles, rows, row, scratch.ways[: scratch.ways_count[0]])
 
     # Chain: the present node, then the next ones of the plan.
-    chain = room.chain
+    chain = scratch.chain
     available = min(len(nodes) - following, LOOKAHEAD)
     chain.nodes[0] = rows.node[row]
     for k in range(available):
@@ -235,7 +235,7 @@ def reserve_on(graph, rows, row, table, progress, obstacles, everyone, room, pla
     for wanted in (own_rate, min(slowest(playback), own_rate)):
         mine = playback_of(graph, rows, row, playback, wanted)
         taken, gone = reserve(
-            graph, kept_clear, everyone, row, frame, mine, chain, room.draft, 1, available, leaves, timeline
+            graph, kept_clear, everyone, row, frame, mine, chain, scratch.draft, 1, available, leaves, timeline
         )
         if taken > 0:
             break
@@ -250,7 +250,7 @@ def reserve_on(graph, rows, row, table, progress, obstacles, everyone, room, pla
 
 
 @kernel
-def slow_down(graph, rows, row, obstacles, everyone, room, playback, frame):
+def slow_down(graph, rows, row, obstacles, everyone, scratch, playback, frame):
     """Let a row play the rest of its node, and the stop behind it, slower if that meets nothing; return True if so.
 
     ``obstacles`` are those of its own body; ``playback`` is at the natural rate.
@@ -260,18 +260,18 @@ def slow_down(graph, rows, row, obstacles, everyone, room, playback, frame):
         return False
     mine = playback_of(graph, rows, row, playback, slow)
     # Chain: the present node alone, which is followed by its stop.
-    chain, start = room.chain, playback.clock // playback.slot_frames
+    chain, start = scratch.chain, playback.clock // playback.slot_frames
     chain.nodes[0] = rows.node[row]
     for axis in range(3):
         chain.origins[0, axis] = rows.origin[row, axis]
         chain.blend_offsets[0, axis] = rows.blend_offset[row, axis]
     none, tolerant = np.int64(0), np.int64(1)
-    if lay_out(graph, obstacles, frame, mine, chain, room.draft, none, False, tolerant, room.timeline) < 0:
+    if lay_out(graph, obstacles, frame, mine, chain, scratch.draft, none, False, tolerant, scratch.timeline) < 0:
         return False
     forever, radius = np.int64(FOREVER), rows.body_radius[row]
-    if meets_anyone(row, room.timeline, start, forever, start, radius, everyone):
+    if meets_anyone(row, scratch.timeline, start, forever, start, radius, everyone):
         return False
-    own_timeline(rows, row, room.timeline, forever, mine, everyone)
+    own_timeline(rows, row, scratch.timeline, forever, mine, everyone)
     return True
 
 
@@ -299,10 +299,10 @@ def follow(graph, rows, row, table, progress, frame):
 
 
 @kernel
-def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, room, playback):
+def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scratch, playback):
     """Let ``chosen`` rows, from number ``begin`` of them on, go on along their plans, one after the other.
 
-    Rows whose node does not end yet reserve ahead, and slow down if they cannot. ``rows``, ``progress`` and ``room``
+    Rows whose node does not end yet reserve ahead, and slow down if they cannot. ``rows``, ``progress`` and ``scratch``
     are those of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body with a radius of 1 m;
     ``playback`` is at the natural rate. The kernel stops at the first row that needs more than arrays, and returns its
     number and what the caller has to do: OTHERWISE, BEHIND_IT or MAKE_ROOM. At the end it returns the number of rows
@@ -325,28 +325,28 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, room
             return number, OTHERWISE
         # The next node is not reserved yet.
         if following > rows.reserved[row]:
-            if room.reserves_otherwise:
+            if scratch.reserves_otherwise:
                 return number, OTHERWISE
             # If it is refused it slows down while its node lasts, and counts as refused at the end of the node.
-            if not reserve_on(graph, rows, row, table, progress, obstacles, everyone, room, playback, frame):
+            if not reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, playback, frame):
                 if not leaves:
-                    if slow_down(
-                        graph, rows, row, own(obstacles, rows, row, room.ways[:0]), everyone, room, playback, frame
-                    ):
-                        room.extended[room.counts[EXTENDED]] = row
-                        room.counts[EXTENDED] += 1
+                    # Its own obstacles, without ways of others to keep off.
+                    near = own(obstacles, rows, row, scratch.ways[:0])
+                    if slow_down(graph, rows, row, near, everyone, scratch, playback, frame):
+                        scratch.extended[scratch.counts[EXTENDED]] = row
+                        scratch.counts[EXTENDED] += 1
                     continue
-                room.refused[room.counts[REFUSED]] = row
-                room.counts[REFUSED] += 1
+                scratch.refused[scratch.counts[REFUSED]] = row
+                scratch.counts[REFUSED] += 1
                 continue
             # Reserved. It moves now, so it cannot be asked to give way; a row that stands in its way ahead can.
-            room.extended[room.counts[EXTENDED]] = row
-            room.counts[EXTENDED] += 1
-            if room.noted[0]:
-                room.may_move[row] = False
-            note_standing(graph, rows, room)
+            scratch.extended[scratch.counts[EXTENDED]] = row
+            scratch.counts[EXTENDED] += 1
+            if scratch.noted[0]:
+                scratch.may_move[row] = False
+            note_standing(graph, rows, scratch)
             wide = 2.0 * rows.body_radius[row]
-            if next_in_way(rows.way, rows.rank, room.may_move, row, rows.pose, wide, 0, everyone.near) >= 0:
+            if next_in_way(rows.way, rows.rank, scratch.may_move, row, rows.pose, wide, 0, everyone.near) >= 0:
                 return number, MAKE_ROOM
         if leaves and follow(graph, rows, row, table, progress, frame):
             return number, BEHIND_IT

@@ -15,7 +15,7 @@ from crowdsim.crowd.state.components import TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.state_hash import digest_of
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Playback, Timelines
-from crowdsim.crowd.systems.going_on import Room
+from crowdsim.crowd.systems.going_on import Scratch
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
 
@@ -38,26 +38,26 @@ class GivingWay:
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
         self._moves = moves_of(plans.assets.graph)
-        self._trail = Trail.room(DEPTH, TIMELINE_SLOTS, int(np.diff(self._moves.begin).max(initial=0)))
-        self._chain = Chain.room(MOVE_NODES + 1)
+        self._trail = Trail.empty(DEPTH, TIMELINE_SLOTS, int(np.diff(self._moves.begin).max(initial=0)))
+        self._chain = Chain.empty(MOVE_NODES + 1)
         self._left = 0
-        self._room = Room.make()
+        self._scratch = Scratch.make()
 
-    def begin(self, room: Room) -> None:
-        """Begin a step; ``room.may_move`` says which rows may be asked to give way."""
+    def begin(self, scratch: Scratch) -> None:
+        """Begin a step; ``scratch.may_move`` says which rows may be asked to give way."""
         self._left = TRIES_A_STEP
-        self._room = room
+        self._scratch = scratch
 
     def asking(self, view: View, most: int = TRIES) -> Asking:
         """Return the arguments of the kernels that ask others; which rows stand is determined once a step.
 
         At most ``most`` tries are taken from the step's; :meth:`move` returns those not used.
         """
-        room = self._room
-        if not room.noted[0]:
-            room.noted[0] = True
-            room.may_move[:] = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
-        standing = Standing(view.node, view.origin, view.goal, view.way, room.may_move, view.rank)
+        scratch = self._scratch
+        if not scratch.noted[0]:
+            scratch.noted[0] = True
+            scratch.may_move[:] = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
+        standing = Standing(view.node, view.origin, view.goal, view.way, scratch.may_move, view.rank)
         tries = min(self._left, most)
         self._left -= tries
         self._trail.tries[0] = tries
@@ -65,8 +65,8 @@ class GivingWay:
 
     def decided(self, row: int) -> None:
         """Note that a row has chosen what to do in this step."""
-        if self._room.noted[0]:
-            self._room.may_move[row] = False
+        if self._scratch.noted[0]:
+            self._scratch.may_move[row] = False
 
     def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> None:
         """Let standing agents in the way ahead of a walking row step aside; ``near`` are the rows by cells."""

@@ -122,7 +122,7 @@ class Progress(NamedTuple):
         return cls(itineraries.reached, itineraries.places, cast.rounds, cast.waits)
 
 
-class Room(NamedTuple):
+class Scratch(NamedTuple):
     """Scratch of the kernel :func:`~crowdsim.crowd.systems.choose_kernels.go_on`, and what it reports."""
 
     chain: Chain
@@ -149,12 +149,12 @@ class Room(NamedTuple):
     """True if no row may reserve in the kernel, as there are outlines to keep free, too."""
 
     @classmethod
-    def make(cls) -> Room:
+    def make(cls) -> Scratch:
         """Return scratch for no rows."""
         none, flags = np.empty(0, np.int64), np.zeros(0, np.bool_)
         return cls(
-            Chain.room(_CHAIN),
-            Chain.room(_CHAIN),
+            Chain.empty(_CHAIN),
+            Chain.empty(_CHAIN),
             np.zeros((TIMELINE_SLOTS, SAMPLE)),
             np.empty((WAYS, WAY_POINTS, 2)),
             np.zeros(1, np.int64),
@@ -166,7 +166,7 @@ class Room(NamedTuple):
             False,
         )
 
-    def begin(self, count: int, reserves_otherwise: bool) -> Room:
+    def begin(self, count: int, reserves_otherwise: bool) -> Scratch:
         """Begin a step with ``count`` rows."""
         self.noted[0] = False
         self.counts[:] = 0

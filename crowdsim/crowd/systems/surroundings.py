@@ -13,7 +13,7 @@ from crowdsim.crowd.state.components import SLOT_FRAMES
 from crowdsim.crowd.state.timelines import NO_BODIES, Obstacles, Playback, StandingBodies, Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
 from crowdsim.crowd.systems.choose_kernels import WAY_ROOM
-from crowdsim.crowd.systems.going_on import Room, Walker
+from crowdsim.crowd.systems.going_on import Scratch, Walker
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
 
@@ -45,9 +45,9 @@ class Surroundings:
         anybody = Walker(0, NONE, 0, 0, playback, _NOTHING, _NOTHING, _NOTHING, 1.0, False)
         return self._obstacles(view, anybody, _NOTHING)
 
-    def with_ways(self, obstacles: Obstacles, room: Room) -> Obstacles:
-        """Return obstacles with the ways noted last in ``room``, which their body keeps off."""
-        ways = room.ways[: room.ways_count[0]]
+    def with_ways(self, obstacles: Obstacles, scratch: Scratch) -> Obstacles:
+        """Return obstacles with the ways noted last in ``scratch``, which their body keeps off."""
+        ways = scratch.ways[: scratch.ways_count[0]]
         return obstacles._replace(ways=ways, way_width=2.0 * obstacles.body_radius + WAY_ROOM)
 
     def neighbors(self, view: View) -> Neighbors:

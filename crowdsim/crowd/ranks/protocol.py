@@ -31,7 +31,7 @@ SELF = slice(None)
 """Rows that one process has gathered from itself."""
 
 
-class Company(Protocol):
+class Ranks(Protocol):
     """The processes (ranks) that share one run.
 
     All of them take the same steps and call the same methods in the same order. Each holds the agents of its
@@ -74,8 +74,8 @@ class Company(Protocol):
         """
 
 
-class Alone:
-    """The company of a run in one process."""
+class OneRank:
+    """A run in one process: nothing to exchange."""
 
     rank = 0
     size = 1
@@ -111,5 +111,5 @@ class Alone:
         return NO_GHOSTS
 
 
-ALONE = Alone()
+ONE_RANK = OneRank()
 """One process."""
