@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
@@ -21,6 +22,11 @@ def describe_machine() -> dict[str, str | int]:
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
         "system": platform.platform(),
     }
+
+
+def load_average() -> float:
+    """Return how many programs wanted a processor in the last minute, on average; nan if the system does not count."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
 
 
 def describe_versions() -> dict[str, str]:

@@ -102,7 +102,7 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
     if rest < apart and min(a_gone, b_gone) == FOREVER:
         return True
     last = max(a_start + len(a), b_start + len(b))
-    # Compare the segments slot by slot, until one is gone or both are at rest.
+    # Compare the segments, from sample i to j of each, slot by slot, until one is gone or both are at rest.
     for slot in range(first_slot, last):
         if slot >= a_gone or slot >= b_gone:
             return False

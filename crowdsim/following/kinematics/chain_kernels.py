@@ -55,7 +55,7 @@ def _leap_vector(joint, limit, turn, count, ex, ey, dx, dy, dh, lever):
         d += v * v
         e += v * lever
         f += lever * lever
-    # Solve with the symmetric matrix ((a, b, c), (b, d, e), (c, e, f)) by its cofactors.
+    # Solve with the symmetric matrix ((a, b, c), (b, d, e), (c, e, f)) by its cofactors, ca to cf in the same places.
     ca, cb, cc = d * f - e * e, c * e - b * f, b * e - c * d
     scale = 1.0 / (a * ca + b * cb + c * cc)
     cd, ce, cf = a * f - c * c, b * c - a * e, a * d - b * b

@@ -60,7 +60,7 @@ def set_sight(sight, side, rx, ry, lx, ly):
 def _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
     """Return True if a foot seen from vertex v between x and y may lie at least ``least`` along q.
 
-    All are relative to v.
+    All are relative to v; xx, xy, yx and yy are the coordinates of x and y.
 
     The foot is in the hull of v, x, y and the point opposite of v on their circle, so one of these must be far enough.
     """
@@ -102,7 +102,8 @@ def _foot_at(m, s, part, x, y, near):
 def _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1):
     """Return the part of lo..hi of side ab (0 at a, 1 at b) that may hold the foot of the origin; lo > hi if none.
 
-    It is in view from ray r to ray l, and w . foot <= w . w for each vertex w seen (x, y, a, b), or their disc holds w.
+    It is in view from ray r = (r0, r1) to ray l, and w . foot <= w . w for each vertex w seen (x, y, a, b), or their
+    disc holds w.
     """
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, xx, xy)
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, yx, yy)
