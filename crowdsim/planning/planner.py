@@ -114,7 +114,7 @@ class Planner:
         start, goal : (2,) float64
             x, y [m].
         margin : bool
-            True to take a clearance margin where that costs almost nothing, as motions follow paths only approximately.
+            True to take a clearance margin if that costs almost nothing, as motions follow paths only approximately.
 
         Returns
         -------

@@ -21,7 +21,7 @@ STATION = 0.12
 """Largest distance between stations [m]."""
 
 MARGIN = 0.1
-"""Clearance beyond the planned one that a path takes where it costs (almost) nothing [m]."""
+"""Clearance beyond the planned one that a path takes if it costs (almost) nothing [m]."""
 
 SHIFTS = MARGIN * np.linspace(-1.0, 1.0, 9)
 """Shifts of a station, to the left [m]."""
@@ -43,7 +43,7 @@ _STAY = len(SHIFTS) // 2
 
 
 def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
-    """Return the route with more clearance where there is room: through the middle of gaps, wide around corners."""
+    """Return the route with more clearance if there is room: through the middle of gaps, wide around corners."""
     if path.length < 2.0 * STATION:
         return path
     # One cheap sweep: if the whole path has the margin already, nothing can be gained.
