@@ -241,7 +241,6 @@ def _farthest(points: Floats) -> Floats:
 def _with_strips(area: BaseGeometry, segments: Floats) -> BaseGeometry:
     """Add strips along the parts of ``segments`` (k, 2, 2) that stand out of ``area``, and fill pinholes."""
     if len(segments):
-        # A surface seen as a point counts as a short line.
         short = hypot(*(segments[:, 1] - segments[:, 0]).T) < _LEAST_LINE
         ends = segments.copy()
         ends[short, 1, 0] = ends[short, 0, 0] + _LEAST_LINE

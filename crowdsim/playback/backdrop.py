@@ -59,7 +59,6 @@ class Backdrop:
         self._kept.ReleaseGraphicsResources(self._window)
 
     def _copy(self, source: Any, target: Any) -> None:
-        """Copy colors and depths from one framebuffer to another."""
         state = self._window.GetState()
         state.PushFramebufferBindings()
         state.vtkglDisable(_SCISSOR)

@@ -29,7 +29,7 @@ from crowdsim.recording.header import AgentState, PlannedPath, SolidRecord
 from crowdsim.recording.reader import Recording
 
 TALL = 1.1
-"""Height above which solids are drawn as glass, so that they do not hide agents behind them [m]."""
+"""Height above which solids are drawn as glass, so that they do not hide characters behind them [m]."""
 
 COLORINGS = ("behavior", "group", "agent", "level")
 
@@ -134,7 +134,7 @@ class Scene:
         self._body_actor.prop.ambient, self._body_actor.prop.diffuse = 1.0, 0.0
 
     def show_time(self, time: float) -> None:
-        """Move agents, paths and the clock to ``time`` [s]."""
+        """Move characters, paths and the clock to ``time`` [s]."""
         self._crowd.update(time)
         for mesh, points in ((self._bodies, self._crowd.points), (self._shadows, self._crowd.shadow_points)):
             mesh.points[:] = points.reshape(-1, 3)

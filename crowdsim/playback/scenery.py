@@ -147,7 +147,6 @@ def grid_lines(header: RecordingHeader, spacing: float = 1.0) -> Floats:
 
 
 def _polygons(wkt: str, what: str) -> list[shapely.Polygon]:
-    """Return the polygons of a shape in well-known text; ``what`` names it in the error."""
     try:
         shape = shapely.from_wkt(wkt)
     except shapely.errors.ShapelyError as error:
@@ -158,7 +157,6 @@ def _polygons(wkt: str, what: str) -> list[shapely.Polygon]:
 
 
 def _cap(polygon: shapely.Polygon, height: float) -> tuple[Floats, NDArray[np.int64]]:
-    """Return points (n, 3) [m] and triangles (t, 3), counter-clockwise from above, that cover a polygon at a height."""
     pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
     corners = np.array([np.asarray(piece.exterior.coords)[:3] for piece in pieces]).reshape(-1, 3, 2)
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

@@ -41,6 +41,9 @@ WITH_RIGS = (
 UNSWEPT = (
     "recording/",
     "bench/",
+    "playback/",
+    "environment/mesh_solid.py",
+    "scenario/composing/validation.py",
     "scenario/check.py",
     "export/page/",
     "crowd/mixed/",

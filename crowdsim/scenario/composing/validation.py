@@ -20,7 +20,7 @@ from crowdsim.yamlfile.messages import schema_problems
 
 
 def validated(document: Document, files: Files, problems: Sequence[Problem] = ()) -> tuple[ScenarioFields, Environment]:
-    """Check the keys of ``document``, build their environment, and check that every agent finds a place.
+    """Check the keys of ``document``, build their environment, and check that every character finds a place.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def validated(document: Document, files: Files, problems: Sequence[Problem] = ()
 
 
 def _command_complaints(keys: ScenarioFields, environment: Environment) -> list[Complaint]:
-    """Return what is wrong with the commands about agents."""
+    """Return what is wrong with the commands about characters."""
     complaints: list[Complaint] = []
     called = Called(keys)
     for number, command in sorted(enumerate(keys.commands), key=lambda each: each[1].at):
