@@ -1,4 +1,4 @@
-"""crowdsim: simulate characters that walk through cluttered places as people do."""
+"""crowdsim: simulate agents that walk through cluttered places as people do."""
 
 from __future__ import annotations
 

@@ -139,7 +139,7 @@ def thumbnail(name: str) -> Callable[[Path, Recordings], None]:
 
 
 def corridor_lateral(file: Path, recordings: Recordings) -> None:
-    """Draw a character in the narrowest gap."""
+    """Draw an agent in the narrowest gap."""
     shot(recordings.of("corridor"), file, 49.0, "follow", agent=6)
 
 
@@ -162,7 +162,7 @@ def walking(file: Path, recordings: Recordings) -> None:
 
 
 def levels(file: Path, recordings: Recordings) -> None:
-    """Draw captured and steered characters in their colors."""
+    """Draw captured and steered agents in their colors."""
     shot(recordings.of("plaza"), file, 20.0, color_by="level")
     write_small(file)
 

@@ -1,7 +1,7 @@
 """Switches between captured and steered motion: gait phases of all frames, and frames at which to enter or leave nodes.
 
-A captured character that becomes steered keeps the gait phase of its current frame (:func:`node_phases`); this looks
-best while it walks or stands (:func:`find_exits`). A steered character that becomes captured enters a node of the
+A captured agent that becomes steered keeps the gait phase of its current frame (:func:`node_phases`); this looks
+best while it walks or stands (:func:`find_exits`). A steered agent that becomes captured enters a node of the
 motion graph at a frame of equal phase and similar speed (:func:`find_entries`); the node's origin is placed so that the
 track continues (:func:`entry_origins`).
 """

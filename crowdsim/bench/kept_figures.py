@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 import subprocess
 from pathlib import Path
@@ -11,8 +12,9 @@ from crowdsim.bench.registry import BenchResult
 from crowdsim.errors import CrowdSimError
 from crowdsim.whole_files import whole_file
 
-COLUMNS = ("benchmark", "figure", "date", "commit", "value", "python", "numba")
-"""Columns of the file. ``date`` is that of the commit; units are in the names of figures."""
+COLUMNS = ("benchmark", "figure", "date", "commit", "value", "python", "numba", "load")
+"""Columns of the file. ``date`` is that of the commit; units are in the names of figures. ``load`` is the load average
+of the machine in the minute before, empty if it is not known: times taken on a busy machine are too long."""
 
 
 def keep_figures(result: BenchResult, folder: Path) -> Path:
@@ -41,7 +43,8 @@ def keep_figures(result: BenchResult, folder: Path) -> Path:
     commit, date = _commit(folder)
     file = folder / f"{machine_name(result)}.csv"
     kept = [row for row in _rows(file) if (row["benchmark"], row["commit"]) != (result.name, commit)]
-    same = {"benchmark": result.name, "date": date, "commit": commit}
+    load = "" if math.isnan(result.load) else f"{result.load:.1f}"
+    same = {"benchmark": result.name, "date": date, "commit": commit, "load": load}
     versions = {name: result.versions[name] for name in ("python", "numba")}
     kept += [{**same, "figure": name, "value": f"{value:.6g}", **versions} for name, value in result.figures.items()]
     kept.sort(key=lambda row: (row["benchmark"], row["figure"], row["date"], row["commit"]))
@@ -65,9 +68,10 @@ def _rows(file: Path) -> list[dict[str, str]]:
         return []
     with file.open(encoding="utf-8", newline="") as lines:
         table = csv.DictReader(lines)
-        if tuple(table.fieldnames or ()) != COLUMNS:
+        # Files of earlier versions have no load.
+        if tuple(table.fieldnames or ()) not in (COLUMNS, COLUMNS[:-1]):
             raise CrowdSimError(f"{file}: the first line must be {','.join(COLUMNS)}; move the file away, or mend it")
-        return list(table)
+        return [{"load": "", **row} for row in table]
 
 
 def _commit(folder: Path) -> tuple[str, str]:

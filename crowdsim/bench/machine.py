@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
@@ -23,6 +24,11 @@ def describe_machine() -> dict[str, str | int]:
     }
 
 
+def load_average() -> float:
+    """Return how many programs wanted a processor in the last minute, on average; nan if the system does not count."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
+
+
 def describe_versions() -> dict[str, str]:
     """Return the versions of crowdsim, Python and each dependency; ``"missing"`` if it is not installed."""
     from crowdsim.version import __version__
@@ -42,6 +48,7 @@ def _version(name: str) -> str:
 
 
 def _processor() -> str:
+    """Return the name of the processor, as Linux or else the platform has it."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as lines:
             for line in lines:

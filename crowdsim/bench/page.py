@@ -70,6 +70,7 @@ def measure() -> Measurement:
 
 
 def _scenarios(folder: Path) -> Iterator[tuple[str, str]]:
+    """Yield names, and the scenarios of that name: built-in ones, and crowds written to ``folder``."""
     yield from (("corridor", "corridor"), ("plaza", "plaza"))
     for number, (name, (count, seconds, long, wide)) in enumerate(_CROWDS.items()):
         near, far = f"[1, 1, {0.35 * long:g}, {wide - 1}]", f"[{0.65 * long:g}, 1, {long - 1}, {wide - 1}]"
@@ -86,6 +87,7 @@ def _scenarios(folder: Path) -> Iterator[tuple[str, str]]:
 
 @contextmanager
 def _browser() -> Iterator[Any]:
+    """Lend a browser without a window; raise CrowdSimError if there is none."""
     found = next((path for path in map(shutil.which, _BROWSERS) if path), None)
     try:
         from playwright.sync_api import sync_playwright

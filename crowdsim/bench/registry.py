@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from crowdsim.bench.machine import describe_machine, describe_versions
+from crowdsim.bench.machine import describe_machine, describe_versions, load_average
 from crowdsim.errors import CrowdSimError
 
 _BENCHES = {
@@ -128,6 +129,8 @@ class BenchResult:
     rows: list[dict[str, Any]]
     figures: dict[str, float]
     headline: tuple[str, ...]
+    load: float = math.nan
+    """Load average of the machine in the minute before; times taken on a busy machine are too long."""
 
 
 def bench_names() -> dict[str, str]:
@@ -168,7 +171,8 @@ def run_bench(
     for kind in given:
         if kind not in inspect.signature(measure).parameters:
             raise CrowdSimError(f"the benchmark '{name}' takes no {kind}; run it without")
+    load = load_average()
     measured = measure(**given)
     return BenchResult(
-        name, describe_machine(), describe_versions(), measured.rows, measured.figures, measured.headline
+        name, describe_machine(), describe_versions(), measured.rows, measured.figures, measured.headline, load
     )

@@ -64,7 +64,7 @@ def crowdsim(
         bool, typer.Option("--debug", help="Show the traceback of an error.", callback=remember_debug, is_eager=True)
     ] = False,
 ) -> None:
-    """Simulate characters that walk through cluttered places as people do."""
+    """Simulate agents that walk through cluttered places as people do."""
 
 
 def main() -> None:

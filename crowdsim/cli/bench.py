@@ -80,3 +80,5 @@ def bench(
     if kept is not None:
         typer.echo(f"\n{len(result.figures)} figures kept in {kept}")
     typer.echo(f"\n{result.machine['processor']}, {result.machine['cores']} cores")
+    if result.load > 0.5 * int(result.machine["cores"]):
+        typer.echo(f"the machine was busy before (load {result.load:.1f}): times may be too long")

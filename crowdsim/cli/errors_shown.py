@@ -1,6 +1,6 @@
 """Turn exceptions into a message and an exit code: the only place that does.
 
-Exit codes: 0 done, 2 bad input or usage, 3 no drawing backend, 4 no character could arrive or a test failed, 130
+Exit codes: 0 done, 2 bad input or usage, 3 no drawing backend, 4 no agent could arrive or a test failed, 130
 interrupted, 143 terminated, 1 a bug. A traceback is printed only with ``--debug``.
 """
 

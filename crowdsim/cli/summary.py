@@ -34,7 +34,7 @@ def tell_summary(summary: dict[str, Any], as_json: bool) -> None:
 
 
 def nobody_arrived(summary: Mapping[str, Any]) -> str | None:
-    """Return why no character arrived, if a longer run would not help; None if one arrived or was still walking."""
+    """Return why no agent arrived, if a longer run would not help; None if one arrived or was still walking."""
     count = summary["characters"] - summary["removed"] - summary["not_added"]
     lost, waiting = summary["unreachable"], summary["waiting"] or 0
     if summary["arrived"] or any(summary["laps"].values()):
@@ -96,7 +96,7 @@ def _level_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _left(exit_: Mapping[str, Any]) -> str:
-    """Return how many characters left through an exit, and until when."""
+    """Return how many agents left through an exit, and until when."""
     return str(exit_["left"]) if exit_["last"] is None else f"{exit_['left']}, the last one at {exit_['last']:.1f} s"
 
 
@@ -131,7 +131,7 @@ def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _stand_rows(stands: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return how far from goals and required headings those characters stood that had to stand there."""
+    """Return how far from goals and required headings those agents stood that had to stand there."""
     if not stands["stood"]:
         return []
     text = f"{stands['stood']}, {100.0 * stands['off_goal_most']:.1f} cm off at most"

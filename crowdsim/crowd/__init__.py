@@ -1,1 +1,1 @@
-"""The crowd of a run: characters, their levels of locomotion, commands, and measures."""
+"""The crowd of a run: agents, their levels of locomotion, commands, and measures."""

@@ -1,4 +1,4 @@
-"""All characters of a simulation as they are now, as columns."""
+"""All agents of a simulation as they are now, as columns."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _OWN_INSTEAD = "a system writes own columns; see simulation.add_column and add_s
 
 
 class Agents:
-    """Characters of a scenario in one step: columns (N,) in the order of their numbers, read-only.
+    """Agents of a scenario in one step: columns (N,) in the order of their numbers, read-only.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Agents:
     behaviors : tuple of str
         Names of the behaviors.
     groups : (N,) tuple of str
-        Name of the group of each character.
+        Name of the group of each agent.
     own : mapping of str to array
         Columns (N, ...) that :meth:`Simulation.add_column` added; ``agents["name"]`` is one, or one of the above.
 
@@ -111,7 +111,7 @@ class Agents:
         return self.own[name]
 
     def with_own(self, own: Mapping[str, NDArray[Any]]) -> Agents:
-        """Return the same characters with other own columns."""
+        """Return the same agents with other own columns."""
         agents = copy(self)
         object.__setattr__(agents, "own", own)
         return agents
@@ -121,11 +121,11 @@ class Agents:
 
     @cached_property
     def present(self) -> NDArray[np.int64]:
-        """Return the numbers (n,) of the characters in the world."""
+        """Return the numbers (n,) of the agents in the world."""
         return _column(np.flatnonzero(self.state != AgentState.ABSENT), np.int64)
 
     def table(self) -> DataFrame:
-        """Return the characters in the world as a pandas frame, one row each.
+        """Return the agents in the world as a pandas frame, one row each.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Captured characters: motion is searched for each of them, and played node by node."""
+"""Captured agents: motion is searched for each of them, and played node by node."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ LEAD_SECONDS = 0.2
 
 
 class CapturedCrowd:
-    """The captured characters of a scenario.
+    """The captured agents of a scenario.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class CapturedCrowd:
     preparing : callable, optional
         Called with the number of motion maps built and the number of all, while they are built.
     cast : Placement, optional
-        The characters; drawn from the scenario by default.
+        The agents; drawn from the scenario by default.
     behavior_set : BehaviorSet, optional
         That of the scenario, if it is loaded already.
     """
@@ -117,7 +117,7 @@ class CapturedCrowd:
 
     @property
     def count(self) -> int:
-        """Return the number of characters of the scenario, present or not."""
+        """Return the number of agents of the scenario, present or not."""
         return len(self.cast.starts)
 
     @property
@@ -127,22 +127,22 @@ class CapturedCrowd:
 
     @property
     def arrivals(self) -> NDArray[np.int64]:
-        """Return the step (n,) in which each character reached its last goal, NONE before."""
+        """Return the step (n,) in which each agent reached its last goal, NONE before."""
         return self.despawning.arrived
 
     @property
     def arrived(self) -> int:
-        """Return the number of characters that have reached their last goal."""
+        """Return the number of agents that have reached their last goal."""
         return int((self.arrivals >= 0).sum())
 
     @property
     def expected(self) -> NDArray[np.bool_]:
-        """Return which characters (n,) have arrived, are in the world, or come without a command."""
+        """Return which agents (n,) have arrived, are in the world, or come without a command."""
         return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
 
     @property
     def finished(self) -> bool:
-        """Return True if all characters that can arrive have arrived."""
+        """Return True if all agents that can arrive have arrived."""
         # As long as doors may open, a goal may become reachable.
         lost = len(self.plans.unreachable) if self.events.over else 0
         return self.arrived + lost >= int(self.expected.sum())
@@ -156,7 +156,7 @@ class CapturedCrowd:
         self.environment.timetable = self.events.agenda.timetable = timetable
 
     def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
-        """Send characters (k,) to ``places`` (k, 2) [m] instead of all their goals."""
+        """Send agents (k,) to ``places`` (k, 2) [m] instead of all their goals."""
         view = self.world.view()
         affected = AffectedAgents(self.plans, view)
         rows = {int(agent): row for row, agent in enumerate(view.agent.tolist())}
@@ -209,9 +209,9 @@ class CapturedCrowd:
         self.hash = state_hash(self.world, self.environment.state(), self.step_count, self.hash)
 
     def react(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
-        """Let events happen if no character is in the way, and hand out plans; return the numbers of those events.
+        """Let events happen if no agent is in the way, and hand out plans; return the numbers of those events.
 
-        ``in_the_way`` tells whether a character that is not captured stands where a movable is to appear.
+        ``in_the_way`` tells whether an agent that is not captured stands where a movable is to appear.
         """
         happened = self.events.apply(view, in_the_way)
         # Results are handed out one step after their slices began, whatever the number of workers.
@@ -236,7 +236,7 @@ class CapturedCrowd:
         return self.environment.placing(movable)
 
     def new_routes(self) -> list[Route]:
-        """Return the paths that characters follow since the last call."""
+        """Return the paths that agents follow since the last call."""
         routes = [Route(agent, *labeled_points(route)) for agent, route in self._new_routes]
         self._new_routes.clear()
         return routes
@@ -247,7 +247,7 @@ class CapturedCrowd:
         return record_header(scenario, self.assets.behaviors, agents, captured_motion(self.assets))
 
     def frame(self) -> RecordedFrame:
-        """Return the present step of all characters; those outside the world are marked absent."""
+        """Return the present step of all agents; those outside the world are marked absent."""
         agent = self.world.column("agent")
         columns: dict[str, Any] = {}
         for name in ("node", "previous", "behavior"):

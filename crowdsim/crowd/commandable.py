@@ -36,7 +36,7 @@ class Commandable(ABC):
     @property
     @abstractmethod
     def agents(self) -> Agents:
-        """Return all characters as the last step left them."""
+        """Return all agents as the last step left them."""
 
     @property
     def step_count(self) -> int:
@@ -51,14 +51,14 @@ class Commandable(ABC):
     def set_goal(
         self, agents: int | Sequence[int] | NDArray[Any], goal: Any, on_arrival: Literal["leave", "stay"] = "leave"
     ) -> None:
-        """Send characters to another goal with the next step, instead of all their goals.
+        """Send agents to another goal with the next step, instead of all their goals.
 
-        Characters that have not entered yet go there when they enter; members of parties go each on its own.
+        Agents that have not entered yet go there when they enter; members of parties go each on its own.
 
         Parameters
         ----------
         agents : int or sequence of int
-            Numbers of the characters, in the order of :attr:`agents`.
+            Numbers of the agents, in the order of :attr:`agents`.
         goal : (x, y), Polygon or mapping
             A point [m], a polygon of shapely, or the keys of a region in a scenario.
         on_arrival : "leave" or "stay"
@@ -67,12 +67,12 @@ class Commandable(ABC):
         Raises
         ------
         ScenarioError
-            If there is no such character, one has left, or no character can stand in the goal.
+            If there is no such agent, one has left, or no agent can stand in the goal.
         """
         self._give(set_goal={"agents": _numbers(agents), "goal": _region(goal), "on_arrival": on_arrival})
 
     def add(self, group: str, count: int = 1, start: Any = None) -> NDArray[np.int64]:
-        """Let characters of a group with ``on_call: true`` come with the next step, or as soon as there is room.
+        """Let agents of a group with ``on_call: true`` come with the next step, or as soon as there is room.
 
         They go where their group goes, unless :meth:`set_goal` sends them elsewhere.
 
@@ -96,17 +96,17 @@ class Commandable(ABC):
         return np.array(agents, np.int64)
 
     def remove(self, agents: int | Sequence[int] | NDArray[Any]) -> None:
-        """Take characters out of the world with the next step; those who are yet to come never come.
+        """Take agents out of the world with the next step; those who are yet to come never come.
 
-        ScenarioError if there is no such character, or one has left.
+        ScenarioError if there is no such agent, or one has left.
         """
         self._give(remove_agents={"agents": _numbers(agents)})
 
     def set_speed(self, agents: int | Sequence[int] | NDArray[Any], speed: float) -> None:
-        """Let characters walk at ``speed`` [m/s] from the next step on, if nothing is in their way.
+        """Let agents walk at ``speed`` [m/s] from the next step on, if nothing is in their way.
 
-        ``captured`` characters walk at the nearest speed that their motion can be played at. ScenarioError if there is
-        no such character, one has left, or the speed is not within 0.1 to 3 m/s.
+        ``captured`` agents walk at the nearest speed that their motion can be played at. ScenarioError if there is
+        no such agent, one has left, or the speed is not within 0.1 to 3 m/s.
         """
         self._give(set_speed={"agents": _numbers(agents), "speed": speed})
 
@@ -115,11 +115,11 @@ class Commandable(ABC):
         self._give(open=name)
 
     def close_door(self, name: str) -> None:
-        """Close a door with the next step, or as soon as no character is in the way; raise as :meth:`open_door`."""
+        """Close a door with the next step, or as soon as no agent is in the way; raise as :meth:`open_door`."""
         self._give(close=name)
 
     def insert(self, obstacle: Mapping[str, Any]) -> None:
-        """Insert an obstacle with the next step, or as soon as no character is in the way.
+        """Insert an obstacle with the next step, or as soon as no agent is in the way.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class Commandable(ABC):
 
     @property
     def _left(self) -> NDArray[np.bool_]:
-        """Return which characters (N,) have arrived and left, or were removed."""
+        """Return which agents (N,) have arrived and left, or were removed."""
         return np.asarray(self._removed | (self.crowd.arrivals >= 0) & (self.agents.state == AgentState.ABSENT))
 
     def _give(self, **keys: Any) -> None:
@@ -186,7 +186,7 @@ class Commandable(ABC):
             self._obey(command)
 
     def _obey(self, command: Command) -> None:
-        """Carry out a command about characters; those who have left in the meantime are left out."""
+        """Carry out a command about agents; those who have left in the meantime are left out."""
         asked = command.commanded
         if asked is None:
             return
@@ -195,7 +195,7 @@ class Commandable(ABC):
         match asked:
             case NewGoal():
                 region, places = places_in(self.scenario.environment, asked.goal, len(agents))
-                # Characters that leave there need no place of their own.
+                # Agents that leave there need no place of their own.
                 own = places[np.arange(len(agents)) % len(places)]
                 self.crowd.set_goal(agents[here], region, own[here], asked.on_arrival == "stay")
             case Added():

@@ -31,7 +31,7 @@ class Commands:
         self.given = sorted(scenario.commands, key=lambda command: command.at)
         """All commands, whether their time has come or not."""
         self.called = Called(scenario)
-        """Characters on call, as all these commands leave them."""
+        """Agents on call, as all these commands leave them."""
         for command in self.given:
             self.called.take(command)
         self._obeyed = 0
@@ -47,7 +47,7 @@ class Commands:
     def give(self, at: float, keys: Mapping[str, Any], left: NDArray[np.bool_]) -> None:
         """Add a command for time ``at`` [s], later than all that were carried out.
 
-        ``left`` (N,) says which characters have left.
+        ``left`` (N,) says which agents have left.
 
         Raises
         ------
@@ -67,7 +67,7 @@ class Commands:
         self.called.take(command)
 
     def next_on_call(self, group: str, count: int) -> list[int]:
-        """Return the next ``count`` characters of a group on call.
+        """Return the next ``count`` agents of a group on call.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class Commands:
         return agents
 
     def left_on_call(self) -> dict[str, int]:
-        """Return how many characters of each group on call are left."""
+        """Return how many agents of each group on call are left."""
         return {group: len(self.called.next_of(group, len(all_of))) for group, all_of in self.called.on_call.items()}
 
     def due(self, step: int) -> list[Command]:

@@ -14,10 +14,10 @@ from crowdsim.scenario.timetable import Placing, Timetable
 
 
 class Route(NamedTuple):
-    """A path that a character follows."""
+    """A path that an agent follows."""
 
     agent: int
-    """Number of the character."""
+    """Number of the agent."""
     points: NDArray[np.float64]
     """(P, 2) points [m]."""
     behaviors: NDArray[np.int8]
@@ -25,7 +25,7 @@ class Route(NamedTuple):
 
 
 class Crowd(Protocol):
-    """All characters of a scenario, moved from step to step.
+    """All agents of a scenario, moved from step to step.
 
     A step is :meth:`advance`, then anything that reads the state, then :meth:`end_step`.
     """
@@ -35,7 +35,7 @@ class Crowd(Protocol):
 
     @property
     def count(self) -> int:
-        """Return the number of characters of the scenario, present or not."""
+        """Return the number of agents of the scenario, present or not."""
 
     @property
     def step_count(self) -> int:
@@ -43,27 +43,27 @@ class Crowd(Protocol):
 
     @property
     def arrivals(self) -> NDArray[np.int64]:
-        """Return the step (n,) in which each character reached its last goal, NONE before."""
+        """Return the step (n,) in which each agent reached its last goal, NONE before."""
 
     @property
     def arrived(self) -> int:
-        """Return the number of characters that have reached their last goal."""
+        """Return the number of agents that have reached their last goal."""
 
     @property
     def expected(self) -> NDArray[np.bool_]:
-        """Return which characters (n,) are in the world, came through it, or come without a command."""
+        """Return which agents (n,) are in the world, came through it, or come without a command."""
 
     @property
     def finished(self) -> bool:
-        """Return True if all characters that can arrive have arrived."""
+        """Return True if all agents that can arrive have arrived."""
 
     def take_timetable(self, timetable: Timetable) -> None:
         """Replace the timetable of future changes; the new one begins with all that was due until now."""
 
     def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
-        """Send characters (k,) to ``region`` instead of all their goals.
+        """Send agents (k,) to ``region`` instead of all their goals.
 
-        They stand at ``places`` (k, 2) [m] if they are to stay; captured characters go there in any case.
+        They stand at ``places`` (k, 2) [m] if they are to stay; captured agents go there in any case.
         """
 
     def add(self, agents: NDArray[np.int64], starts: NDArray[np.float64] | None) -> None:
@@ -85,10 +85,10 @@ class Crowd(Protocol):
         """Return the constant part of a recording."""
 
     def frame(self) -> RecordedFrame:
-        """Return the present step of all characters; those outside the world are marked absent."""
+        """Return the present step of all agents; those outside the world are marked absent."""
 
     def new_routes(self) -> list[Route]:
-        """Return the paths that characters follow since the last call."""
+        """Return the paths that agents follow since the last call."""
 
     def placing(self, movable: int) -> Placing | None:
         """Return the placing of a movable; None while it is absent."""

@@ -1,4 +1,4 @@
-"""Poses of all characters while their simulation goes on."""
+"""Poses of all agents while their simulation goes on."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from crowdsim.recording.shown.bodies import ShownBodies
 from crowdsim.recording.shown.planted_feet import feet_of_nodes, played_in, pose_table_of, spans_of
 
 DELAY = 2.5
-"""How long ago the moment shown is [s], if characters are steered: their footsteps follow from the way they go on."""
+"""How long ago the moment shown is [s], if agents are steered: their footsteps follow from the way they go on."""
 _BEFORE = 6.5
 """Time before that moment from which footsteps are planned [s]: two cycles of the slowest walk, and smoothing."""
 _EVERY = 0.5
@@ -27,7 +27,7 @@ _EVERY = 0.5
 
 
 class Poses(NamedTuple):
-    """Bodies of the n characters that were in the world at one time.
+    """Bodies of the n agents that were in the world at one time.
 
     Attributes
     ----------

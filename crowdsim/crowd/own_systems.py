@@ -39,7 +39,7 @@ class System(Protocol):
 
 
 class Columns:
-    """The columns that a system declares, (N, ...) in the order of the characters' numbers.
+    """The columns that a system declares, (N, ...) in the order of the agents' numbers.
 
     ``columns["x"]`` is a column, read-only; ``columns["infected"] = values`` replaces one. What is written counts when
     the system returns, and is dropped if it raises.
@@ -56,7 +56,7 @@ class Columns:
 
     @property
     def present(self) -> NDArray[np.int64]:
-        """Return the numbers (n,) of the characters in the world."""
+        """Return the numbers (n,) of the agents in the world."""
         return self._agents.present
 
     def __getitem__(self, name: str) -> NDArray[Any]:
@@ -188,9 +188,9 @@ class Extensible:
         dtype : dtype
             Of numbers, or bool.
         default : value, or array of ``shape``
-            What it holds for every character, in the world or not, until a system writes it.
+            What it holds for every agent, in the world or not, until a system writes it.
         shape : sequence of int
-            Of what it holds for one character.
+            Of what it holds for one agent.
 
         Raises
         ------

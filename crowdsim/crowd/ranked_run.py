@@ -80,7 +80,7 @@ class RankedRun:
         )
         regions = divide(expected_places(cast, middles), scenario.floor.bounds, comm.Get_size(), halo)
         self.ranks = MpiRanks(comm, regions)
-        self.crowd = SteeredCrowd(scenario, workers, cast, company=self.ranks)
+        self.crowd = SteeredCrowd(scenario, workers, cast, ranks=self.ranks)
         self.step_limit = round(scenario.duration * scenario.steps_per_second)
         self._digests: list[int] = []
         self._environments: list[bytes] = []
@@ -122,7 +122,7 @@ class RankedRun:
         return summary
 
     def _steps(self, part: RankPart, progress: Callable[[int, int, Any], None] | None) -> None:
-        """Take all steps, and keep the own characters of each."""
+        """Take all steps, and keep the own agents of each."""
         crowd = self.crowd
         movables = self.scenario.environment.timetable.movables
         before: list[Placing | None] = [None] * len(movables)

@@ -42,7 +42,7 @@ Until = Callable[["Simulation"], bool]
 
 
 class Simulation(Commandable, Extensible):
-    """Characters of one scenario, moved step by step, or run to the end.
+    """Agents of one scenario, moved step by step, or run to the end.
 
     Between steps it can be read, and commands can be given to it: each is carried out with the next step.
     :meth:`save_scenario` writes a scenario with these commands, which gives the same states in the same steps.
@@ -57,7 +57,7 @@ class Simulation(Commandable, Extensible):
     preparing : callable, optional
         Called with the number of motion maps built and the number of all, while they are built.
     keep_poses : bool
-        Keep the last steps for :meth:`poses`: up to 11 kB for each character at 30 steps per second.
+        Keep the last steps for :meth:`poses`: up to 11 kB for each agent at 30 steps per second.
     behavior_set : BehaviorSet, optional
         What :func:`crowdsim.load_behaviors` returned for the scenario, if it is loaded already; runs may share one.
 
@@ -103,7 +103,7 @@ class Simulation(Commandable, Extensible):
 
     @property
     def agents(self) -> Agents:
-        """Return all characters as the last step left them."""
+        """Return all agents as the last step left them."""
         own = self._systems.columns
         if self._agents is None:
             record = self.header.agents
@@ -115,16 +115,16 @@ class Simulation(Commandable, Extensible):
         return self._agents
 
     def poses(self) -> Poses:
-        """Return the bodies of all characters in the world, as a recording shows them.
+        """Return the bodies of all agents in the world, as a recording shows them.
 
-        They are those of the last step if all characters are captured. Otherwise they are those of 2.5 s before it, as
-        footsteps of steered characters follow from the way that they go on; read positions of the same moment from
+        They are those of the last step if all agents are captured. Otherwise they are those of 2.5 s before it, as
+        footsteps of steered agents follow from the way that they go on; read positions of the same moment from
         ``joints``. Footsteps of one second may differ by centimeters from those in a recording of the whole run.
 
         Returns
         -------
         Poses
-            Time, numbers of the characters, and positions and rotations of their joints.
+            Time, numbers of the agents, and positions and rotations of their joints.
 
         Raises
         ------
@@ -142,12 +142,12 @@ class Simulation(Commandable, Extensible):
 
     @property
     def arrived(self) -> int:
-        """Return the number of characters that have reached their goal."""
+        """Return the number of agents that have reached their goal."""
         return self.crowd.arrived
 
     @cached_property
     def attributes(self) -> dict[str, Values]:
-        """Return the attributes that the scenario gives the characters: (n,) numbers or words by name."""
+        """Return the attributes that the scenario gives the agents: (n,) numbers or words by name."""
         return draw_attributes(self.scenario)
 
     @property
@@ -167,7 +167,7 @@ class Simulation(Commandable, Extensible):
 
     @property
     def finished(self) -> bool:
-        """Return True if all characters that can arrive have arrived, or the scenario's time is over."""
+        """Return True if all agents that can arrive have arrived, or the scenario's time is over."""
         return self.step_count >= self.step_limit or (self._commands.over and self.crowd.finished)
 
     def close(self) -> None:
@@ -270,7 +270,7 @@ class Simulation(Commandable, Extensible):
         return tuple(self._commands.given)
 
     def on_call(self) -> dict[str, int]:
-        """Return how many characters of each group on call can still be added."""
+        """Return how many agents of each group on call can still be added."""
         return self._commands.left_on_call()
 
     def save_scenario(self, path: str | os.PathLike[str]) -> list[Path]:

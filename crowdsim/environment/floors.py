@@ -267,6 +267,7 @@ def _whole_floor(level: Level, surfaces: Surfaces | None) -> tuple[Polygon | Mul
     near = np.abs(heights - level.height) <= STEP
     area = snapped_union(shapes[near], GRID)
     closed = polygons_only(buffered(buffered(area, _SEAM, join_style="mitre"), -_SEAM, join_style="mitre"))
+    # Areas below 0.1 m2 are steps and sills, not floor.
     parts = [part for part in closed.geoms if part.area >= 0.1]
     # Small gaps that remain are those under legs and posts, which are obstacles anyway.
     polygon = parts[0] if len(parts) == 1 else MultiPolygon(parts)

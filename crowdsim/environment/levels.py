@@ -76,7 +76,11 @@ def level_surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
 def find_levels(
     shapes: NDArray[np.object_], heights: NDArray[np.float64], owners: NDArray[np.int64], within: BaseGeometry | None
 ) -> list[Level]:
-    """Find levels wide and large enough to walk on, lowest first; only parts ``within`` an outline if one is given."""
+    """Find levels wide and large enough to walk on, lowest first; only parts ``within`` an outline if one is given.
+
+    ``shapes`` (n,) are the outlines of horizontal surfaces, ``heights`` (n,) where they lie [m], ``owners`` (n,) the
+    numbers of the solids that they belong to.
+    """
     order = np.argsort(heights, kind="stable")
     shapes, heights, owners = shapes[order], heights[order], owners[order]
     areas = shapely.area(shapes)

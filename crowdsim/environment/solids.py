@@ -90,7 +90,11 @@ def polygon_from_points(points: Sequence[tuple[float, float]], what: str) -> Pol
 def box(
     name: str, low: tuple[float, float], high: tuple[float, float], bottom: float, top: float, rotation: float = 0.0
 ) -> Solid:
-    """Return a box between two opposite corners [m], turned by ``rotation`` [degrees] about its center."""
+    """Return a box between two opposite corners [m], turned by ``rotation`` [degrees] about its center.
+
+    ``low`` and ``high`` are the corners with the least and the greatest x and y; ``bottom`` and ``top`` are heights
+    above the floor [m]. Raise GeometryError if it has no extent.
+    """
     if not all(b - a >= MIN_EXTENT for a, b in zip(low, high, strict=True)):
         raise GeometryError(f"solid '{name}': the box from {list(low)} to {list(high)} has no area; give min below max")
     (x0, y0), (x1, y1) = low, high
@@ -106,21 +110,31 @@ def centered_box(
     top: float,
     rotation: float = 0.0,
 ) -> Solid:
-    """Return a box of ``size`` [m] (along x and y before turning) around ``center``, turned by ``rotation`` degrees."""
+    """Return a box of ``size`` [m] (along x and y before turning) around ``center``, turned by ``rotation`` degrees.
+
+    ``bottom`` and ``top`` are heights above the floor [m]. Raise GeometryError if it has no extent.
+    """
     low = (center[0] - size[0] / 2.0, center[1] - size[1] / 2.0)
     high = (center[0] + size[0] / 2.0, center[1] + size[1] / 2.0)
     return box(name, low, high, bottom, top, rotation)
 
 
 def cylinder(name: str, center: tuple[float, float], radius: float, bottom: float, top: float) -> Solid:
-    """Return an upright cylinder; its footprint is a polygon around it, see :func:`circle_around`."""
+    """Return an upright cylinder; its footprint is a polygon around it, see :func:`circle_around`.
+
+    ``center``, ``radius``, and the heights ``bottom`` and ``top`` above the floor are in meters. Raise GeometryError if
+    it has no extent.
+    """
     if not radius >= MIN_EXTENT:
         raise GeometryError(f"solid '{name}': the radius {radius} m is too small")
     return Solid(name, circle_around(center, radius), bottom, top)
 
 
 def extrusion(name: str, points: Sequence[tuple[float, float]], bottom: float, top: float) -> Solid:
-    """Return a prism over the polygon ``points`` (n, 2) [m]."""
+    """Return a prism over the polygon ``points`` (n, 2), from height ``bottom`` to ``top`` above the floor [m].
+
+    Raise GeometryError if the points make no polygon, or it has no extent.
+    """
     return Solid(name, polygon_from_points(points, f"solid '{name}'"), bottom, top)
 
 

@@ -18,7 +18,7 @@ from crowdsim.geometry.elementary import cos, sin
 from crowdsim.geometry.polygons import buffered
 
 _TRIES = 1000
-"""Draws in a row for one character that find no place before its region counts as full."""
+"""Draws in a row for one agent that find no place before its region counts as full."""
 
 _BATCH = 64
 """Least number of spots drawn at once."""

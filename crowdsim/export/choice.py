@@ -93,7 +93,7 @@ def at_rate(recording: Recording, choice: Choice, rate: int) -> Choice:
 
 
 def _chosen_agents(recording: Recording, text: str | None) -> NDArray[np.int64]:
-    """Return the numbers of the characters that ``text`` names, ascending: groups or numbers, joined by commas."""
+    """Return the numbers of the agents that ``text`` names, ascending: groups or numbers, joined by commas."""
     count = recording.agent_count
     if text is None:
         return np.arange(count)

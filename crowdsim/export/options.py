@@ -17,7 +17,7 @@ class ExportOptions(NamedTuple):
     title : str or None
         Title of a page.
     points : bool or None
-        Whether characters are capsules instead of bodies.
+        Whether agents are capsules instead of bodies.
     """
 
     layer: str | None = None

@@ -66,12 +66,15 @@ def lognormal_quantile(probability: Floats, mu: float, sigma: float) -> Floats:
 
 
 def weibull_quantile(probability: Floats, shape: float, scale: float) -> Floats:
-    """Return quantiles of a Weibull distribution."""
+    """Return quantiles (n,) at ``probability`` (n,) in [0, 1) of a Weibull distribution, in the unit of ``scale``."""
     return np.asarray(scale * power(-log(1.0 - probability), 1.0 / shape))
 
 
 def gamma_quantile(probability: Floats, shape: float, scale: float) -> Floats:
-    """Return quantiles of a gamma distribution, by bisection of the logarithm down to the precision of doubles."""
+    """Return quantiles (n,) at ``probability`` (n,) of a gamma distribution, in the unit of ``scale``.
+
+    By bisection of the logarithm, down to the precision of doubles.
+    """
     low, high = np.full(probability.shape, -750.0), np.full(probability.shape, float(log(shape + 1e3)) + 8.0)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -136,6 +139,7 @@ def _fraction(x: Floats, shape: float) -> Floats:
 
 def _log_gamma(x: float) -> float:
     """Return the logarithm of the gamma function of x > 0."""
+    # Lanczos' approximation with g = 7, for x from 0.5 on.
     if x < 0.5:
         return _log_gamma(x + 1.0) - float(log(x))
     x -= 1.0

@@ -62,6 +62,7 @@ class _Shapes:
         shorter = np.minimum(np.hypot(*np.moveaxis(before, -1, 0)), np.hypot(*np.moveaxis(after, -1, 0)))
         base = np.hypot(*np.moveaxis(after - before, -1, 0))
         height = np.abs(before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]) / base
+        # As large as fits beside those of the other corners, and no larger than looks well.
         reach = np.minimum(np.minimum(0.3 * shorter, 0.8 * height), 0.025 * float(np.ptp(self.free, axis=(0, 1)).max()))
         start = np.arctan2(after[..., 1], after[..., 0])
         turn = (np.arctan2(before[..., 1], before[..., 0]) - start) % (2.0 * np.pi)

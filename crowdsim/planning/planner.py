@@ -106,15 +106,15 @@ class Planner:
         self._making = threading.Lock()
         self._reasons: dict[tuple[int, bytes], str] = {}
 
-    def plan(self, start: ArrayLike, goal: ArrayLike, *, slack: bool = True) -> AnnotatedPath:
+    def plan(self, start: ArrayLike, goal: ArrayLike, *, margin: bool = True) -> AnnotatedPath:
         """Find the cheapest path from ``start`` to ``goal`` and the behavior of each stretch of it.
 
         Parameters
         ----------
         start, goal : (2,) float64
             x, y [m].
-        slack : bool
-            True to take a clearance margin where that costs almost nothing, as motions follow paths only approximately.
+        margin : bool
+            True to take a clearance margin if that costs almost nothing, as motions follow paths only approximately.
 
         Returns
         -------
@@ -131,7 +131,7 @@ class Planner:
         best = self.cheapest(query)
         if best is None:
             raise PathNotFound(why_not(query))
-        if slack:
+        if margin:
             best = with_clearance_margin(query, best)
         if self.name != "collision3d":  # it tests whole bodies itself
             best = with_turn_room(query, best)

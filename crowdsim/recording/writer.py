@@ -289,6 +289,7 @@ class RecordingWriter:
         return RecordingError(not_written(self.path, error))
 
     def _discard(self) -> None:
+        """Close both files and remove the unfinished recording."""
         file, self._file = self._file, None
         disk, self._disk = self._disk, None
         if file is not None:

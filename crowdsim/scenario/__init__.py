@@ -1,1 +1,1 @@
-"""Scenario files: schema, loader, checks, the environment they describe, and the placement of characters."""
+"""Scenario files: schema, loader, checks, the environment they describe, and the placement of agents."""

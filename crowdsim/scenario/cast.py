@@ -1,4 +1,4 @@
-"""Place the characters of a checked scenario."""
+"""Place the agents of a checked scenario."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from crowdsim.scenario.scenario import Scenario
 
 
 def place_agents(scenario: Scenario, radius: float) -> Placement:
-    """Place the characters of a scenario that has captured ones only; see :func:`try_placement`.
+    """Place the agents of a scenario that has captured ones only; see :func:`try_placement`.
 
     Parameters
     ----------
     scenario : Scenario
         Checked scenario.
     radius : float
-        Free floor around the center of each character [m].
+        Free floor around the center of each agent [m].
 
     Raises
     ------
@@ -30,7 +30,7 @@ def place_agents(scenario: Scenario, radius: float) -> Placement:
 
 
 def place_crowd(scenario: Scenario) -> CrowdPlacement:
-    """Place the characters of a scenario in which some may be steered; see :func:`try_crowd_placement`.
+    """Place the agents of a scenario in which some may be steered; see :func:`try_crowd_placement`.
 
     Raises
     ------

@@ -125,6 +125,8 @@ class Scenario(ScenarioFields):
         document = Document(SOURCE, plain, {(): Position(SOURCE)}, complete=True)
         files = Files(Path(), made)
         fields, environment = validated(document, files)
+        # The checked keys and their source make a scenario; this object takes its whole state over, as pydantic keeps
+        # it.
         made_of = Scenario.of(fields, document, written_document(plain), None, files, environment)
         for name in ("__dict__", "__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
             object.__setattr__(self, name, getattr(made_of, name))

@@ -4,7 +4,7 @@ Two disjoint convex bodies with gap g and closest points p and q are separated b
 between p and q. If both stay on their side of it, they cannot meet at any time of the step, whatever the other one
 does. With n the unit vector from p to q, a body does so if its support along n grows by at most g / 2 less a margin. A
 wall stands still, so the body may use the whole gap g less the margin; the same holds for a reserved segment of a
-captured character, whose disc may be anywhere along it.
+captured agent, whose disc may be anywhere along it.
 
 Each neighbor so adds one half plane n . d <= room for the displacement d. Standing still (d = 0) satisfies all of them,
 so a feasible step always exists; the one nearest to the wanted displacement is taken. All agents read the positions
@@ -69,7 +69,7 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
     order : (n,) int32
         Agent number of each row.
     steering : int
-        Number of steered agents; higher agent numbers are captured characters, which :func:`add_ways` handles.
+        Number of steered agents; higher agent numbers are captured agents, which :func:`add_ways` handles.
     lines : (k, 4) float64
         Gets the half planes as :func:`set_line` writes them.
 
@@ -197,6 +197,7 @@ def add_ways(ways, frame, mine, most, lines, count):
 def nearest_feasible(wx, wy, lines, count):
     """Return the displacement nearest to ``(wx, wy)`` that satisfies the first ``count`` half planes [m].
 
+    ``lines`` (k, 4) are half planes as :func:`set_line` writes them: normal, offset, tolerance.
     Incremental linear programming in two dimensions (de Berg et al., Computational Geometry, section 4.3) with a
     quadratic objective, as in van den Berg et al., Reciprocal n-body Collision Avoidance (2011). The feasible set is
     convex and contains (0, 0), so a solution exists and is no longer than ``(wx, wy)``.
@@ -306,7 +307,7 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
     walls : tuple
         Walls of the legs' layer, walls of the torso's layers, radius of the legs [m].
     ways : ListedWays
-        Reserved segments of captured characters.
+        Reserved segments of captured agents.
     broadest : float
         Largest half breadth of all agents [m].
     step : float
@@ -324,7 +325,7 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
     lines = np.empty((MOST_LINES, 4))
     crowded = 0
     for me in range(first, last):
-        # Captured characters and copies are seen but not moved.
+        # Captured agents and copies are seen but not moved.
         if order[me] >= moved:
             continue
         mine = rows[me]

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.cell_kernels import counts_to_starts
 from crowdsim.jit import kernel
 
 CELL = 1.0
@@ -112,12 +113,8 @@ def sort_rows(places, frame, starts, order, cells):
         cell = row * columns + column
         cells[agent] = cell
         starts[cell + 1] += 1
-    # Prefix sums: starts[c + 1] becomes the index at which cell c begins.
-    total = 0
-    for cell in range(1, len(starts)):
-        count = starts[cell]
-        starts[cell] = total
-        total += count
+    # Between the passes, counts become the indices at which the cells begin.
+    counts_to_starts(starts)
     # Second pass: place the agents. starts[c + 1] moves on to the end of cell c, which is where cell c + 1 begins.
     # Agents come in ascending number, so the sort is stable.
     for agent in range(len(places)):

@@ -117,7 +117,7 @@ class Steering:
         state : ROW[n]
             Agents in the order of their ids.
         others : Others
-            Captured characters, seen and avoided but not moved.
+            Captured agents, seen and avoided but not moved.
         moved : int, optional
             Number of agents that are moved, the first ones; all if None. The others are copies, which only are seen.
         numbers : (n,) int64, optional

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.cell_kernels import cells_between, count_or_list, counts_to_starts
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 
@@ -44,7 +45,7 @@ FARTHEST = 255 * UNIT
 
 
 @kernel
-def count_near(segments, left, bottom, columns, rows_up, starts, lists):
+def list_walls(segments, left, bottom, columns, rows_up, starts, lists):
     """List the segments near each cell; call with empty ``lists`` first to get ``starts``, then to fill ``lists``.
 
     Parameters
@@ -65,37 +66,22 @@ def count_near(segments, left, bottom, columns, rows_up, starts, lists):
     int
         Number of entries that ``lists`` needs.
     """
-    filling = len(lists) > 0
     # Half the diagonal of a cell more, as distances are measured from its center.
     reach = WALL_REACH + WALL_CELL * math.sqrt(0.5)
-    if not filling:
+    if len(lists) == 0:
         starts[:] = 0
     for number in range(len(segments)):
         ax, ay, bx, by = segments[number]
         # Test only the cells of the segment's bounding box, grown by the reach.
-        low_column = max(math.floor((min(ax, bx) - reach - left) / WALL_CELL), 0)
-        high_column = min(math.floor((max(ax, bx) + reach - left) / WALL_CELL), columns - 1)
-        low_row = max(math.floor((min(ay, by) - reach - bottom) / WALL_CELL), 0)
-        high_row = min(math.floor((max(ay, by) + reach - bottom) / WALL_CELL), rows_up - 1)
+        low_column, high_column = cells_between(min(ax, bx) - reach, max(ax, bx) + reach, left, WALL_CELL, columns)
+        low_row, high_row = cells_between(min(ay, by) - reach, max(ay, by) + reach, bottom, WALL_CELL, rows_up)
         for row in range(low_row, high_row + 1):
             y = bottom + (row + 0.5) * WALL_CELL
             for column in range(low_column, high_column + 1):
                 x = left + (column + 0.5) * WALL_CELL
                 if point_segment_distance2(x, y, ax, ay, bx, by) < reach * reach:
-                    cell = row * columns + column
-                    if filling:
-                        lists[starts[cell + 1]] = number
-                    starts[cell + 1] += 1
-    if filling:
-        return len(lists)
-    # Prefix sums: starts[c + 1] becomes the index at which cell c begins. Filling moves it to the end of cell c, which
-    # is where cell c + 1 begins.
-    total = 0
-    for cell in range(1, len(starts)):
-        count = starts[cell]
-        starts[cell] = total
-        total += count
-    return total
+                    count_or_list(starts, lists, row * columns + column, number)
+    return counts_to_starts(starts) if len(lists) == 0 else len(lists)
 
 
 @kernel
@@ -110,7 +96,7 @@ def measure_distances(segments, starts, lists, left, bottom, columns, distances)
     segments : (n, 4) float64
         Both ends of each wall segment [m].
     starts, lists : (cells + 1,) int64, (k,) int64
-        Segments near each cell, as :func:`count_near` leaves them.
+        Segments near each cell, as :func:`list_walls` leaves them.
     left, bottom : float
         Corner of both grids [m].
     columns : int

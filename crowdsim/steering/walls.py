@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.steering.wall_kernels import SPACING, WALL_CELL, WALL_REACH, count_near, measure_distances
+from crowdsim.steering.wall_kernels import SPACING, WALL_CELL, WALL_REACH, list_walls, measure_distances
 
 
 class Walls(NamedTuple):
@@ -43,8 +43,8 @@ def build_walls(segments: Any) -> Walls:
     high = segments.reshape(-1, 2).max(axis=0) + margin
     columns, rows = (math.ceil(each) for each in (high - low) / WALL_CELL)
     starts = np.zeros(columns * rows + 1, np.int64)
-    lists = np.zeros(count_near(segments, low[0], low[1], columns, rows, starts, np.zeros(0, np.int64)), np.int64)
-    count_near(segments, low[0], low[1], columns, rows, starts, lists)
+    lists = np.zeros(list_walls(segments, low[0], low[1], columns, rows, starts, np.zeros(0, np.int64)), np.int64)
+    list_walls(segments, low[0], low[1], columns, rows, starts, lists)
     per_cell = round(WALL_CELL / SPACING)
     distances = np.zeros((rows * per_cell + 1, columns * per_cell + 1), np.uint8)
     measure_distances(segments, starts, lists, low[0], low[1], columns, distances)

@@ -1,7 +1,6 @@
-"""Reserved segments of captured characters as steered agents meet them: each is kept clear along its whole length."""
+"""Reserved segments of captured agents as steered agents meet them: each is kept clear along its whole length."""
 
-import math
-
+from crowdsim.geometry.cell_kernels import cells_between, count_or_list, counts_to_starts
 from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_segment
 from crowdsim.steering.look_kernels import cell_of
@@ -31,33 +30,18 @@ def list_ways(segments, frame, reach, starts, lists):
         Number of entries that ``lists`` needs.
     """
     left, bottom, columns, rows_up = frame
-    filling = len(lists) > 0
-    if not filling:
+    if len(lists) == 0:
         starts[:] = 0
     for number in range(len(segments)):
         ax, ay, bx, by, radius = segments[number]
         far = reach + radius
         # All cells of the segment's bounding box, grown by reach and radius.
-        low_column = max(math.floor((min(ax, bx) - far - left) / CELL), 0)
-        high_column = min(math.floor((max(ax, bx) + far - left) / CELL), columns - 1)
-        low_row = max(math.floor((min(ay, by) - far - bottom) / CELL), 0)
-        high_row = min(math.floor((max(ay, by) + far - bottom) / CELL), rows_up - 1)
+        low_column, high_column = cells_between(min(ax, bx) - far, max(ax, bx) + far, left, CELL, columns)
+        low_row, high_row = cells_between(min(ay, by) - far, max(ay, by) + far, bottom, CELL, rows_up)
         for row in range(low_row, high_row + 1):
             for column in range(low_column, high_column + 1):
-                cell = row * columns + column
-                if filling:
-                    lists[starts[cell + 1]] = number
-                starts[cell + 1] += 1
-    if filling:
-        return len(lists)
-    # Prefix sums: starts[c + 1] becomes the index at which cell c begins. Filling moves it to the end of cell c, which
-    # is where cell c + 1 begins.
-    total = 0
-    for cell in range(1, len(starts)):
-        count = starts[cell]
-        starts[cell] = total
-        total += count
-    return total
+                count_or_list(starts, lists, row * columns + column, number)
+    return counts_to_starts(starts) if len(lists) == 0 else len(lists)
 
 
 @helper

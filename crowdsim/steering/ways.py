@@ -1,4 +1,4 @@
-"""Captured characters as steered agents meet them: how they are seen, and the segments that they have reserved."""
+"""Captured agents as steered agents meet them: how they are seen, and the segments that they have reserved."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Frame = tuple[float, float, int, int]
 
 
 class Others(NamedTuple):
-    """Captured characters, which walk along segments that they have reserved and which steered agents keep clear of.
+    """Captured agents, which walk along segments that they have reserved and which steered agents keep clear of.
 
     Before a step no steered agent may touch a reserved segment; then none does after it.
     """
@@ -30,7 +30,7 @@ class Others(NamedTuple):
 
 
 NOBODY_ELSE = Others(np.zeros(0, ROW), np.zeros((0, 5)), np.zeros(0, np.int64))
-"""No captured characters."""
+"""No captured agents."""
 
 
 class ListedWays(NamedTuple):

@@ -1,4 +1,8 @@
-"""Criteria: each builds a function from the observed runs of a test to figures with their bands."""
+"""Criteria: each builds a function from the observed runs of a test to figures with their bands.
+
+``case`` is the name of a run, ``least`` and ``most`` are the band, in the unit of the figure, ``source`` is where it is
+from; lines, areas and groups are those that the scenario names.
+"""
 
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
     file in messages.
     """
     if path.exists() and not path.is_file():
-        what = "is a folder" if path.is_dir() else "it is no regular file"
+        what = "it is a folder" if path.is_dir() else "it is no regular file"
         return "", [Problem(name, None, None, "", f"cannot be read: {what}")]
     try:
         with path.open("rb") as file:

@@ -150,6 +150,7 @@ def _annotation(model: type[BaseModel], path: Path) -> Any:
         elif typing.get_origin(annotation) is dict:
             annotation = typing.get_args(annotation)[1]
         else:
+            # A tuple of any length, or of a fixed one.
             arguments = typing.get_args(annotation)
             annotation = arguments[0] if arguments[-1] is Ellipsis else arguments[int(part)]
     return _bare(annotation)

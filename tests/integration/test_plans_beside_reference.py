@@ -39,7 +39,7 @@ def excess(seed):
     for start in starts:
         least = weighted_region.cost_at(cost, first, start)
         if np.hypot(*(start - goal)) > 3.0 and np.isfinite(least) and len(found) < STARTS:
-            path = planner.plan(start, goal, slack=False)
+            path = planner.plan(start, goal, margin=False)
             found.append((path.cost / least - 1.0, path.gap))
     return found
 

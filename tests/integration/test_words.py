@@ -1,4 +1,4 @@
-"""Words of the package: no riddles in docstrings and comments, and comments above the stages of kernels."""
+"""Words of the package: no riddles in docstrings, comments and pages, and comments above the stages of kernels."""
 
 import ast
 import io
@@ -10,10 +10,49 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted(path for folder in ("crowdsim", "tools") for path in (ROOT / folder).rglob("*.py"))
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
 KERNELS = sorted((ROOT / "crowdsim").rglob("*_kernels.py"))
 
-RIDDLES = re.compile(r"\b(somebody|anybody|whoever|whomever|what is asked|told by|lest|nobody knows)\b", re.IGNORECASE)
+RIDDLES = re.compile(
+    r"\b(somebody|someone|anybody|whoever|whomever|what is asked|told by|lest|nobody knows)\b", re.IGNORECASE
+)
 """Words that a stranger stumbles over; the field's terms are agent, character and obstacle."""
+
+PERSON = re.compile(r"\bcharacters?\b", re.IGNORECASE)
+"""A simulated person is an agent, as docs/glossary.md says; ``Character`` are the motions and the body that agents
+share."""
+
+CODE = re.compile(r"`[^`]*`")
+
+OF_TEXTS = (
+    "yamlfile/",
+    "export/tables/text_rows.py",
+    "export/tables/csv_file.py",
+    "cli/run.py",
+    "export/scenes/usd.py",
+)
+WITH_RIGS = (
+    "following/follower/path_follower.py",
+    "following/follower/exact_following.py",
+    "following/coverage.py",
+    "bench/motions/map_trials.py",
+    "motion/clips/joint_roles.py",
+)
+UNSWEPT = (
+    "recording/",
+    "bench/",
+    "playback/",
+    "environment/mesh_solid.py",
+    "scenario/composing/validation.py",
+    "scenario/check.py",
+    "export/page/",
+    "crowd/mixed/",
+    "analysis/",
+    "sweeps/",
+    "live/",
+    "validate/",
+)
+"""Files about texts, files about ``Character``, and rooms of the package that still say character for an agent."""
 
 LEAST_SHARE = 0.05
 """Share of comment lines among the lines of kernels; box2d has 7.7 %, Recast 12.6 %."""
@@ -27,16 +66,37 @@ def comments(text: str) -> list[tokenize.TokenInfo]:
     return [token for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type == tokenize.COMMENT]
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=name)
-def test_docstrings_and_comments_hold_no_riddles(path: Path) -> None:
+def said_in(path: Path) -> list[tuple[int, str]]:
+    """Comments and docstrings of a file, with their lines."""
     text = path.read_text(encoding="utf-8")
     said = [(token.start[0], token.string) for token in comments(text)]
-    said += [
+    return said + [
         (node.lineno, node.value.value)
         for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
     ]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_docstrings_and_comments_hold_no_riddles(path: Path) -> None:
+    said = said_in(path)
     found = [f"{name(path)}:{line}: {match[0]!r}" for line, words in said for match in RIDDLES.finditer(words)]
+    assert not found
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_a_simulated_person_is_an_agent(path: Path) -> None:
+    file = path.relative_to(ROOT).as_posix().removeprefix("crowdsim/")
+    if file.startswith((*OF_TEXTS, *WITH_RIGS, *UNSWEPT)):
+        return
+    said = [(line, CODE.sub("", words)) for line, words in said_in(path)]
+    assert not [f"{name(path)}:{line}: {match[0]!r}" for line, words in said for match in PERSON.finditer(words)]
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_pages_hold_no_riddles(path: Path) -> None:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    found = [f"{name(path)}:{k}: {match[0]!r}" for k, line in enumerate(lines, 1) for match in RIDDLES.finditer(line)]
     assert not found
 
 

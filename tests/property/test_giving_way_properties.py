@@ -80,7 +80,7 @@ def scene_of(rng: np.random.Generator, spots: np.ndarray, headings: np.ndarray, 
 
 
 def asking(scene: Scene, tries: int) -> Asking:
-    trail = Trail.room(len(scene.standing.node), SLOTS, max(int(np.diff(MOVES.begin).max()), 1))
+    trail = Trail.empty(len(scene.standing.node), SLOTS, max(int(np.diff(MOVES.begin).max()), 1))
     trail.tries[0] = tries
     return Asking(MOVES, scene.standing, trail)
 
@@ -116,7 +116,7 @@ def require_the_same(scene: Scene, before: list[np.ndarray], count: int, ask: As
 
 def compare(rng: np.random.Generator, scene: Scene, aside: int | None) -> list[tuple[int, int]] | None:
     """Hold the kernels to the twin; returns what both find."""
-    before, draft, ask = columns_of(scene.everyone), Chain.room(20), asking(scene, ENOUGH)
+    before, draft, ask = columns_of(scene.everyone), Chain.empty(20), asking(scene, ENOUGH)
     rest = Playback.natural(scene.clock, 1), draft, ask
     kept = scene._replace(everyone=Timelines(*columns_of(scene.everyone), scene.everyone.near))
     if aside is not None:
@@ -205,7 +205,7 @@ def test_who_may_try_few_moves_finds_the_same_or_nothing(seed: int, tries: int) 
         want,
         FOREVER,
         Playback.natural(scene.clock, 1),
-        Chain.room(20),
+        Chain.empty(20),
         ask,
     )
     count = clear_way(*call)
@@ -241,7 +241,7 @@ def test_who_waits_steps_to_the_wall_that_the_twin_says(seed: int) -> None:
     before, ask = columns_of(scene.everyone), asking(scene, ENOUGH)
     move = step_to_wall_slow(scene._replace(everyone=Timelines(*before, scene.everyone.near)), 0)
     now = Playback.natural(scene.clock, 1)
-    steps = step_to_wall(GRAPH, scene.obstacles, scene.everyone, 0, now, Chain.room(20), ask)
+    steps = step_to_wall(GRAPH, scene.obstacles, scene.everyone, 0, now, Chain.empty(20), ask)
     assert steps == (move != -1)
     event(f"steps: {steps}")
     require_the_same(scene, before, int(steps) or -1, ask, [(0, move)] if steps else None)

@@ -83,7 +83,7 @@ def test_plans_are_sound_and_as_good_as_never_dearer_than_the_published_planner(
     paths = {}
     for name in names:
         try:
-            paths[name] = Planner(meshes, BEHAVIORS, areas=rooms, planner=name).plan(*ends, slack=False)
+            paths[name] = Planner(meshes, BEHAVIORS, areas=rooms, planner=name).plan(*ends, margin=False)
         except PathNotFound:
             continue
         assert_sound(paths[name], polygons)
@@ -91,9 +91,9 @@ def test_plans_are_sound_and_as_good_as_never_dearer_than_the_published_planner(
     assert len(paths) in (0, len(names))
     if paths:
         assert paths["layered"].cost <= paths["greedy_literal"].cost * (1.0 + DEARER)
-        slack = Planner(meshes, BEHAVIORS, areas=rooms).plan(*ends)
-        assert_sound(slack, polygons)
-        assert slack.cost <= paths["layered"].cost * 1.03 + 1e-9
+        with_margin = Planner(meshes, BEHAVIORS, areas=rooms).plan(*ends)
+        assert_sound(with_margin, polygons)
+        assert with_margin.cost <= paths["layered"].cost * 1.03 + 1e-9
 
 
 def through_gaps(meshes, need, rng):

@@ -80,8 +80,8 @@ def edit_faults(mesh: NavMesh, area, obstacles) -> list[str]:
     if faults:
         return faults
     expected = free_space(area, obstacles).area
-    slack = 4.0 * mesh.arrays.frame["cell"][0] * (area.length + sum(o.length for o in obstacles)) + 1e-9
-    if abs(free_area(mesh.arrays) - expected) > slack:
+    tolerance = 4.0 * mesh.arrays.frame["cell"][0] * (area.length + sum(o.length for o in obstacles)) + 1e-9
+    if abs(free_area(mesh.arrays) - expected) > tolerance:
         faults.append(f"free area {free_area(mesh.arrays)} instead of {expected}")
     if wrong_widths(mesh.arrays):
         faults.append(f"{wrong_widths(mesh.arrays)} corners have wrong widths")

@@ -65,10 +65,10 @@ def track_of(graph: GraphArrays, result: FollowResult) -> tuple[Floats, NDArray[
         world = compose(origin, local)
         faded = world.copy()
         if before is not None:
-            seam = before - origin
-            seam[2] = wrap_angle(seam[2])
+            blend_offset = before - origin
+            blend_offset[2] = wrap_angle(blend_offset[2])
             u = np.minimum(np.arange(frames + 1) / 12.0, 1.0)
-            faded += (1.0 - u * u * (3.0 - 2.0 * u))[:, None] * seam
+            faded += (1.0 - u * u * (3.0 - 2.0 * u))[:, None] * blend_offset
         poses.append(faded)
         behaviors.append(np.full(frames + 1, graph.node_behavior[node], np.int32))
         before = world[-1]

@@ -75,8 +75,8 @@ def shortest_motion(
             origin = pose_after(graph, edge, 0.0, end)
             if free(faded_track(graph, target, origin, end)):
                 after = compose(origin, graph.node_motion[target])
-                seam = float(np.hypot(*(end[:2] - origin[:2])))
-                grow([*branch, target], after, walked + seam + float(graph.node_length[target]))
+                blend_offset = float(np.hypot(*(end[:2] - origin[:2])))
+                grow([*branch, target], after, walked + blend_offset + float(graph.node_length[target]))
 
     grow([start_node], compose(start_pose, graph.node_motion[start_node]), float(graph.node_length[start_node]))
     return best, nodes
@@ -87,7 +87,7 @@ def faded_track(graph: GraphArrays, node: int, origin: Floats, before: Floats) -
     last = int(graph.node_frames[node])
     frames = np.array(sorted({*range(0, last, 4), last}))
     world = compose(origin, graph.tracks[graph.node_track[node] + frames])
-    seam = before - origin
-    seam[2] = wrap_angle(seam[2])
+    blend_offset = before - origin
+    blend_offset[2] = wrap_angle(blend_offset[2])
     u = np.minimum(frames / 12.0, 1.0)
-    return world + (1.0 - u * u * (3.0 - 2.0 * u))[:, None] * seam
+    return world + (1.0 - u * u * (3.0 - 2.0 * u))[:, None] * blend_offset

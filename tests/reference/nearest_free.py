@@ -32,12 +32,12 @@ class NearestFree:
         places = np.concatenate([feet, self.corners])
         return float(np.hypot(*(places - point).T).min())
 
-    def find(self, point, radius: float, slack: float):
+    def find(self, point, radius: float, tolerance: float):
         """Return the nearest place with a clearance of ``radius``, or None."""
         point = np.asarray(point, float)
         candidates = np.array([point, *self._candidates(point, radius)])
         for k in np.argsort(np.hypot(*(candidates - point).T), kind="stable"):
-            if self.clearance(candidates[k]) >= radius - slack:
+            if self.clearance(candidates[k]) >= radius - tolerance:
                 return candidates[k]
         return None
 

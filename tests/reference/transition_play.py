@@ -19,15 +19,19 @@ def drift_of_edge(graph: MotionGraph, edge: int, clips: dict[str, Clip]) -> tupl
     target = int(arrays.edge_target[edge])
     end = np.array(node_end(arrays, source, 0.0, 0.0, 0.0))
     origin = np.array(next_origin(arrays, edge, 0.0, *end))
-    seam = end - origin
-    seam[2] = wrap_angle(seam[2])
+    blend_offset = end - origin
+    blend_offset[2] = wrap_angle(blend_offset[2])
     left, entered = int(arrays.node_frames[source]), int(arrays.node_frames[target])
     still = np.zeros(3)
     whole = _clip_feet(_clip(graph, source, clips))
     before = _feet(graph, source, -1, [track_pose(arrays, source, f, *still, *still) for f in range(left + 1)], whole)
     own = _feet(graph, target, -1, [track_pose(arrays, target, f, *origin, *still) for f in range(entered + 1)], whole)
     played = _feet(
-        graph, target, source, [track_pose(arrays, target, f, *origin, *seam) for f in range(entered + 1)], whole
+        graph,
+        target,
+        source,
+        [track_pose(arrays, target, f, *origin, *blend_offset) for f in range(entered + 1)],
+        whole,
     )
     planted = np.concatenate([_planted(graph, node, clips) for node in (source, target)])
     plain = np.concatenate([np.diff(before, axis=0), np.diff(own, axis=0)])

@@ -85,7 +85,10 @@ def walk_endless(state: NDArray[Any], length: float, width: float, rules: Rules 
 
 
 def with_copies(state: NDArray[Any], length: float = LENGTH) -> NDArray[Any]:
-    """Return all agents, then copies of those within AHEAD of an end, placed beyond the other end."""
+    """Return all agents, then copies of those within AHEAD of an end, placed beyond the other end.
+
+    ``state`` is ROW[n], ``length`` that of the corridor [m].
+    """
     right, left = state[state["x"] < AHEAD], state[state["x"] >= length - AHEAD]
     shift(right, length)
     shift(left, -length)
@@ -96,7 +99,7 @@ def with_copies(state: NDArray[Any], length: float = LENGTH) -> NDArray[Any]:
 
 
 def shift(state: NDArray[Any], by: float | NDArray[np.float64]) -> None:
-    """Move agents along the corridor, with their keys, because agents that are farther along have priority."""
+    """Move agents (ROW[n]) ``by`` meters along the corridor, with their keys: those farther along have priority."""
     state["x"] += by
     state["key"] -= state["gx"] * by
 

@@ -63,6 +63,7 @@ def _turn_back(state: State, side: float) -> None:
 
 
 def _step_times(agents: int, density: float, steps: int, threads: int) -> float:
+    """Return the median time of a step for each agent [us], agents at a density [1/m2] on an open square."""
     state, side = open_square(agents, density)
     walls = build_walls([])
     times = []
@@ -76,6 +77,7 @@ def _step_times(agents: int, density: float, steps: int, threads: int) -> float:
 
 
 def _stage_times(agents: int, density: float, steps: int) -> np.ndarray:
+    """Return the time of each stage for each agent (steps, 4) [us]: sort, look, decide, commit."""
     state, side = open_square(agents, density)
     walls = build_walls([])
     times = []

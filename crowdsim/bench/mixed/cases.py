@@ -65,6 +65,7 @@ def walk_auto(drill: Drill, state: Any, watch: Watch | None = None) -> MixedResu
 def _row(
     case: str, bar: str, steered: str, auto: str, failed: Sequence[bool], results: Sequence[MixedResult]
 ) -> dict[str, Any]:
+    """Return the row of a case, with the columns KEYS."""
     return {
         "case": case,
         "bar": bar,

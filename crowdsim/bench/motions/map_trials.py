@@ -209,8 +209,8 @@ def walked(graph: GraphArrays, found: FollowResult | SearchResult, goal: Floats)
     track = compose(found.origins[-1], graph.tracks[rows])[:, :2]
     arc = arc_lengths(track)
     last = arc[int(np.argmin(np.hypot(*(track - goal).T)))]
-    seams = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])[:, :2] - found.origins[1:, :2]
-    return float(graph.node_length[found.nodes[:-1]].sum() + last + np.hypot(*seams.T).sum())
+    blend_offsets = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])[:, :2] - found.origins[1:, :2]
+    return float(graph.node_length[found.nodes[:-1]].sum() + last + np.hypot(*blend_offsets.T).sum())
 
 
 def most_excess(motions: MotionSet, trial: Trial, found: FollowResult) -> float:
@@ -229,10 +229,10 @@ def most_excess(motions: MotionSet, trial: Trial, found: FollowResult) -> float:
         frame = np.arange(int(graph.node_frames[node]) + 1)
         track = compose(origin, graph.tracks[graph.node_track[node] + frame])
         if end is not None:
-            seam = end - origin
-            seam[2] = wrap_angle(seam[2])
+            blend_offset = end - origin
+            blend_offset[2] = wrap_angle(blend_offset[2])
             u = np.minimum(frame / BLEND_FRAMES, 1.0)
-            track += (1.0 - u * u * (3.0 - 2.0 * u))[:, None] * seam
+            track += (1.0 - u * u * (3.0 - 2.0 * u))[:, None] * blend_offset
         end = compose(origin, graph.node_motion[node])
         tracks.append(track)
         nodes.append(np.full(len(frame), node, np.int32))

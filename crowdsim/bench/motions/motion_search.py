@@ -166,6 +166,7 @@ def _search_all(
 def _row(
     graph: str, number: int, place: _Environment, name: str, found: list[tuple[SearchResult, float]], common: list[int]
 ) -> dict[str, Any]:
+    """Return the row of a search; means are over the queries in ``common``, which all searches solved."""
     means = _means([found[i] for i in common])
     bent = [result.gap * 1e3 for result, _ in found if result.bent]
     return {

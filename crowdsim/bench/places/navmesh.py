@@ -182,6 +182,7 @@ def best_of(calls: Sequence[Callable[[], Any]]) -> Floats:
 
 
 def _seconds(calls: Iterable[Callable[[], Any]]) -> Floats:
+    """Return the time of each call [s], without garbage collection."""
     seconds = []
     gc.collect()
     gc.disable()

@@ -89,7 +89,7 @@ def random_paths(ground: Ground, count: int, seed: int, least: float = 2.0) -> l
         if not np.all(fits) or np.hypot(*(ends[1] - ends[0])) < least:
             continue
         try:
-            path = planners[len(paths) % len(planners)].plan(*ends, slack=len(paths) % 2 == 0)
+            path = planners[len(paths) % len(planners)].plan(*ends, margin=len(paths) % 2 == 0)
         except PathNotFound:
             continue
         paths.append(path)

@@ -127,7 +127,7 @@ def run(
         for _ in range(passes):
             begin = time.perf_counter()
             try:
-                path = prepared.plan(ends[0], ends[1], slack=False)
+                path = prepared.plan(ends[0], ends[1], margin=False)
             except PathNotFound:
                 path = None
             seconds[k] = min(seconds[k], time.perf_counter() - begin)

@@ -157,6 +157,6 @@ def compare(ground: Ground, count: int, seed: int = 1) -> tuple[Floats, NDArray[
 
 def _plan(planner: Planner, ends: Floats) -> AnnotatedPath | None:
     try:
-        return planner.plan(ends[0], ends[1], slack=False)
+        return planner.plan(ends[0], ends[1], margin=False)
     except PathNotFound:
         return None

@@ -1,1 +1,1 @@
-"""Giving way: standing characters move aside for those that walk."""
+"""Giving way: standing agents move aside for those that walk."""

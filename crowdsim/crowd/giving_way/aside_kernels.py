@@ -1,4 +1,4 @@
-"""Steps to a wall: a character that has waited long in a narrow place steps aside, so that others can pass."""
+"""Steps to a wall: an agent that has waited long in a narrow place steps aside, so that others can pass."""
 
 import math
 
@@ -21,7 +21,7 @@ NARROW_ROOM = 0.6
 """A place is narrow if there is less room than this between a body and a wall [m]."""
 
 LEFT_ROOM = 0.05
-"""Room that a step leaves to the wall [m]; a character closer to it finds no motion that leads on."""
+"""Room that a step leaves to the wall [m]; an agent closer to it finds no motion that leads on."""
 
 WORTH = 0.1
 """A step to a wall must end at least this much closer to it [m]."""
@@ -33,7 +33,7 @@ LEFT_COST = 2.0
 """Cost of a step to the left [s]: people who meet step to the right."""
 
 SAME_SIDE_COST = 20.0
-"""Cost of each meter by which the lane of the character overlaps that of another one nearby [s/m]."""
+"""Cost of each meter by which the lane of the agent overlaps that of another one nearby [s/m]."""
 
 NEAR = 1.2
 """Distance within which others are too near to turn and walk past [m]."""
@@ -42,10 +42,10 @@ POSTURE_COST = 20.0
 """Cost of each meter of the body's radius at the end of the step [s/m]: a narrow posture is cheaper."""
 
 NEAR_COST = 4.0
-"""Cost of each meter that the nearest other character is closer than NEAR [s/m]."""
+"""Cost of each meter that the nearest other agent is closer than NEAR [s/m]."""
 
 FARTHER = 0.2
-"""A step that leads no closer to a wall must end this much farther from the nearest other character [m]."""
+"""A step that leads no closer to a wall must end this much farther from the nearest other agent [m]."""
 
 
 @helper

@@ -1,4 +1,4 @@
-"""Arrays with which kernels ask standing characters to give way, and scratch memory."""
+"""Arrays with which kernels ask standing agents to give way, and scratch memory."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Trail(NamedTuple):
     """(1,) moves that may still be tried in this step."""
 
     @classmethod
-    def room(cls, depth: int, slots: int, moves: int) -> Trail:
+    def empty(cls, depth: int, slots: int, moves: int) -> Trail:
         """Allocate a trail for ``depth`` rows, ``slots`` samples and ``moves`` moves."""
         return cls(
             np.zeros(depth, np.int32),

@@ -1,7 +1,12 @@
-"""Priority inheritance with backtracking: standing characters in the way move aside, and make others move in turn.
+"""Priority inheritance with backtracking: standing agents in the way move aside, and make others move in turn.
 
 After K. Okumura, M. Machida, X. Defago and Y. Tamura, "Priority inheritance with backtracking for iterative multi-agent
 path finding", Artificial Intelligence 310, 2022, for motions of different lengths in continuous space.
+
+Arguments of all helpers: ``graph`` (GraphArrays); ``obstacles`` and ``everyone`` (the timelines of all rows),
+``playback``, and ``draft``, a scratch chain, as of :mod:`crowdsim.crowd.state.timelines`; ``asking``, with its moves,
+standing rows and trail, as of :mod:`crowdsim.crowd.giving_way.asking`. A timeline (K, 5) samples a body; a slot is the
+number of a sample since the run began, ``gone`` that from which the row takes no room.
 """
 
 import math
@@ -31,10 +36,10 @@ DETOUR_COST = 1.0
 """Cost of each meter that a move leads away from the goal [s/m]."""
 
 IN_WAY_COST = 4.0
-"""Cost of each meter that a move ends inside of the way ahead of the character that asks [s/m]."""
+"""Cost of each meter that a move ends inside of the way ahead of the agent that asks [s/m]."""
 
 OTHER_WAY_COST = 2.0
-"""The same for the ways of others that go before that character [s/m]."""
+"""The same for the ways of others that go before that agent [s/m]."""
 
 PASSAGE_COST = 3.0
 """Cost of a stand in a narrow passage [s]."""
@@ -43,7 +48,7 @@ WANTED = 3
 """Number of continuations of a plan, each a node longer, for which others are asked to give way."""
 
 OFF_WALLS = 0.1
-"""Clearance at the end of a move beyond that of the widest behavior, if there was as much before [m]: a character too
+"""Clearance at the end of a move beyond that of the widest behavior, if there was as much before [m]: an agent too
 close to a wall finds no motion that leads on."""
 
 _STRIDE = 6  # frames between two samples of the test against obstacles
@@ -63,9 +68,7 @@ def lay_move(graph, moves, move, node, origin, chain):
         ex, ey, eh = node_end(graph, np.int64(chain.nodes[k]), o[0], o[1], o[2])
         x, y, h = next_origin(graph, np.int64(edge), moves.twists[move, k], ex, ey, eh)
         chain.nodes[k + 1] = graph.edge_target[edge]
-        chain.origins[k + 1, 0] = x
-        chain.origins[k + 1, 1] = y
-        chain.origins[k + 1, 2] = h
+        chain.origins[k + 1, 0], chain.origins[k + 1, 1], chain.origins[k + 1, 2] = x, y, h
         chain.blend_offsets[k + 1, 0] = ex - x
         chain.blend_offsets[k + 1, 1] = ey - y
         chain.blend_offsets[k + 1, 2] = wrap_angle(eh - h)
@@ -76,7 +79,9 @@ def lay_move(graph, moves, move, node, origin, chain):
 def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict, costs):
     """Fill ``costs`` with the cost of each move [s]: duration, detour, and how far it ends inside of ways of others.
 
-    ``strict``: moves that end in ``way``, that of the character that asks, are not allowed (infinite).
+    ``node`` and ``origin`` (3,) are the idle node that is played and where it started; ``goal`` (2,) is where the row
+    goes; ``width`` is the distance to a way that counts as inside [m]. ``strict``: moves that end in ``way``, that of
+    the agent that asks, are not allowed (infinite).
     """
     x, y, h = node_end(graph, np.int64(node), origin[0], origin[1], origin[2])
     away = hypot(goal[0] - x, goal[1] - y)
@@ -113,7 +118,7 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
     """Return True if a move keeps clear of the obstacles on all layers.
 
     A move asks for the clearance of the widest behavior, and at its end for ``off_walls`` [m] more; but for no more
-    than the character has where it stands now, as it could not move at all otherwise; and always for the clearance of
+    than the agent has where it stands now, as it could not move at all otherwise; and always for the clearance of
     the behavior that it plays. chain: nodes of the move with their origins (x, y, heading) and blend offsets, the first
     ``count`` of them; node 0 is the present one, at whose end the move begins.
     """
@@ -163,7 +168,7 @@ def own(everyone, row, timeline, start, gone):
 
 @helper
 def _save(everyone, row, trail, place):
-    """Save the timeline of a row in place ``place`` of the trail."""
+    """Save the timeline of a row in place ``place`` of the trail, to be restored by :func:`_put_back`."""
     for k in range(everyone.timeline.shape[1]):
         for axis in range(everyone.timeline.shape[2]):
             trail.timeline[place, k, axis] = everyone.timeline[row, k, axis]

@@ -1,4 +1,4 @@
-"""Moves: short motions from a stand to a stand, by which a character that is asked can give way at once."""
+"""Moves: short motions from a stand to a stand, by which an agent that is asked can give way at once."""
 
 from __future__ import annotations
 

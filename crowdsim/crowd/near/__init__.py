@@ -1,1 +1,1 @@
-"""Neighbor search of captured characters: rows sorted by cells."""
+"""Neighbor search of captured agents: rows sorted by cells."""

@@ -27,7 +27,11 @@ def extent(places):
 
 @kernel
 def measure_spread(places, circles, radii, ways, spread):
-    """Fill ``spread`` (3,), described in :class:`crowdsim.crowd.near.neighbors.Neighbors`."""
+    """Fill ``spread`` (3,), described in :class:`crowdsim.crowd.near.neighbors.Neighbors`.
+
+    places (N, 2) [m], circles (N, 3) around the timelines: x, y, radius [m], radii (N,) of the bodies at rest [m], and
+    ways (N, P, 2) [m], nan behind their ends.
+    """
     for row in range(len(places)):
         circle = circles[row]
         spread[0] = max(spread[0], hypot(circle[0] - places[row, 0], circle[1] - places[row, 1]) + circle[2])
@@ -52,7 +56,10 @@ def widen(near, row, circle):
 
 @helper
 def cells_within(near, left, bottom, right, top, far):
-    """Return the columns and lines (first and last of both) of all cells within ``far`` of a box."""
+    """Return the columns and lines (first and last of both) of all cells within ``far`` [m] of a box.
+
+    ``near`` (Neighbors) has the grid; left, bottom, right and top are the edges of the box [m].
+    """
     low, first = cell_of(near.frame, left - far - ROUNDED, bottom - far - ROUNDED)
     high, last = cell_of(near.frame, right + far + ROUNDED, top + far + ROUNDED)
     return low, high, first, last

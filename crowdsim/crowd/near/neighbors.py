@@ -1,4 +1,4 @@
-"""Captured characters sorted by cells, so that searches look at few of them."""
+"""Captured agents sorted by cells, so that searches look at few of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from crowdsim.crowd.near.neighbor_kernels import extent, measure_spread
 from crowdsim.steering.row_kernels import CELL, sort_rows
 
 MOST_CELLS = 1_000_000
-"""Largest number of cells; characters beyond them count to the border cells."""
+"""Largest number of cells; agents beyond them count to the border cells."""
 
 Frame = tuple[float, float, int, int]
 """Grid of cells: left and bottom edge [m], columns, rows."""

@@ -1,4 +1,4 @@
-"""What one rank sends to another in a step: the characters that go over to it, and those near its region."""
+"""What one rank sends to another in a step: the agents that go over to it, and those near its region."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.ranks.company import Ghosts
 from crowdsim.crowd.ranks.partition import Regions, cells_of
+from crowdsim.crowd.ranks.protocol import Ghosts
 from crowdsim.ecs.world import World
 from crowdsim.steering.row_kernels import ROW
 
 GHOST = np.dtype([("id", np.int64), ("came", np.bool_), ("leaves", np.bool_), ("row", ROW)], align=True)
-"""A character that a neighbor sees: id in the world of all, whether it came or leaves in this step, state."""
+"""An agent that a neighbor sees: id in the world of all, whether it came or leaves in this step, state."""
 
 
 def migrant_type(world: World) -> np.dtype[Any]:
-    """Return the dtype of a character that changes its rank: all its columns, and its exit."""
+    """Return the dtype of an agent that changes its rank: all its columns, and its exit."""
     return np.dtype([("columns", world.dtype), ("exit", np.int32)])
 
 
@@ -27,7 +27,7 @@ def ghosts_of(records: NDArray[Any]) -> Ghosts:
 
 
 class RowMessage:
-    """The characters of one rank at its borders, in one step.
+    """The agents of one rank at its borders, in one step.
 
     Those that have left the region, and stay in the world, change their rank. The others near another region, and
     those that change it, are ghosts there.

@@ -1,4 +1,4 @@
-"""The company of processes that mpiexec has started: what :mod:`crowdsim.crowd.ranks.company` says, through MPI."""
+"""The ranks that mpiexec has started: what :mod:`crowdsim.crowd.ranks.protocol` says, through MPI."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.ranks.company import Ghosts
 from crowdsim.crowd.ranks.messages import GHOST, RowMessage, ghosts_of, migrant_type
 from crowdsim.crowd.ranks.partition import Regions, cells_of
+from crowdsim.crowd.ranks.protocol import Ghosts
 from crowdsim.ecs.world import World
 from crowdsim.errors import CrowdSimError
 from crowdsim.steering.row_kernels import CELL
@@ -83,7 +83,7 @@ class MpiRanks:
         return self.regions.within(self.rank, *cells_of(*places.T))
 
     def around(self, rows: NDArray[Any], places: NDArray[np.float64], reach: float) -> NDArray[Any]:
-        """Return ROW of all characters within ``reach`` [m] of one of ``places`` (k, 2), and maybe of more."""
+        """Return ROW of all agents within ``reach`` [m] of one of ``places`` (k, 2), and maybe of more."""
         cells = int(np.ceil(reach / CELL))
         columns, lines = cells_of(*places.T)
         left, bottom = int(columns.min()) - cells, int(lines.min()) - cells
@@ -100,7 +100,7 @@ class MpiRanks:
     def exchange(
         self, world: World, exits: NDArray[np.int32], came: NDArray[np.bool_], leaves: NDArray[np.bool_]
     ) -> Ghosts:
-        """Hand over the characters that have left the region, take in others, and return those near the region."""
+        """Hand over the agents that have left the region, take in others, and return those near the region."""
         from mpi4py import MPI
 
         message = RowMessage(self.regions, self.rank, world, exits, came, leaves)

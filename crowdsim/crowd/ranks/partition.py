@@ -1,4 +1,4 @@
-"""Regions of the floor, one for each rank: boxes of cells with about as many characters each."""
+"""Regions of the floor, one for each rank: boxes of cells with about as many agents each."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ENDLESS = 2**40
 """Cells from which on regions have no edge: those at the border of the floor take in all beyond it."""
 
 SAMPLES = 8
-"""Points on the straight line to each goal of a character, at which it is expected."""
+"""Points on the straight line to each goal of an agent, at which it is expected."""
 
 CROWD_CELLS = 2
 """Cells around its own in which an agent counts others, to know how far it looks in a crowd; see ``look_rows``."""
@@ -68,7 +68,7 @@ class Regions:
     boxes : (r, 4) int64
         Left, bottom, right and top of each, in cells; right and top are beyond it.
     halo : int
-        Number of cells around a region in which characters matter to those in it.
+        Number of cells around a region in which agents matter to those in it.
     """
 
     boxes: Cells
@@ -113,7 +113,7 @@ def divide(expected: Floats, bounds: tuple[float, float, float, float], count: i
     Parameters
     ----------
     expected : (m, 2) float64
-        Where characters are expected [m].
+        Where agents are expected [m].
     bounds : (float, float, float, float)
         Left, bottom, right and top of the place [m].
     count : int
@@ -145,7 +145,7 @@ def divide(expected: Floats, bounds: tuple[float, float, float, float], count: i
 
 
 def expected_places(cast: CrowdPlacement, middles: Floats) -> Floats:
-    """Return where the characters of a run are expected: points (m, 2) on straight lines to their goals [m].
+    """Return where the agents of a run are expected: points (m, 2) on straight lines to their goals [m].
 
     ``middles`` (g, 2) are points in the goals [m].
     """

@@ -1,4 +1,4 @@
-"""What one rank keeps of a run: its characters step by step, in a file without a name that no crash leaves behind."""
+"""What one rank keeps of a run: its agents step by step, in a file without a name that no crash leaves behind."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class RankPart:
         self._file.close()
 
     def append(self, rows: NDArray[Any]) -> None:
-        """Append one step: characters of this rank (PRESENT)."""
+        """Append one step: agents of this rank (PRESENT)."""
         try:
             self._file.write(rows.tobytes())
         except OSError as error:
@@ -47,7 +47,7 @@ class RankPart:
         self._sizes.append(len(rows))
 
     def blocks(self) -> Iterator[tuple[NDArray[np.int64], bytes]]:
-        """Yield the steps in blocks of :data:`STEPS_AT_ONCE`: number of characters in each step, all their rows."""
+        """Yield the steps in blocks of :data:`STEPS_AT_ONCE`: number of agents in each step, all their rows."""
         self._file.flush()
         self._file.seek(0)
         sizes = np.array(self._sizes, np.int64)

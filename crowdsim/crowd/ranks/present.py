@@ -1,4 +1,4 @@
-"""Steered characters in the world in one step, as recordings hold them."""
+"""Steered agents in the world in one step, as recordings hold them."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ PRESENT = np.dtype(
         ("state", np.int8),
     ]
 )
-"""A character in one step."""
+"""An agent in one step."""
 
 
 def present_rows(view: View) -> NDArray[Any]:
-    """Return the characters of a view of a steered crowd (PRESENT)."""
+    """Return the agents of a view of a steered crowd (PRESENT)."""
     rows = np.empty(len(view.agent), PRESENT)
     for name in ("x", "y", "heading"):
         rows[name] = view.row[name]
@@ -36,7 +36,7 @@ def present_rows(view: View) -> NDArray[Any]:
 
 
 def frame_of_rows(rows: NDArray[Any], count: int) -> RecordedFrame:
-    """Return the step of ``count`` characters of which ``rows`` (PRESENT) are in the world."""
+    """Return the step of ``count`` agents of which ``rows`` (PRESENT) are in the world."""
     whole = np.zeros(count, PRESENT)
     for name in ("x", "y", "heading", "phase"):
         whole[name] = np.nan

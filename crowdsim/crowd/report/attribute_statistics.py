@@ -1,4 +1,4 @@
-"""Statistics of walking by the attributes that a scenario gives its characters."""
+"""Statistics of walking by the attributes that a scenario gives its agents."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from crowdsim.recording.header import AgentState, RecordedFrame
 
 
 class AttributeStatistics:
-    """Sum up the ways of characters by their attributes, step by step.
+    """Sum up the ways of agents by their attributes, step by step.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class AttributeStatistics:
         self._before: tuple[NDArray[Any], ...] | None = None
 
     def add(self, frame: RecordedFrame) -> None:
-        """Add one step of all characters."""
+        """Add one step of all agents."""
         if not self._attributes:
             return
         x, y = (np.asarray(column, np.float64) for column in (frame.x, frame.y))

@@ -39,7 +39,7 @@ class FootStatistics:
         return self._speed_sum / self._speed_count if self._speed_count else None
 
     def add(self, frame: RecordedFrame, present: NDArray[np.int64]) -> None:
-        """Add one step; ``present`` are the characters in the world."""
+        """Add one step; ``present`` are the agents in the world."""
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
         node, previous = (np.asarray(c, np.int32)[present] for c in (frame.node, frame.previous))
         at = np.asarray(frame.frame, np.float64)[present]

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 
 class MeasuredPlaces:
-    """Count the characters in the areas and those that cross the lines, step by step."""
+    """Count the agents in the areas and those that cross the lines, step by step."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._rate = scenario.steps_per_second
@@ -45,7 +45,7 @@ class MeasuredPlaces:
         self._step = 0
 
     def add(self, frame: RecordedFrame) -> None:
-        """Add one step of all characters."""
+        """Add one step of all agents."""
         if not self._areas and not self._lines:
             return
         places = np.column_stack((frame.x, frame.y)).astype(np.float64)
@@ -123,7 +123,7 @@ class MeasuredPlaces:
             self._counts[number].append(int(shapely.contains_xy(shape, places).sum()))
 
     def _cross(self, before: Floats, after: Floats) -> None:
-        """Note which characters crossed which line on the straight way between two steps."""
+        """Note which agents crossed which line on the straight way between two steps."""
         for number, points in enumerate(self._pieces):
             for first, second in itertools.pairwise(points):
                 agents, share, to_left = crossings_of(before, after, first, second)
@@ -134,14 +134,14 @@ class MeasuredPlaces:
 def crossings_of(
     before: Floats, after: Floats, first: Floats, second: Floats
 ) -> tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]:
-    """Find which characters cross a line between two points on their straight way from ``before`` to ``after``.
+    """Find which agents cross a line between two points on their straight way from ``before`` to ``after``.
 
-    Positions are (n, 2) [m], nan for characters that do not count. A position on the line counts as on its left.
+    Positions are (n, 2) [m], nan for agents that do not count. A position on the line counts as on its left.
 
     Returns
     -------
     agents : (k,) int64
-        Characters that cross.
+        Agents that cross.
     share : (k,) float64
         Share of the way at which each crosses.
     to_left : (k,) bool

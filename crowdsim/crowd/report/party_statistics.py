@@ -24,7 +24,7 @@ class PartyStatistics:
 
     def __init__(self, keys: ScenarioFields) -> None:
         self._span = keys.span
-        # By group: (p, k) characters of p parties of up to k members; smaller parties are filled up with NONE.
+        # By group: (p, k) agents of p parties of up to k members; smaller parties are filled up with NONE.
         self._parties: dict[str, NDArray[np.int64]] = {}
         begin = 0
         for number, group in enumerate(keys.agents):
@@ -38,7 +38,7 @@ class PartyStatistics:
         self._steps = dict.fromkeys(self._parties, 0)
 
     def add(self, frame: RecordedFrame) -> None:
-        """Add one step of all characters."""
+        """Add one step of all agents."""
         x, y = (np.asarray(column, np.float64) for column in (frame.x, frame.y))
         there = np.asarray(frame.state) != AgentState.ABSENT
         for name, parties in self._parties.items():

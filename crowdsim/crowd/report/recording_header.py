@@ -80,7 +80,7 @@ def _ends_of(scenario: Scenario) -> Ends | None:
 
 
 def _start_times(steps: NDArray[np.int64], steps_per_second: int) -> NDArray[np.float64]:
-    """Return when characters start [s], NaN for those on call."""
+    """Return when agents start [s], NaN for those on call."""
     return np.where(steps == NEVER, np.nan, steps / steps_per_second)
 
 

@@ -24,7 +24,7 @@ class RunMeasures:
     scenario : Scenario
         The scenario.
     attributes : mapping of str to (N,) array
-        Values of each attribute that it gives the characters.
+        Values of each attribute that it gives the agents.
     """
 
     def __init__(self, scenario: Scenario, attributes: Mapping[str, NDArray[Any]]) -> None:
@@ -33,7 +33,7 @@ class RunMeasures:
         self._attributes = AttributeStatistics(attributes, scenario.steps_per_second, scenario.span)
 
     def add(self, frame: RecordedFrame) -> None:
-        """Add one step of all characters."""
+        """Add one step of all agents."""
         self._places.add(frame)
         self._parties.add(frame)
         self._attributes.add(frame)

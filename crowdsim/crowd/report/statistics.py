@@ -1,4 +1,4 @@
-"""Statistics of a run of captured characters."""
+"""Statistics of a run of captured agents."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ MARGIN_LIMIT = 1.0
 
 
 def shares_of(behaviors: Sequence[str], way: NDArray[np.float64]) -> dict[str, float]:
-    """Return the share of the way in each behavior; all zero if no character walked."""
+    """Return the share of the way in each behavior; all zero if no agent walked."""
     total = way.sum()
     return {name: float(gone / total) if total else 0.0 for name, gone in zip(behaviors, way, strict=True)}
 
 
 @dataclass
 class Statistics:
-    """Measures of captured characters, summed up step by step."""
+    """Measures of captured agents, summed up step by step."""
 
     assets: Assets
     environment: EnvironmentState
@@ -50,7 +50,7 @@ class Statistics:
         self.feet = FootStatistics(self.assets.motion, self.assets.steps_per_second)
 
     def add(self, frame: RecordedFrame) -> None:
-        """Add one step of all characters, in the environment as it is now."""
+        """Add one step of all agents, in the environment as it is now."""
         state = np.asarray(frame.state)
         present = np.flatnonzero(state != AgentState.ABSENT)
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
@@ -76,7 +76,7 @@ class Statistics:
         self._before = frame
 
     def shares(self, row: int) -> dict[str, float]:
-        """Return the share of the way by behavior in row ``row`` of ``way``; all zero if no character walked."""
+        """Return the share of the way by behavior in row ``row`` of ``way``; all zero if no agent walked."""
         return shares_of([behavior.name for behavior in self.assets.behaviors], self.way[row])
 
     def summary(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Foot contact of steered characters as playback shows them."""
+"""Foot contact of steered agents as playback shows them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
-from crowdsim.crowd.ranks.company import Company
+from crowdsim.crowd.ranks.protocol import Ranks
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import hypot
 from crowdsim.motion.clips.clip import Clip
@@ -20,23 +20,23 @@ from crowdsim.motion.deformed.step_plan import plan_steps, pose_at
 from crowdsim.motion.graph.foot_contacts import feet_of, planted_steps, standing_moves
 
 SAMPLED = 12
-"""Number of characters that are measured, the first ones of a run: posing all takes longer than the run."""
+"""Number of agents that are measured, the first ones of a run: posing all takes longer than the run."""
 
 SHORTEST = 20
-"""Number of steps below which the track of a character is left out."""
+"""Number of steps below which the track of an agent is left out."""
 
 LONGEST = 600
-"""Number of steps of a character that are kept, in all its tracks together."""
+"""Number of steps of an agent that are kept, in all its tracks together."""
 
 JUMPS = 2.0
-"""Displacement in a step above which a character did not walk it [m]."""
+"""Displacement in a step above which an agent did not walk it [m]."""
 
 Floats = NDArray[np.float64]
 """Array of float64."""
 
 
 class SteeredFeet:
-    """Keep the tracks of a few characters, and pose them from ``clip`` after the run."""
+    """Keep the tracks of a few agents, and pose them from ``clip`` after the run."""
 
     def __init__(self, clip: Clip) -> None:
         self._clip = clip
@@ -52,7 +52,7 @@ class SteeredFeet:
             agent = int(view.agent[row])
             if self._kept[agent] == LONGEST:
                 continue
-            # A character that returns from captured motion has another id, and so another track.
+            # An agent that returns from captured motion has another id, and so another track.
             state = view.row[row]
             track = self._tracks.setdefault(int(view.id[row]), [])
             if track and hypot(track[-1][0] - state["x"], track[-1][1] - state["y"]) > JUMPS:
@@ -64,12 +64,12 @@ class SteeredFeet:
             self._kept[agent] += 1
         self._step += 1
 
-    def join(self, company: Company) -> None:
-        """Join the tracks with those of the same characters in other processes; the floor must not be periodic."""
+    def join(self, ranks: Ranks) -> None:
+        """Join the tracks with those of the same agents in other processes; the floor must not be periodic."""
         pieces = [np.empty((0, 6))]
         for number, track in self._tracks.items():
             pieces.append(np.column_stack((np.full(len(track), number), self._steps[number], np.array(track))))
-        rows, _ = company.together(np.concatenate(pieces))
+        rows, _ = ranks.together(np.concatenate(pieces))
         rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
         self._tracks = {int(number): list(rows[rows[:, 0] == number][:LONGEST, 2:]) for number in np.unique(rows[:, 0])}
 

@@ -1,4 +1,4 @@
-"""Statistics of a run of steered characters."""
+"""Statistics of a run of steered agents."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.constants import STEERING_RATE
-from crowdsim.crowd.ranks.company import Company
+from crowdsim.crowd.ranks.protocol import Ranks
 from crowdsim.crowd.report.gap_kernels import closest_bodies, closest_wall
 from crowdsim.crowd.report.statistics import shares_of
 from crowdsim.crowd.report.steered_feet import SteeredFeet
@@ -32,7 +32,7 @@ WAY_UNIT = 2.0**-32
 
 
 class SteeredStatistics:
-    """Measures of steered characters, summed up step by step."""
+    """Measures of steered agents, summed up step by step."""
 
     def __init__(
         self, behaviors: Sequence[Behavior], layers: Sequence[str], areas: Mapping[str, shapely.Polygon], gait: Clip
@@ -74,13 +74,13 @@ class SteeredStatistics:
         gap, centers = closest_bodies(sorted_rows, crowd.broadest, CENTER_LIMIT)
         self.gap, self.centers = min(self.gap, gap), min(self.centers, centers)
 
-    def join(self, company: Company) -> None:
+    def join(self, ranks: Ranks) -> None:
         """Take in what other processes have measured; call it once, after the run."""
-        self._ways = company.sum(self._ways)
-        least = -company.most(-np.array([self.gap, self.centers, *self._margins]))
+        self._ways = ranks.sum(self._ways)
+        least = -ranks.most(-np.array([self.gap, self.centers, *self._margins]))
         self.gap, self.centers = float(least[0]), float(least[1])
         self._margins = least[2:].tolist()
-        self.feet.join(company)
+        self.feet.join(ranks)
 
     def summary(self) -> dict[str, Any]:
         """Return the figures under the names that ``crowdsim run --json`` prints."""

@@ -1,6 +1,6 @@
 """Search for motion: from a position and a goal to a chain of nodes, in slices on worker threads.
 
-Concurrent synthesis (2012 paper, section 6): a character sets out on the first part of a motion while the rest is
+Concurrent synthesis (2012 paper, section 6): an agent sets out on the first part of a motion while the rest is
 searched. A slice is a number of map queries, never a time, so a result is found in the same step on any machine.
 """
 
@@ -30,7 +30,7 @@ from crowdsim.planning.query.clear_ends import joined_to
 from crowdsim.planning.single_behavior import cheapest_uniform
 
 WORTHWHILE = 2.0
-"""Length along the route from which on a motion that does not reach the goal is begun [m]; a character that could only
+"""Length along the route from which on a motion that does not reach the goal is begun [m]; an agent that could only
 shuffle on the spot waits instead."""
 
 SEARCH_BUDGET = 2000
@@ -53,19 +53,19 @@ PASSING_WORK = 1500
 that stand there."""
 
 RECOVERIES = 3
-"""Number of times that a search begins anew after its character has walked past the node where it should have
+"""Number of times that a search begins anew after its agent has walked past the node where it should have
 turned."""
 
 SIDE_STEP = 0.5
 """Length of the side step tried when a standing agent has no feasible first node [m]."""
 
 PASSING_ROOM = 0.02
-"""Clearance from characters that are passed, beyond both bodies [m]."""
+"""Clearance from agents that are passed, beyond both bodies [m]."""
 
 _RING = 12  # points around a standing disc: closer together than any body is wide
 _OFF_WALLS = 0.02  # distance from walls of the points that are inserted [m]
 
-_LEAST = 1e-3  # length of the path of a character that is at its goal already [m]
+_LEAST = 1e-3  # length of the path of an agent that is at its goal already [m]
 
 _HIDDEN = -1  # number of nodes played, if nothing of a motion may be played before it is complete
 
@@ -79,7 +79,7 @@ class _Outcome(NamedTuple):
 
 @dataclass
 class MotionSearch:
-    """A search for the motion of one character, run by one thread at a time.
+    """A search for the motion of one agent, run by one thread at a time.
 
     First look for a way around those that stand in the way, if there are any; then follow the old route; then a new
     one. If everything left would change what is played already, or the environment has changed, begin anew from there.
@@ -164,9 +164,12 @@ class MotionSearch:
         return plan
 
     def _recover(self, plan: MotionPlan, kept: int) -> Generator[MotionPlan, None, MotionPlan]:
-        """Search again from the end of the played nodes, on a new route; return these nodes if nothing is found."""
+        """Search again from the end of the played nodes, on a new route; return these nodes if nothing is found.
+
+        ``kept`` nodes of ``plan`` are played, or will be.
+        """
         graph = self.assets.graph
-        for time in range(RECOVERIES):
+        for attempt in range(RECOVERIES):
             played = plan.until(kept - 1)
             node, origin = int(played.nodes[-1]), played.origins[-1]
             position = np.array(node_end(graph, node, *origin)[:2])
@@ -177,9 +180,10 @@ class MotionSearch:
                 return played
             revision = self.environment.revision
             plan, kept = yield from self._follow(
-                request, route, self.environment.meshes, played=played, strictly=time == 0
+                request, route, self.environment.meshes, played=played, strictly=attempt == 0
             )
             self.recoveries += plan.count > played.count
+            # Begin anew only if more was played meanwhile, or the environment has changed: else the result is the same.
             if plan.arrives or (kept == played.count and self.environment.revision == revision):
                 return plan
         return plan.until(kept - 1)
@@ -242,7 +246,7 @@ class MotionSearch:
         return plan
 
     def _step_aside(self, route: AnnotatedPath) -> Generator[MotionPlan, None, MotionPlan | None]:
-        """Search a motion to the goal by way of a position beside, for a character too near to an obstacle to set out.
+        """Search a motion to the goal by way of a position beside, for an agent too near to an obstacle to set out.
 
         Positions in the direction of ``route`` are tried first.
         """
@@ -263,7 +267,7 @@ class MotionSearch:
         return None
 
     def _passing(self) -> Generator[MotionPlan, None, MotionPlan | None]:
-        """Search a motion to the goal that keeps clear of the characters that stand ``around``; None without one."""
+        """Search a motion to the goal that keeps clear of the agents that stand ``around``; None without one."""
         assets, environment, request = self.assets, self.environment, self.request
         turn = np.arange(_RING) * 2.0 * np.pi / _RING
         ring = np.stack([cos(turn), sin(turn)], axis=1)
@@ -295,7 +299,7 @@ class MotionSearch:
 def _departure(
     assets: Assets, request: Request, route: AnnotatedPath, samples: PathSamples
 ) -> tuple[int, NDArray[np.float64]]:
-    """Return the node behind which a motion begins and its start; before it enters, a character stands idle."""
+    """Return the node behind which a motion begins and its start; before it enters, an agent stands idle."""
     if request.departure is not None:
         return request.departure
     behavior = route.sections[0].behavior
@@ -331,7 +335,7 @@ def _as_plan(
 
 
 def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples:
-    """Return the samples from the one nearest to ``position`` on; a millimeter if the character is there already."""
+    """Return the samples from the one nearest to ``position`` on; a millimeter if the agent is there already."""
     if not samples.arc[-1] > 0.0:
         pose = samples.pose.copy()
         pose[0, :2] -= _LEAST * np.array([cos(pose[0, 2]), sin(pose[0, 2])])

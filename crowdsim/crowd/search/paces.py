@@ -1,4 +1,4 @@
-"""Playback rates by which each captured character walks at a speed of its own."""
+"""Playback rates by which each captured agent walks at a speed of its own."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _STEADY = 0.7
 """Least mean speed of a node of steady walking, as a share of the natural speed; slower nodes start or stop."""
 
 _WINDOW = 4
-"""Number of consecutive nodes over which the mean speed is that of the character: two strides or more."""
+"""Number of consecutive nodes over which the mean speed is that of the agent: two strides or more."""
 
 Floats = NDArray[np.float64]
 """Array of float64."""
@@ -25,7 +25,7 @@ Ints = NDArray[np.int64]
 
 
 class Paces:
-    """Rates at which n characters play their plans while nothing is in their way.
+    """Rates at which n agents play their plans while nothing is in their way.
 
     Nodes are played as captured unless :meth:`keep` is called.
     """
@@ -47,7 +47,7 @@ class Paces:
         """(n,) float64: walking speed of each straight on [m/s], nan for that of the motion."""
 
     def keep(self, speeds: Floats, natural_speed: float) -> None:
-        """Let characters walk at their own speeds, or at the nearest ones at which the motion can be played.
+        """Let agents walk at their own speeds, or at the nearest ones at which the motion can be played.
 
         Parameters
         ----------
@@ -61,10 +61,10 @@ class Paces:
         self.speeds = np.clip(speeds, SLOWEST * natural_speed, FASTEST * natural_speed)
 
     def rates_of(self, agent: int, plan: MotionPlan) -> Ints:
-        """Return the rates (P,) at which a character plays the nodes of a plan [ticks/step].
+        """Return the rates (P,) at which an agent plays the nodes of a plan [ticks/step].
 
         Nodes of steady walking were captured at different speeds. The mean speed over a node and the next ones,
-        :data:`_WINDOW` in all, is scaled to that of the character.
+        :data:`_WINDOW` in all, is scaled to that of the agent.
         """
         speed = float(self.speeds[agent])
         if np.isnan(speed):

@@ -1,4 +1,4 @@
-"""Plans of all captured characters, and the table by which kernels find them."""
+"""Plans of all captured agents, and the table by which kernels find them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NO_PASS = np.iinfo(np.int32).max
 
 
 class PlanTable(NamedTuple):
-    """One row for each of n characters, whether in the world or not."""
+    """One row for each of n agents, whether in the world or not."""
 
     places: NDArray[np.int64]
     """(n, 4) addresses of the nodes, origins, blend offsets and rates of its plan. :class:`Motions` keeps these
@@ -34,16 +34,16 @@ class PlanTable(NamedTuple):
 
 
 class Motions(MutableMapping[int, MotionPlan]):
-    """Plan of each character that has one, also kept in a row of ``table``.
+    """Plan of each agent that has one, also kept in a row of ``table``.
 
     Parameters
     ----------
     count : int
-        Number of characters.
+        Number of agents.
     natural_rate : int
-        Rate in the table for characters without a plan [ticks/step].
+        Rate in the table for agents without a plan [ticks/step].
     rates_of : callable
-        Returns the rates (P,) int64 at which a character plays the nodes of a plan while nothing is in its way
+        Returns the rates (P,) int64 at which an agent plays the nodes of a plan while nothing is in its way
         [ticks/step].
     """
 

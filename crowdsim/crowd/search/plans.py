@@ -1,4 +1,4 @@
-"""Plans of all captured characters, and the searches for them."""
+"""Plans of all captured agents, and the searches for them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 
 _LONG_AGO = -(10**9)  # step long before the first
-_FOLLOWERS = 64  # ranks between those of two characters, for the followers of the first one
+_FOLLOWERS = 64  # ranks between those of two agents, for the followers of the first one
 
 
 class Join(NamedTuple):
@@ -41,7 +41,7 @@ class Join(NamedTuple):
     """Length below which the path must be to be taken [m]."""
 
     def fits(self, plan: MotionPlan | None, cursor: int) -> bool:
-        """Return True if a character in node ``cursor`` of ``plan`` can still continue there."""
+        """Return True if an agent in node ``cursor`` of ``plan`` can still continue there."""
         return plan is not None and plan.nodes is self.plan.nodes and NONE < cursor <= self.after
 
 
@@ -52,7 +52,7 @@ class Found(NamedTuple):
     plan: MotionPlan | None
     """The plan as far as it is found, None without one."""
     join: Join | None
-    """Where it joins the plan that the character follows."""
+    """Where it joins the plan that the agent follows."""
     first: int | None
     """Node of the followed plan from which on it is replaced; None for the first result of a search."""
     over: bool
@@ -63,7 +63,7 @@ class Found(NamedTuple):
 
 @dataclass
 class Plans:
-    """Motion plan of each character that has one, its route, and the searches under way."""
+    """Motion plan of each agent that has one, its route, and the searches under way."""
 
     assets: Assets
     environment: EnvironmentState
@@ -75,22 +75,22 @@ class Plans:
     """Steps before its need at which a plan is requested, if that is known."""
     step: int = 0
     replans: int = 0
-    """Number of times that an edit made a character plan anew."""
+    """Number of times that an edit made an agent plan anew."""
     motions: Motions = field(init=False)
     routes: dict[int, AnnotatedPath] = field(default_factory=dict)
-    """By character: route that it follows; none while it is to plan another one."""
+    """By agent: route that it follows; none while it is to plan another one."""
     followed: dict[int, AnnotatedPath] = field(default_factory=dict)
-    """By character: route that it has followed last, also if it is to plan another one."""
+    """By agent: route that it has followed last, also if it is to plan another one."""
     unreachable: dict[int, str] = field(default_factory=dict)
-    """By character: reason why no path to its goal was found at the last request."""
+    """By agent: reason why no path to its goal was found at the last request."""
     moved: int = 0
-    """Number of times that characters gave way."""
+    """Number of times that agents gave way."""
     away: set[int] = field(default_factory=set)
-    """Characters that had arrived, gave way, and come back."""
+    """Agents that had arrived, gave way, and come back."""
     looked_around: NDArray[np.int64] = field(init=False)
     """(n,) step in which each last had reason to look for ways around those that stand near."""
     paces: Paces = field(init=False)
-    """Playback rates of each character."""
+    """Playback rates of each agent."""
     _joins: dict[int, Join | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -101,11 +101,11 @@ class Plans:
         self.motions = Motions(count, natural, self.paces.rates_of)
 
     def rank(self, agent: int) -> int:
-        """Return the rank of a character that sets out now: behind all that did before, and behind lower numbers."""
+        """Return the rank of an agent that sets out now: behind all that did before, and behind lower numbers."""
         return (self.step * len(self.itineraries.cast.starts) + agent) * _FOLLOWERS
 
     def request(self, agent: int, request: Request, join: Join | None = None, walks: bool = False) -> None:
-        """Request a search for one character, replacing the one under way; a slice of it begins in this step.
+        """Request a search for one agent, replacing the one under way; a slice of it begins in this step.
 
         ``walks``: it is needed at once, as it always is if it joins a plan.
         """
@@ -114,7 +114,7 @@ class Plans:
         self.searches.begin(agent, search, walks=walks or join is not None)
 
     def forget(self, agent: int) -> None:
-        """Drop all plans and searches of a character."""
+        """Drop all plans and searches of an agent."""
         self.searches.drop(agent)
         for table in (self.motions, self.routes, self.followed, self.unreachable, self._joins):
             table.pop(agent, None)
@@ -165,7 +165,7 @@ class Plans:
         return results
 
     def hand_out(self, agent: int, plan: MotionPlan | None, first: int = 0) -> None:
-        """Let a character follow a plan (or none), whose nodes from ``first`` on are what its search found."""
+        """Let an agent follow a plan (or none), whose nodes from ``first`` on are what its search found."""
         if plan is None:
             self.motions.pop(agent, None)
             self.searches.handed(agent, None, 0)
@@ -174,7 +174,7 @@ class Plans:
             self.searches.handed(agent, plan.nodes, first)
 
     def follow_route(self, agent: int, route: AnnotatedPath) -> None:
-        """Note the route that a character follows from now on."""
+        """Note the route that an agent follows from now on."""
         if self.routes.get(agent) is not route:
             self.routes[agent] = self.followed[agent] = route
             self.on_route(agent, route)

@@ -23,14 +23,14 @@ subtracted from the next step."""
 
 PATIENT_BRANCHES = 2 * SLICE_BRANCHES
 """Part of a step's branches for detours around others, at most; and at most a fourth of them. All other searches go
-first: a character that needs a detour stands already, and in a dense crowd most of these searches fail."""
+first: an agent that needs a detour stands already, and in a dense crowd most of these searches fail."""
 
 LONGEST_SLICE = 6 * SLICE_BRANCHES
 """Largest number of candidate branches of a slice. Each slice of a search is twice as long as the one before: few
 searches need a second slice, and most of those need many."""
 
 Played = Callable[[int, "Ongoing"], int | None]
-"""Function of character and search: number of nodes that are played already, None if the search is useless."""
+"""Function of agent and search: number of nodes that are played already, None if the search is useless."""
 
 
 @dataclass
@@ -43,11 +43,11 @@ class Ongoing:
     branches: int
     """Candidate branches of the next slice."""
     walks: bool
-    """True if the character walked when it was requested."""
+    """True if the agent walked when it was requested."""
     patient: bool
-    """True if it was requested by a character that waits for others."""
+    """True if it was requested by an agent that waits for others."""
     handed: NDArray[np.int32] | None = None
-    """Nodes of the plan that its character follows since, of which those from ``first`` on are what it found."""
+    """Nodes of the plan that its agent follows since, of which those from ``first`` on are what it found."""
     first: int = 0
     revision: int = 0
     ready: float | None = None
@@ -55,7 +55,7 @@ class Ongoing:
 
     @property
     def rank(self) -> int:
-        """Return 0 if the character would come to a stand without a result, 2 if it waits for others, else 1."""
+        """Return 0 if the agent would come to a stand without a result, 2 if it waits for others, else 1."""
         if self.walks or self.handed is not None:
             return 0
         return 2 if self.patient else 1
@@ -75,9 +75,9 @@ class Ongoing:
 
 @dataclass
 class Searches:
-    """Searches by character, at most one each. A slice that begins in one step is done in the next.
+    """Searches by agent, at most one each. A slice that begins in one step is done in the next.
 
-    The first to ask is served first; but half of a step is for characters that walk, if there are any, and half for
+    The first to ask is served first; but half of a step is for agents that walk, if there are any, and half for
     those that stand. Those that wait for others come last. Each step does a counted amount of work at most, whatever
     time that takes.
     """
@@ -100,7 +100,7 @@ class Searches:
     _left: int = 0
 
     def begin(self, agent: int, search: MotionSearch, walks: bool = False) -> None:
-        """Queue a search for a character, behind the others of its rank; a search that it has already is dropped."""
+        """Queue a search for an agent, behind the others of its rank; a search that it has already is dropped."""
         self.drop(agent)
         self.counts["asked"] += 1
         self._ongoing[agent] = Ongoing(
@@ -118,11 +118,11 @@ class Searches:
                 self.waits.append(dropped.ready)
 
     def is_under_way(self, agent: int) -> bool:
-        """Return True if a character has a search."""
+        """Return True if an agent has a search."""
         return agent in self._ongoing
 
     def handed(self, agent: int, nodes: NDArray[np.int32] | None, first: int) -> None:
-        """Note which nodes a character was given of its search, if that is still under way."""
+        """Note which nodes an agent was given of its search, if that is still under way."""
         search = self._ongoing.get(agent)
         if search is not None:
             search.handed, search.first = nodes, first

@@ -1,1 +1,1 @@
-"""Characters, reserved timelines, the environment, shared assets."""
+"""Agents, reserved timelines, the environment, shared assets."""

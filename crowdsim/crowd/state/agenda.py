@@ -1,4 +1,4 @@
-"""Events of a timetable: which are due, which wait because a character is in the way, and their outcomes."""
+"""Events of a timetable: which are due, which wait because an agent is in the way, and their outcomes."""
 
 from __future__ import annotations
 

@@ -72,8 +72,8 @@ class Assets:
         """Return the body towards others in each behavior, (B, 2): radius of a capsule, half length of its core [m].
 
         The core lies across the direction that the body faces. A body that faces ahead, arms held in or not, is a disc;
-        one that walks sideways is as narrow as the behavior and as long as the widest. A behavior in which no character
-        can come to rest counts as the widest, as a character that stops in it stands in another one.
+        one that walks sideways is as narrow as the behavior and as long as the widest. A behavior in which no agent
+        can come to rest counts as the widest, as an agent that stops in it stands in another one.
         """
         breadths = np.zeros((len(self.behaviors), 2))
         breadths[:, 0] = self.body_radii.max(axis=1)
@@ -97,7 +97,7 @@ class Assets:
 
     @cached_property
     def character(self) -> Character:
-        """Return the data with which every character follows paths."""
+        """Return the data with which every agent follows paths."""
         return Character.of(self.behaviors, self.graph, self.maps)
 
     @property
@@ -107,13 +107,13 @@ class Assets:
 
     @property
     def passing_width(self) -> float:
-        """Return the width in which a character passes a standing one, facing along it, one with arms held in [m]."""
+        """Return the width in which an agent passes a standing one, facing along it, one with arms held in [m]."""
         facing = self.body_radii.max(axis=1)[self.breadths[:, 1] == 0.0]
         return 2.0 * (self.personal_radius + float(facing.min()))
 
     @cached_property
     def idle_nodes(self) -> NDArray[np.int32]:
-        """Return the node in which a character of each behavior waits standing, (B,) int32, -1 if there is none."""
+        """Return the node in which an agent of each behavior waits standing, (B,) int32, -1 if there is none."""
         nodes = np.full(len(self.behaviors), NONE, np.int32)
         for node in np.flatnonzero(self.graph.node_idle)[::-1]:
             nodes[self.graph.node_behavior[node]] = node

@@ -1,4 +1,4 @@
-"""Test of a timeline against the bodies of steered characters as they stand now."""
+"""Test of a timeline against the bodies of steered agents as they stand now."""
 
 from crowdsim.crowd.state.components import CORE, RADIUS
 from crowdsim.geometry.elementary_kernels import hypot
@@ -7,15 +7,16 @@ from crowdsim.steering.capsule_kernels import core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 
 BODY_ROOM = 0.01
-"""Gap between a timeline and the body of a steered character [m]: tracks bend between two samples."""
+"""Gap between a timeline and the body of a steered agent [m]: tracks bend between two samples."""
 
 
 @kernel
 def meets_body(agent, timeline, bodies):
-    """Return True if a character on a timeline (K, 5) comes within BODY_ROOM of a steered body.
+    """Return True if an agent on a timeline comes within BODY_ROOM of a steered body.
 
+    ``timeline`` (K, 5) has the capsule at each sample: center, radius, and vector from center to end of the core [m].
     ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; the body of ``agent`` itself does not count.
-    The character's capsule is replaced by the disc that contains it, so the test is conservative.
+    The agent's capsule is replaced by the disc that contains it, so the test is conservative.
     """
     rows, starts, frame, broadest = bodies.rows, bodies.starts, bodies.frame, bodies.broadest
     if len(rows) == 0:

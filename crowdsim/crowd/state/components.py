@@ -1,4 +1,4 @@
-"""State of a captured character in the world: one column per component."""
+"""State of a captured agent in the world: one column per component."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ HASHED_AS = {"blend_offset": "seam", "next_blend_offset": "next_seam"}
 """Earlier names of columns, under which they enter the state hash so that hashes of earlier runs stay valid."""
 
 COLUMNS = (
-    Column("agent", np.int32, (), NONE),  # index of the character in the run, also its row in the recording
+    Column("agent", np.int32, (), NONE),  # index of the agent in the run, also its row in the recording
     Column("state", np.int32, (), int(AgentState.WAITING)),
     Column("pose", np.float64, (3,)),  # world track pose: x, y, heading
     Column("behavior", np.int32, (), NONE),
@@ -63,7 +63,7 @@ COLUMNS = (
     Column("awaiting_plan", np.bool_),
     Column("blocked_since", np.int64, (), NONE),  # step of the first refusal in a row, -1 while nothing is refused
     Column("retry_step", np.int64),
-    # The reserved timeline: tracks and bodies every SLOT_FRAMES frames from a slot on; then the character stands or is
+    # The reserved timeline: tracks and bodies every SLOT_FRAMES frames from a slot on; then the agent stands or is
     # gone.
     Column("timeline", np.float64, (TIMELINE_SLOTS, SAMPLE)),
     Column("timeline_circle", np.float64, (3,)),  # circle that contains all positions: x, y, radius [m]
@@ -78,4 +78,4 @@ COLUMNS = (
     Column("goal", np.float64, (2,)),
     Column("stays", np.bool_),
 )
-"""Columns of a captured character."""
+"""Columns of a captured agent."""

@@ -64,7 +64,7 @@ class EnvironmentState:
     """All changes so far."""
     last_edit_step: int = -1
     waited_for: list[BaseGeometry] = field(default_factory=list)
-    """Outlines of movables that appear as soon as no character is there, and that no character may enter meanwhile."""
+    """Outlines of movables that appear as soon as no agent is there, and that no agent may enter meanwhile."""
 
     def __post_init__(self) -> None:
         assets = self.assets

@@ -1,4 +1,4 @@
-"""Itineraries of captured characters: places one after another, repeated in rounds if the scenario says so."""
+"""Itineraries of captured agents: places one after another, repeated in rounds if the scenario says so."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from crowdsim.geometry.planar import wrap_angle
 from crowdsim.scenario.people.placement import Placement
 
 TRIES = 2
-"""Number of searches from the place of arrival by a character that stands otherwise than its scenario prescribes."""
+"""Number of searches from the place of arrival by an agent that stands otherwise than its scenario prescribes."""
 
 
 @dataclass
 class Itineraries:
-    """Places that each character has reached so far (n,), of how many (n,), and where it goes next."""
+    """Places that each agent has reached so far (n,), of how many (n,), and where it goes next."""
 
     cast: Placement
-    """The characters, with the goals that they have now."""
+    """The agents, with the goals that they have now."""
     stood: list[tuple[float, float]] = field(default_factory=list)
     """Distance to the place [m] and angle to the prescribed heading [rad] (nan if none) of each stand so far."""
     reached: NDArray[np.int64] = field(init=False)
@@ -45,7 +45,7 @@ class Itineraries:
         self._aims: dict[int, tuple[int, NDArray[np.float64]]] = {}
 
     def redirect(self, agent: int, goal: NDArray[np.float64], stays: bool) -> None:
-        """Send a character to ``goal`` (2,) [m] instead of all its places; it stays there or leaves."""
+        """Send an agent to ``goal`` (2,) [m] instead of all its places; it stays there or leaves."""
         self._goals[agent], self._headings[agent] = goal[None], np.full(1, np.nan)
         self.cast.rounds[agent], self.cast.stays[agent] = 1, stays
         self.places[agent], self.reached[agent], self._tries[agent] = 1, 0, 0
@@ -56,7 +56,7 @@ class Itineraries:
         self._aims[agent] = int(self.reached[agent]), place
 
     def goal(self, agent: int, ahead: int = 0) -> NDArray[np.float64]:
-        """Return the place (2,) that a character goes to [m], or the one ``ahead`` places later."""
+        """Return the place (2,) that an agent goes to [m], or the one ``ahead`` places later."""
         reached = int(self.reached[agent]) + ahead
         aimed, place = self._aims.get(agent, (NONE, None))
         return self.cast.goal(agent, reached) if place is None or aimed != reached else place
@@ -80,9 +80,9 @@ class Itineraries:
         )
 
     def accepts(self, agent: int, pose: NDArray[np.float64]) -> bool:
-        """Return True if a character that arrived with ``pose`` (3,) may stay at its place so, and note how it stands.
+        """Return True if an agent that arrived with ``pose`` (3,) may stay at its place so, and note how it stands.
 
-        A character that is to stand there, but is too far off or faces another direction, tries again a few times.
+        An agent that is to stand there, but is too far off or faces another direction, tries again a few times.
         """
         if not self.stands(agent):
             return True
@@ -109,7 +109,7 @@ class Itineraries:
         return 0.0 if last else float(self.cast.waits[agent])
 
     def leave(self, agent: int) -> None:
-        """Count the last place as not reached: the character gave way and left it."""
+        """Count the last place as not reached: the agent gave way and left it."""
         self.reached[agent] -= 1
 
     def how_they_stood(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -118,7 +118,7 @@ class Itineraries:
         return off, turned
 
     def laps(self) -> dict[str, int]:
-        """Return the number of rounds completed by the characters of each group that repeats its round."""
+        """Return the number of rounds completed by the agents of each group that repeats its round."""
         laps: dict[str, int] = {}
         for agent, group in enumerate(self.cast.groups):
             if self.cast.rounds[agent] != 1:

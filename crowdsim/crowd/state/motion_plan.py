@@ -26,17 +26,17 @@ class Request:
     stays: bool
     """True if the motion must end standing."""
     departure: Departure | None = None
-    """Node behind which the motion begins, with its start; None before the character entered the world."""
+    """Node behind which the motion begins, with its start; None before the agent entered the world."""
     route: AnnotatedPath | None = None
     """Route that it follows already; None to plan one."""
     around: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
-    """(k, 3) poses of standing characters in the way, which the motion is to pass."""
+    """(k, 3) poses of standing agents in the way, which the motion is to pass."""
     postures: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
     """(k,) behavior in which each of them stands."""
     heading: float | None = None
-    """Heading at the goal [rad], for a character that stands there; None for any."""
+    """Heading at the goal [rad], for an agent that stands there; None for any."""
     within: float = STAND_WITHIN
-    """Distance to the goal at which a standing character should come to rest [m]."""
+    """Distance to the goal at which a standing agent should come to rest [m]."""
 
 
 @dataclass(frozen=True)

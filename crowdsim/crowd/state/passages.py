@@ -1,4 +1,4 @@
-"""Narrow passages, in which two bodies cannot pass each other, so that no character should stop there."""
+"""Narrow passages, in which two bodies cannot pass each other, so that no agent should stop there."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from crowdsim.navmesh.navmesh import NavMesh
 def narrow_passages(mesh: NavMesh, width: float) -> NDArray[np.float64]:
     """Find the free edges of a mesh that are shorter than ``width`` [m]; return (S, 4) x and y of both ends.
 
-    All vertices are on obstacles, so a character that crosses an edge passes between two of them. Edges that only lead
+    All vertices are on obstacles, so an agent that crosses an edge passes between two of them. Edges that only lead
     into a corner, or another narrow dead end, are left out.
     """
     arrays = mesh.arrays

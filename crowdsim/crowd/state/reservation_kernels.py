@@ -1,9 +1,14 @@
-"""Reserved timelines: where a character will be until it stands, and whether two of them ever meet.
+"""Reserved timelines: where an agent will be until it stands, and whether two of them ever meet.
 
 A timeline samples track and body at the world's slots (every ``slot_frames`` frames of the global clock) from slot
-``start`` on. After its last sample the character stands there for ever, or is gone from slot ``gone`` on. Between
+``start`` on. After its last sample the agent stands there for ever, or is gone from slot ``gone`` on. Between
 samples, positions are interpolated linearly. A body is a disc as broad as its behavior, narrower with the arms held in,
 or a capsule along the way if it walks sideways.
+
+Arguments of all helpers: a timeline (K, 5) with its ``start`` and ``gone`` slots; ``first_slot``, before which meetings
+do not count; ``radius`` of the body at rest [m]; ``obstacles``, ``everyone`` or ``others`` (the timelines of all rows),
+``chain``, ``draft`` (a scratch chain) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one
+of the present node from which a chain goes on.
 """
 
 import math
@@ -24,7 +29,7 @@ from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pos
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 ELBOW_ROOM = 0.1
-"""Gap between the discs of two characters at rest [m]."""
+"""Gap between the discs of two agents at rest [m]."""
 
 BLOCKED = -1
 """No timeline: its stop touches an obstacle."""
@@ -33,7 +38,7 @@ NARROW = -3
 """No timeline: it ends in a narrow passage."""
 
 IN_WAY = -4
-"""No timeline: it ends in the way ahead of a character that goes first, or meets a steered body."""
+"""No timeline: it ends in the way ahead of an agent that goes first, or meets a steered body."""
 
 TOO_LONG = -2
 """No timeline: it takes more slots than there are."""
@@ -97,7 +102,7 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
     if rest < apart and min(a_gone, b_gone) == FOREVER:
         return True
     last = max(a_start + len(a), b_start + len(b))
-    # Compare the segments slot by slot, until one is gone or both are at rest.
+    # Compare the segments, from sample i to j of each, slot by slot, until one is gone or both are at rest.
     for slot in range(first_slot, last):
         if slot >= a_gone or slot >= b_gone:
             return False
@@ -236,7 +241,7 @@ def _set_sample(out, k, x, y, heading, breadth):
 
 @helper
 def from_stand(playback):
-    """Return the playback of a character that begins to walk now: at a full frame, at the natural rate."""
+    """Return the playback of an agent that begins to walk now: at a full frame, at the natural rate."""
     rate = np.int64(FRAME_TICKS * playback.step_frames)
     return Playback(playback.clock, playback.slot_frames, playback.step_frames, playback.ramp, np.int64(0), rate, rate)
 
@@ -318,7 +323,7 @@ def _copy_chain(chain, to):
 
 @helper
 def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline):
-    """Sample ``taken`` nodes of a chain, followed by the stop unless the character ``leaves`` the world there.
+    """Sample ``taken`` nodes of a chain, followed by the stop unless the agent ``leaves`` the world there.
 
     Return the first slot at or after the end, or BLOCKED, TOO_LONG, NARROW (not if ``tolerant``) or IN_WAY.
     """
@@ -353,7 +358,7 @@ def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, firs
     """Find the shortest continuation that ends standing, touches no obstacle and meets no timeline.
 
     Entry 0 of ``chain`` is the present node, entries 1 to ``available`` are the next nodes of the plan, of which at
-    least ``first`` are taken. ``draft`` is scratch of the same size. ``ends_plan``: the character leaves the world
+    least ``first`` are taken. ``draft`` is scratch of the same size. ``ends_plan``: the agent leaves the world
     after the last of them. ``obstacles`` and ``everyone`` (all rows) are those of
     :mod:`crowdsim.crowd.state.timelines`. Return (number of nodes taken, gone slot), with 0 nodes if there is none; the
     timeline is left in ``timeline`` (K, 5).
@@ -362,7 +367,7 @@ def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, firs
     start = playback.clock // playback.slot_frames
     # Stops in narrow passages are allowed only if the plan offers no other place to stand at all.
     for tolerant in range(2):
-        stands = False  # True if it could stand outside of narrow passages, apart from other characters
+        stands = False  # True if it could stand outside of narrow passages, apart from other agents
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available
             found = lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline)

@@ -37,7 +37,7 @@ class Chain(NamedTuple):
     """(C, 3) offset of the pose before to the origin, which fades out along the node."""
 
     @classmethod
-    def room(cls, count: int) -> Chain:
+    def empty(cls, count: int) -> Chain:
         """Allocate a chain of ``count`` nodes."""
         return cls(np.zeros(count, np.int32), np.zeros((count, 3)), np.zeros((count, 3)))
 
@@ -91,7 +91,7 @@ class Timelines(NamedTuple):
 
 
 class StandingBodies(NamedTuple):
-    """Bodies of steered characters as they stand now, sorted by cells. They may stay there."""
+    """Bodies of steered agents as they stand now, sorted by cells. They may stay there."""
 
     rows: NDArray[Any]
     """ROW[n]: the bodies."""
@@ -104,7 +104,7 @@ class StandingBodies(NamedTuple):
 
 
 NO_BODIES = StandingBodies(np.zeros(0, ROW), np.zeros(2, np.int64), (0.0, 0.0, 1, 1), 0.0)
-"""No steered characters."""
+"""No steered agents."""
 
 
 class Obstacles(NamedTuple):
@@ -122,16 +122,16 @@ class Obstacles(NamedTuple):
     distance: float
     """Distance of the track to these segments [m]."""
     bodies: StandingBodies
-    """Bodies of steered characters."""
+    """Bodies of steered agents."""
     agent: int
-    """Character whose own body among these does not count."""
+    """Agent whose own body among these does not count."""
     body_radius: float
     """Radius of a disc that contains the body in any behavior [m]."""
     ways: Floats = _NO_WAYS
-    """(W, P, 2) ways ahead of characters that go first [m]: no other may stop there, unless it is there already."""
+    """(W, P, 2) ways ahead of agents that go first [m]: no other may stop there, unless it is there already."""
     way_width: float = 0.0
-    """Distance from these ways at which a character may stop [m]."""
+    """Distance from these ways at which an agent may stop [m]."""
     passages: Floats = np.empty((0, 4))
-    """(S, 4) segments across narrow passages [m]: no character stops there that can stop before or behind."""
+    """(S, 4) segments across narrow passages [m]: no agent stops there that can stop before or behind."""
     off_passages: float = 0.0
-    """Distance from these segments at which a character may stop [m]."""
+    """Distance from these segments at which an agent may stop [m]."""

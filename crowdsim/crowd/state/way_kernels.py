@@ -1,6 +1,6 @@
 """Ways ahead that others keep free, narrow passages in which no row stops, and ranks that followers take over.
 
-A way is a polyline (P, 2) [m]: the next meters of a character's plan after the end of its timeline; nan without one.
+A way is a polyline (P, 2) [m]: the next meters of an agent's plan after the end of its timeline; nan without one.
 The lower rank goes first. docs/waiting.md has the rules.
 """
 
@@ -12,7 +12,7 @@ from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 
 FOREVER = 9223372036854775807
-"""The slot of leaving of a character that never leaves, and a rank behind all others."""
+"""The slot of leaving of an agent that never leaves, and a rank behind all others."""
 
 
 @helper
@@ -52,7 +52,7 @@ def stops_in_passage(timeline, passages, distance):
 def stops_in_way(timeline, ways, width):
     """Return True if a timeline (K, 5) ends nearer than ``width`` to one of ``ways`` (W, P, 2).
 
-    A stop behind the begin of a way is not in it. A character that is in a way already may move along it, not against
+    A stop behind the begin of a way is not in it. An agent that is in a way already may move along it, not against
     it.
     """
     x, y = timeline[-1, 0], timeline[-1, 1]

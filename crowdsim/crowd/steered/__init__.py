@@ -1,1 +1,1 @@
-"""Steered characters of a scenario: entry, errands, parties, exits and steps."""
+"""Steered agents of a scenario: entry, errands, parties, exits and steps."""

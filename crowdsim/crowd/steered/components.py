@@ -1,4 +1,4 @@
-"""State of a steered character in the world: one column per component."""
+"""State of a steered agent in the world: one column per component."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from crowdsim.steering.row_kernels import ROW
 
 
 class Errand(IntEnum):
-    """What a steered character is doing."""
+    """What a steered agent is doing."""
 
     WALKS = 0
     """Walks to the region of its goal."""
@@ -29,10 +29,10 @@ class Errand(IntEnum):
 
 
 NO_GOAL = -1
-"""Goal in ROW of a standing character. It differs from all goals, so any stuck agent may ask it to step aside."""
+"""Goal in ROW of a standing agent. It differs from all goals, so any stuck agent may ask it to step aside."""
 
 COLUMNS = (
-    Column("agent", np.int32, (), NONE),  # index of the character in the run, also its row in the recording
+    Column("agent", np.int32, (), NONE),  # index of the agent in the run, also its row in the recording
     Column("state", np.int32, (), int(AgentState.WAITING)),
     Column("behavior", np.int32, (), NONE),
     Column("row", ROW),  # position, velocity, body and guidance
@@ -47,4 +47,4 @@ COLUMNS = (
     Column("phase", np.float64),  # phase of its gait [cycles]
     Column("anchor", np.float64, (3,)),  # pose at which its rear foot, which lifts next, was under the body
 )
-"""Columns of a steered character."""
+"""Columns of a steered agent."""

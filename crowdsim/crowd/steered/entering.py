@@ -1,4 +1,4 @@
-"""Entry of steered characters: at their time, once their place is free; after a while at another place nearby."""
+"""Entry of steered agents: at their time, once their place is free; after a while at another place nearby."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.constants import STEERING_RATE
-from crowdsim.crowd.ranks.company import ALONE, Company
+from crowdsim.crowd.ranks.protocol import ONE_RANK, Ranks
 from crowdsim.crowd.steered.components import NO_GOAL, Errand
 from crowdsim.crowd.steered.entering_kernels import ROOM, admit
 from crowdsim.crowd.steered.errands import Errands
 from crowdsim.crowd.steered.exits import ExitChoice
-from crowdsim.crowd.steered.seam import Seam
+from crowdsim.crowd.steered.periodic_boundary import PeriodicBoundary
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.world import World
 from crowdsim.geometry.elementary import atan2, cos, sin
@@ -38,9 +38,9 @@ _AROUND = np.column_stack((_RADII * cos(_TURNS), _RADII * sin(_TURNS)))
 
 
 class Entering:
-    """Let characters enter, those with the earliest time first.
+    """Let agents enter, those with the earliest time first.
 
-    A character whose place is taken tries again in the next step, after AWAITS_SECONDS at others in its start region.
+    An agent whose place is taken tries again in the next step, after AWAITS_SECONDS at others in its start region.
     """
 
     def __init__(
@@ -50,17 +50,17 @@ class Entering:
         cast: CrowdPlacement,
         exits: ExitChoice,
         errands: Errands,
-        seam: Seam,
+        boundary: PeriodicBoundary,
         regions: Sequence[BaseGeometry],
-        company: Company = ALONE,
+        ranks: Ranks = ONE_RANK,
     ) -> None:
-        self._company, self._regions = company, regions
-        self._seam = seam
+        self._ranks, self._regions = ranks, regions
+        self._boundary = boundary
         self._world, self._place, self._cast, self._errands, self._exits = world, place, cast, errands, exits
         self.entered = np.full(cast.head_count, -1, np.int64)
-        """(n,) step in which each character entered the world, -1 before."""
+        """(n,) step in which each agent entered the world, -1 before."""
         self.shut_out = np.zeros(0, np.int64)
-        """Characters whose time has come and whose place is covered by a movable."""
+        """Agents whose time has come and whose place is covered by a movable."""
         self._broadest = 0.5 * float(cast.walkers.breadths.max(initial=0.0))
 
     def enter(
@@ -70,24 +70,24 @@ class Entering:
         wanted: NDArray[np.bool_] | None = None,
         others: Others = NOBODY_ELSE,
     ) -> None:
-        """Ask the world for the characters that enter in this step.
+        """Ask the world for the agents that enter in this step.
 
-        ``wanted`` (n,): which characters may enter; all if None. None enters on a reserved segment of ``others``.
+        ``wanted`` (n,): which agents may enter; all if None. None enters on a reserved segment of ``others``.
         """
         cast = self._cast
         is_due = (self.entered < 0) & (cast.start_steps <= step)
         due = np.flatnonzero(is_due if wanted is None else is_due & wanted)
         covered = self._place.covers(cast.starts[due])
         self.shut_out = due[covered]
-        # No character enters where a movable waits to appear.
+        # No agent enters where a movable waits to appear.
         due = due[~covered & ~self._place.announces(cast.starts[due], self._broadest + ROOM)]
         if not len(due):
             return
         due = due[np.argsort(cast.start_steps[due], kind="stable")]
         places = self._places(due, step)
         coming = self._rows(due, places)
-        present = self._company.around(self._world.column("row"), places, 2.0 * self._broadest + ROOM)
-        sorted_crowd = steering.sort(self._seam.with_copies(present), self._place.bounds)
+        present = self._ranks.around(self._world.column("row"), places, 2.0 * self._broadest + ROOM)
+        sorted_crowd = steering.sort(self._boundary.with_copies(present), self._place.bounds)
         crowd = (sorted_crowd.rows, sorted_crowd.starts, sorted_crowd.frame)
         ways = listed(others, sorted_crowd.frame, self._broadest + ROOM)
         clear = clear_of(ways, sorted_crowd.frame, coming, ROOM)
@@ -103,7 +103,7 @@ class Entering:
         place = np.column_stack((rows["x"], rows["y"], rows["heading"]))
         self._world.spawn_many(
             len(agents),
-            self._company.holds(cast.starts[agents]),
+            self._ranks.holds(cast.starts[agents]),
             agent=agents,
             state=np.where(stands, AgentState.WAITING, AgentState.MOVING),
             behavior=len(self._place.asked) - 1,
@@ -117,7 +117,7 @@ class Entering:
         )
 
     def _places(self, agents: NDArray[np.int64], step: int) -> NDArray[np.float64]:
-        """Return where characters (k,) try to enter in this step, (k, 2) [m]."""
+        """Return where agents (k,) try to enter in this step, (k, 2) [m]."""
         cast = self._cast
         places = cast.starts[agents]
         waited = step - cast.start_steps[agents] - round(AWAITS_SECONDS * STEERING_RATE)
@@ -129,7 +129,7 @@ class Entering:
         return places
 
     def _rows(self, agents: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[Any]:
-        """Return the rows (ROW) of characters as they enter at ``places`` (k, 2) [m]."""
+        """Return the rows (ROW) of agents as they enter at ``places`` (k, 2) [m]."""
         cast = self._cast
         rows = np.zeros(len(agents), ROW)
         rows["x"], rows["y"] = places.T
@@ -141,7 +141,7 @@ class Entering:
         rows["goal"] = self._errands.goal(agents, np.zeros(len(agents), np.int64))
         rows["id"] = agents
         self._place.guidance.write(rows, np.full(len(agents), PLAIN, np.int32))
-        # A character without guidance faces its goal.
+        # An agent without guidance faces its goal.
         toward = self._errands.middles[rows["goal"]] - places
         guided = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)
         away = np.where(guided[:, None], np.column_stack((rows["gx"], rows["gy"])), toward)

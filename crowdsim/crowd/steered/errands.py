@@ -1,4 +1,4 @@
-"""Errands of steered characters: they walk to the regions of their goals in turn, and stand at some of them."""
+"""Errands of steered agents: they walk to the regions of their goals in turn, and stand at some of them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shapely import Polygon
 
 from crowdsim.constants import NONE
-from crowdsim.crowd.ranks.company import ALONE, Company
+from crowdsim.crowd.ranks.protocol import ONE_RANK, Ranks
 from crowdsim.crowd.steered.components import NO_GOAL, Errand
 from crowdsim.crowd.steered.exits import ExitChoice
 from crowdsim.ecs.world import View
@@ -28,19 +28,19 @@ NEAR_GOAL = 0.5
 """Length to go below which it is tested whether the region is reached [m]."""
 
 GIVES_UP = 4.0
-"""Time stuck after which a character in the region of its goal counts as standing, though it is off its spot [s]."""
+"""Time stuck after which an agent in the region of its goal counts as standing, though it is off its spot [s]."""
 
 TAKES_SECONDS = 8.0
 """Time after which it does the same, plus twice the time of the free way to its spot [s]."""
 
 PUSHED_OFF = 0.5
-"""Distance from its spot above which a character that stays walks back to it [m]."""
+"""Distance from its spot above which an agent that stays walks back to it [m]."""
 
 TURN_SECONDS = 3.0
-"""Longest time that a character turns to the prescribed heading before it counts as standing [s]."""
+"""Longest time that an agent turns to the prescribed heading before it counts as standing [s]."""
 
 TURNED_OFF = 0.1
-"""Angle to the prescribed heading above which a standing character turns [rad]."""
+"""Angle to the prescribed heading above which a standing agent turns [rad]."""
 
 _SLOWING = 2.0
 """Speed near its spot, as a share of the distance per second [1/s]."""
@@ -60,13 +60,13 @@ class NewGoal(NamedTuple):
     region: Polygon
     """Region of the goal."""
     places: Floats
-    """(k, 2) spot of each character [m]."""
+    """(k, 2) spot of each agent [m]."""
     stays: bool
-    """True if the characters stay there."""
+    """True if the agents stay there."""
 
 
 class Errands:
-    """Send steered characters from place to place."""
+    """Send steered agents from place to place."""
 
     def __init__(self, cast: CrowdPlacement, exits: ExitChoice, steps_per_second: int) -> None:
         self._cast, self._exits = cast, exits
@@ -78,7 +78,7 @@ class Errands:
             self._goals[number, : len(itinerary.goals)] = itinerary.goals
             self._headings[number, : len(itinerary.goals)] = itinerary.headings
         self._regions = list(cast.goals)
-        # Itinerary of each character, and its own spots at places; commands change both.
+        # Itinerary of each agent, and its own spots at places; commands change both.
         self._itinerary, self._own_spots = cast.group.copy(), cast.spots.copy()
         self._rate = steps_per_second
         self._places = np.array([len(itinerary.goals) for itinerary in groups], np.int64)
@@ -90,7 +90,7 @@ class Errands:
         self.middles = shapely.get_coordinates([region.representative_point() for region in cast.goals])
         """(m, 2) points in the regions of the goals [m]."""
         self.arrived = np.full(cast.head_count, NONE, np.int64)
-        """(n,) step in which each character reached its last place, -1 before."""
+        """(n,) step in which each agent reached its last place, -1 before."""
         self._visits = np.zeros(cast.head_count, np.int64)
         self._stood: list[tuple[Floats, Floats]] = []
         for region in cast.goals:
@@ -104,7 +104,7 @@ class Errands:
         return int(free[0]) if len(free) else len(self._regions)
 
     def redirect(self, view: View, agents: NDArray[np.int64], goal: NewGoal) -> None:
-        """Send characters (k,) to another goal instead of all their places, wherever they are."""
+        """Send agents (k,) to another goal instead of all their places, wherever they are."""
         shapely.prepare(goal.region)
         self._regions[goal.number : goal.number + 1] = [goal.region]
         self.middles = np.concatenate((self.middles[: goal.number], goal.places[:1], self.middles[goal.number + 1 :]))
@@ -121,7 +121,7 @@ class Errands:
         self._exits.redirect(agents, len(self._regions))
         self.arrived[agents] = NONE
 
-        # Characters in the world walk there at once, but for those that still stand where they entered.
+        # Agents in the world walk there at once, but for those that still stand where they entered.
         rows = np.flatnonzero(np.isin(view.agent, agents))
         view.goal[rows], view.following[rows], view.lost_since[rows] = goal.number, PLAIN, NONE
         goes = rows[(view.errand[rows] != Errand.STANDS) | (view.reached[rows] > 0)]
@@ -135,7 +135,7 @@ class Errands:
         self._itinerary[agents] = self._cast.group[agents]
 
     def goal(self, agents: NDArray[np.int64], reached: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Return the goals of characters ``agents`` that have reached so many places."""
+        """Return the goals of agents ``agents`` that have reached so many places."""
         group = self._itinerary[agents]
         place = reached % self._places[group]
         goals = self._goals[group, place]
@@ -148,11 +148,11 @@ class Errands:
         return self._regions[goal]
 
     def last_goals(self) -> NDArray[np.int32]:
-        """Return the last goal of each character, (n,)."""
+        """Return the last goal of each agent, (n,)."""
         return self.goal(np.arange(self._cast.head_count), self._places[self._itinerary] - 1)
 
     def set_out(self, view: View, step: int) -> None:
-        """Let standing characters go on whose time has come; call it before guidance is written."""
+        """Let standing agents go on whose time has come; call it before guidance is written."""
         go = np.flatnonzero((view.errand == Errand.STANDS) & (view.go_step <= step))
         stood = go[view.reached[go] > 0]
         if len(stood):
@@ -178,7 +178,7 @@ class Errands:
     def how_they_stood(self, view: View) -> tuple[Floats, Floats]:
         """Return distance to the place [m] and angle to the prescribed heading [rad] (nan if none) of each stand.
 
-        A character that went on counts as it stood then, others as they stand now.
+        An agent that went on counts as it stood then, others as they stand now.
         """
         waits = (view.errand == Errand.STANDS) & (view.reached > 0)
         now = self._how_they_stand(view, np.flatnonzero(waits | (view.errand == Errand.STAYS)))
@@ -186,12 +186,12 @@ class Errands:
         return off, np.concatenate([each for _, each in (*self._stood, now)])
 
     def count_visits(self, visits: NDArray[np.int64]) -> None:
-        """Note the number of places (n,) that characters have reached while they were captured."""
+        """Note the number of places (n,) that agents have reached while they were captured."""
         np.maximum(self._visits, visits, out=self._visits)
 
-    def laps(self, company: Company = ALONE) -> dict[str, int]:
-        """Return the number of rounds completed by the characters of each group that repeats its round."""
-        laps, reached = {}, company.sum(self._visits)
+    def laps(self, ranks: Ranks = ONE_RANK) -> dict[str, int]:
+        """Return the number of rounds completed by the agents of each group that repeats its round."""
+        laps, reached = {}, ranks.sum(self._visits)
         for number, itinerary in enumerate(self._cast.itineraries):
             if itinerary.rounds != 1:
                 visits = reached[self._cast.group == number]
@@ -209,7 +209,7 @@ class Errands:
         return within
 
     def _reach(self, view: View, step: int, there: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Let characters in the region of their goal leave, go on, or take their spot; return those that leave."""
+        """Let agents in the region of their goal leave, go on, or take their spot; return those that leave."""
         agents, group = view.agent[there], self._itinerary[view.agent[there]]
         last = view.reached[there] + 1 == self._last[group]
         stands = np.where(last, self._stays[group], self._waits[group] > 0)
@@ -247,7 +247,7 @@ class Errands:
         view.row["goal"][walks] = view.goal[walks]
 
     def _take_places(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
-        """Lead characters to their spots; those that are there, or come no nearer, turn and count as standing."""
+        """Lead agents to their spots; those that are there, or come no nearer, turn and count as standing."""
         group = self._itinerary[view.agent[rows]]
         distance = self._lead(view, rows)
         is_there = distance <= self._within[group]
@@ -257,7 +257,7 @@ class Errands:
         view.go_step[there] = step + round(TURN_SECONDS * self._rate)
 
     def _turn_and_stand(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
-        """Let characters turn to their prescribed headings, for a limited time; then they stand."""
+        """Let agents turn to their prescribed headings, for a limited time; then they stand."""
         self._stop(view, rows)
         turns = self._turn(view, rows, self._asked(view, rows, view.reached[rows]))
         stops = rows[~turns | (view.go_step[rows] <= step)]
@@ -272,7 +272,7 @@ class Errands:
         self._go_on(view, stops[~last])
 
     def _stand(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Let characters stand in their prescribed headings; one that stays, but off its spot, walks there.
+        """Let agents stand in their prescribed headings; one that stays, but off its spot, walks there.
 
         It may have been pushed off, or have given up. It does not get stuck: so it gives way to all who do.
         """

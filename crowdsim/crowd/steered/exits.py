@@ -1,4 +1,4 @@
-"""Choice of exits by steered characters: the nearest one, the quickest one, or the one assigned."""
+"""Choice of exits by steered agents: the nearest one, the quickest one, or the one assigned."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon
 
 from crowdsim.constants import NONE
-from crowdsim.crowd.ranks.company import ALONE, Company
+from crowdsim.crowd.ranks.protocol import ONE_RANK, Ranks
 from crowdsim.crowd.steered.components import Errand
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import hypot
@@ -20,10 +20,10 @@ from crowdsim.scenario.people.crowd_placement import CrowdPlacement
 from crowdsim.steering.guidance.guidance import PLAIN, Guidance
 
 CONSIDERS_SECONDS = 2.0
-"""Time between two considerations of the exit by a character [s]."""
+"""Time between two considerations of the exit by an agent [s]."""
 
 BETTER = 0.8
-"""A character changes to an exit whose time, or length of the path, is at most this share of that of its own exit."""
+"""An agent changes to an exit whose time, or length of the path, is at most this share of that of its own exit."""
 
 GAINS_SECONDS = 2.0
 """It must also save at least this much time [s]."""
@@ -35,13 +35,13 @@ FLOW = 1.3
 """Flow per width expected of an exit before its queue has been observed [1/(m s)]."""
 
 LEAST_FLOW = 0.2
-"""Least flow expected of an exit, however narrow it is and however slowly characters leave [1/s]."""
+"""Least flow expected of an exit, however narrow it is and however slowly agents leave [1/s]."""
 
 QUEUES = 5
-"""Number of characters held up on their way to an exit from which on its flow is learned."""
+"""Number of agents held up on their way to an exit from which on its flow is learned."""
 
 HELD_UP = 0.5
-"""Speed below which a character is held up, as a share of its free speed."""
+"""Speed below which an agent is held up, as a share of its free speed."""
 
 LEARNS = 0.1
 """Weight of the flow of each second of a queue in the expected flow (exponential average)."""
@@ -62,19 +62,19 @@ def flow_through(region: shapely.Polygon, free: MultiPolygon) -> float:
 
 
 class ExitChoice:
-    """The exit to which each character goes.
+    """The exit to which each agent goes.
 
     Parameters
     ----------
     cast : CrowdPlacement
-        All characters; those of groups without exits have no choice.
+        All agents; those of groups without exits have no choice.
     free : MultiPolygon
         Free floor of bodies.
     guidance : Guidance
         Gives the lengths of the paths to all goals.
     steps_per_second : int
         Rate of the steps.
-    company : Company
+    ranks : Ranks
         The processes that share the run.
     """
 
@@ -84,11 +84,11 @@ class ExitChoice:
         free: MultiPolygon,
         guidance: Guidance,
         steps_per_second: int,
-        company: Company = ALONE,
+        ranks: Ranks = ONE_RANK,
     ) -> None:
-        self._company = company
+        self._ranks = ranks
         self.goals = cast.assigned.copy()
-        """(n,) int32: goal to which each character goes finally, NONE before it has entered."""
+        """(n,) int32: goal to which each agent goes finally, NONE before it has entered."""
         self._cast, self._guidance, self._rate = cast, guidance, steps_per_second
         self._pause = round(CONSIDERS_SECONDS * steps_per_second)
         self._chooses = np.array([it.choice in ("nearest", "quickest") for it in cast.itineraries], np.bool_)
@@ -98,7 +98,7 @@ class ExitChoice:
         self._left_before = np.zeros(len(cast.goals), np.int64)
 
     def enter(self, agents: Ints, rows: NDArray[Any]) -> None:
-        """Let characters that enter, or have finished a route, choose an exit from the positions of ``rows`` (ROW)."""
+        """Let agents that enter, or have finished a route, choose an exit from the positions of ``rows`` (ROW)."""
         for group, mine in self._choosing(agents):
             times = self._costs(group, agents[mine], rows[mine], ())
             exits = self._cast.itineraries[group].exits
@@ -108,13 +108,13 @@ class ExitChoice:
         self.goals[agents] = np.where(firsts != NONE, firsts, self.goals[agents])
 
     def consider(self, view: View, step: int) -> None:
-        """Let the characters whose turn it is change to an exit that is much better than theirs."""
+        """Let the agents whose turn it is change to an exit that is much better than theirs."""
         if not self._chooses.any():
             return
         if step % self._rate == 0:
             self._learn(view)
         walks = (view.errand == Errand.WALKS) & ((view.agent + step) % self._pause == 0)
-        # A character still on its route goes to another goal than its exit: it does not consider yet.
+        # An agent still on its route goes to another goal than its exit: it does not consider yet.
         walks &= view.goal == self.goals[view.agent]
         turn = np.flatnonzero(walks)
         agents = view.agent[turn].astype(np.int64)
@@ -141,10 +141,10 @@ class ExitChoice:
         self._follow_the_first(view)
 
     def _ways(self, view: View) -> tuple[Floats, Ints]:
-        """Return the lengths of the ways [m] and the goals of all characters that may wait at an exit."""
-        if self._company.size == 1 or not self._quickest.any():
+        """Return the lengths of the ways [m] and the goals of all agents that may wait at an exit."""
+        if self._ranks.size == 1 or not self._quickest.any():
             return view.row["togo"], view.row["goal"]
-        ways, _ = self._company.together(np.column_stack((view.row["togo"], view.row["goal"])))
+        ways, _ = self._ranks.together(np.column_stack((view.row["togo"], view.row["goal"])))
         return ways[:, 0], ways[:, 1].astype(np.int64)
 
     def _change(self, view: View, rows: Ints, goals: NDArray[np.int32]) -> None:
@@ -165,7 +165,7 @@ class ExitChoice:
         self._change(view, follows, goals[follows])
 
     def redirect(self, agents: Ints, goals: int) -> None:
-        """Remove the exits of characters (k,); there are ``goals`` goals now, of which the last are no exits."""
+        """Remove the exits of agents (k,); there are ``goals`` goals now, of which the last are no exits."""
         self.goals[agents] = NONE
         more = goals - len(self._flows)
         self._flows = np.append(self._flows, np.full(more, LEAST_FLOW))
@@ -174,11 +174,11 @@ class ExitChoice:
         )
 
     def leave(self, goals: NDArray[np.int32]) -> None:
-        """Count the characters that leave at some goals."""
+        """Count the agents that leave at some goals."""
         self._left += np.bincount(goals, minlength=len(self._left))
 
     def _choosing(self, agents: Ints) -> list[tuple[int, Ints]]:
-        """Return the groups that choose, each with the indices of its characters in ``agents``."""
+        """Return the groups that choose, each with the indices of its agents in ``agents``."""
         group = self._cast.group[agents]
         return [(number, np.flatnonzero(group == number)) for number in np.unique(group[self._chooses[group]]).tolist()]
 
@@ -194,7 +194,7 @@ class ExitChoice:
             return lengths
         times: Floats = lengths / self._cast.walkers.speeds[agents][:, None]
         for k, queue in enumerate(queues):
-            # Characters nearer to the exit are through before it: it waits for them at the expected flow.
+            # Agents nearer to the exit are through before it: it waits for them at the expected flow.
             ahead = np.searchsorted(queue, lengths[:, k] - 1e-6)
             times[:, k] = np.maximum(times[:, k], ahead / self._flows[exits[k]])
         return times
@@ -203,9 +203,9 @@ class ExitChoice:
         """Update the expected flows of exits with a queue by the number that left in the last second."""
         row = view.row
         held_up = (hypot(row["vx"], row["vy"]) < HELD_UP * view.pace) & (row["goal"] >= 0)
-        queued = self._company.sum(np.bincount(row["goal"][held_up], minlength=len(self._flows)))
-        left = self._company.sum(self._left)
-        # Before the first character has left at an exit, its queue says nothing.
+        queued = self._ranks.sum(np.bincount(row["goal"][held_up], minlength=len(self._flows)))
+        left = self._ranks.sum(self._left)
+        # Before the first agent has left at an exit, its queue says nothing.
         shows = (queued >= QUEUES) & (self._left_before > 0)
         # Exponential average of the numbers that left in each second.
         flow = self._flows + LEARNS * (left - self._left_before - self._flows)
@@ -216,9 +216,9 @@ class ExitChoice:
 def exits_summary(
     names: Sequence[str], numbers: NDArray[np.int32], goals: NDArray[np.int32], arrived: Ints, steps_per_second: int
 ) -> dict[str, Any]:
-    """Return by exit how many characters left there, and when the last one did [s].
+    """Return by exit how many agents left there, and when the last one did [s].
 
-    ``numbers`` (e,) are the goals that are exits, ``goals`` (n,) the last goals of characters, ``arrived`` (n,) the
+    ``numbers`` (e,) are the goals that are exits, ``goals`` (n,) the last goals of agents, ``arrived`` (n,) the
     steps in which they reached these, or NONE.
     """
     found = {}

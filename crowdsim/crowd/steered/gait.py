@@ -1,4 +1,4 @@
-"""Visible state of steered characters after a step: phase of the gait, behavior, and whether they walk or wait."""
+"""Visible state of steered agents after a step: phase of the gait, behavior, and whether they walk or wait."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from crowdsim.motion.deformed.phase_kernels import advance_phases
 from crowdsim.recording.header import AgentState
 
 STANDS_BELOW = 0.1
-"""Speed below which a character counts as waiting [m/s]."""
+"""Speed below which an agent counts as waiting [m/s]."""
 
 
 def walk_on(view: View, headings_before: NDArray[np.float64], asked: NDArray[np.float64]) -> None:

@@ -70,7 +70,7 @@ class Parties:
     Parameters
     ----------
     first : (n,) int64
-        First member of the party of each character.
+        First member of the party of each agent.
     free : MultiPolygon
         Free floor of bodies; members do not turn towards others behind an obstacle.
     span : (float, float)
@@ -97,7 +97,7 @@ class Parties:
         return len(self._firsts) > 0
 
     def part(self, agents: Ints) -> None:
-        """Let characters (k,) walk on their own from now on."""
+        """Let agents (k,) walk on their own from now on."""
         self._alone[agents] = True
 
     def keep_together(self, view: View) -> None:

@@ -1,4 +1,4 @@
-"""Steered characters of a scenario: each step they choose a velocity and take a step that touches nothing."""
+"""Steered agents of a scenario: each step they choose a velocity and take a step that touches nothing."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import NONE, STEERING_RATE
 from crowdsim.crowd.crowd import Route
-from crowdsim.crowd.ranks.company import ALONE, NO_GHOSTS, Company, Ghosts
 from crowdsim.crowd.ranks.present import frame_of_rows, present_rows
+from crowdsim.crowd.ranks.protocol import NO_GHOSTS, ONE_RANK, Ghosts, Ranks
 from crowdsim.crowd.report.recording_header import record_header, steered_agents, steered_motion
 from crowdsim.crowd.report.steered_statistics import SteeredStatistics
 from crowdsim.crowd.state.assets import load_behaviors
@@ -25,7 +25,7 @@ from crowdsim.crowd.steered.errands import Errands, NewGoal
 from crowdsim.crowd.steered.exits import ExitChoice, exits_summary
 from crowdsim.crowd.steered.gait import walk_on
 from crowdsim.crowd.steered.parties import Parties
-from crowdsim.crowd.steered.seam import Seam, laid_three_times
+from crowdsim.crowd.steered.periodic_boundary import PeriodicBoundary, laid_three_times
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.records import joined, opaque
 from crowdsim.ecs.world import World
@@ -42,11 +42,11 @@ LEG_RADIUS = 0.5 * BODY_DEPTH
 """Radius of the disc that stands for the legs [m]."""
 
 LOST_SECONDS = 5.0
-"""Time without a path after which a character is not waited for, if nothing changes any more [s]."""
+"""Time without a path after which an agent is not waited for, if nothing changes any more [s]."""
 
 
 class SteeredCrowd:
-    """The steered characters of a scenario.
+    """The steered agents of a scenario.
 
     Parameters
     ----------
@@ -55,11 +55,11 @@ class SteeredCrowd:
     threads : int
         Number of threads that step the agents; the result does not depend on it.
     cast : CrowdPlacement, optional
-        The characters; drawn from the scenario by default.
+        The agents; drawn from the scenario by default.
     behavior_set : BehaviorSet, optional
         That of the scenario, if it is loaded already.
-    company : Company
-        The processes that share the run; this one holds the characters of its region.
+    ranks : Ranks
+        The processes that share the run; this one holds the agents of its region.
     """
 
     def __init__(
@@ -68,29 +68,29 @@ class SteeredCrowd:
         threads: int,
         cast: CrowdPlacement | None = None,
         behavior_set: BehaviorSet | None = None,
-        company: Company = ALONE,
+        ranks: Ranks = ONE_RANK,
     ) -> None:
         self.hash = 0
-        """64-bit hash of all states so far; of one of several processes, that of its own characters only."""
+        """64-bit hash of all states so far; of one of several processes, that of its own agents only."""
         self.digest = 0
         """Sum of the digests of the rows after the last step."""
-        self.company = company
+        self.ranks = ranks
         self._step = 0
         self.behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
         behaviors = self.behavior_set.behaviors
         self.cast = place_crowd(scenario) if cast is None else cast
         environment = laid_three_times(scenario.environment, scenario.span)
-        self.place = SteeredPlace(environment, self.cast.goals, behaviors, STEERING_RATE, threads, company)
+        self.place = SteeredPlace(environment, self.cast.goals, behaviors, STEERING_RATE, threads, ranks)
         self.world = World(COLUMNS)
         self.steering = Steering(*self.place.walls, leg_radius=LEG_RADIUS, threads=threads)
         free = scenario.environment.layers[0].free
-        self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE, company)
+        self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE, ranks)
         self.errands = Errands(self.cast, self.exits, STEERING_RATE)
         self.parties = Parties(self.cast.first, free, scenario.span, STEERING_RATE)
-        self.seam = Seam(scenario, self.place.guidance)
+        self.boundary = PeriodicBoundary(scenario, self.place.guidance)
         regions = [group.start.shape() for group in scenario.agents]
         self.entering = Entering(
-            self.world, self.place, self.cast, self.exits, self.errands, self.seam, regions, company
+            self.world, self.place, self.cast, self.exits, self.errands, self.boundary, regions, ranks
         )
         self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
@@ -102,7 +102,7 @@ class SteeredCrowd:
 
     @property
     def count(self) -> int:
-        """Return the number of characters of the scenario, present or not."""
+        """Return the number of agents of the scenario, present or not."""
         return self.cast.head_count
 
     @property
@@ -112,22 +112,22 @@ class SteeredCrowd:
 
     @property
     def arrivals(self) -> NDArray[np.int64]:
-        """Return the step (n,) in which each character reached its last goal, NONE before."""
+        """Return the step (n,) in which each agent reached its last goal, NONE before."""
         return self.errands.arrived
 
     @property
     def arrived(self) -> int:
-        """Return the number of characters that have reached their last goal."""
+        """Return the number of agents that have reached their last goal."""
         return int((self.arrivals >= 0).sum())
 
     @property
     def expected(self) -> NDArray[np.bool_]:
-        """Return which characters (n,) have arrived, are in the world, or come without a command."""
+        """Return which agents (n,) have arrived, are in the world, or come without a command."""
         return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
 
     @property
     def finished(self) -> bool:
-        """Return True if all characters that can arrive have arrived; all processes that share the run must ask."""
+        """Return True if all agents that can arrive have arrived; all processes that share the run must ask."""
         waits = self.cast.start_steps != NEVER
         waits &= self.entering.entered < 0
         done = self.arrived
@@ -135,26 +135,26 @@ class SteeredCrowd:
             since = self.world.column("lost_since")
             done += int(((since != NONE) & (self._step - since > LOST_SECONDS * STEERING_RATE)).sum())
             waits[self.entering.shut_out] = False
-            done += len(self.entering.shut_out) if self.company.rank == 0 else 0
+            done += len(self.entering.shut_out) if self.ranks.rank == 0 else 0
         # While some are yet to come, which all processes know, nobody needs to count.
         if waits.any():
             return False
         expected = int((self.cast.start_steps != NEVER).sum())
-        if self.company.size == 1:
+        if self.ranks.size == 1:
             expected = int(self.expected.sum())
-        return int(self.company.sum(np.array([done], np.int64))[0]) >= expected
+        return int(self.ranks.sum(np.array([done], np.int64))[0]) >= expected
 
     @property
     def waiting(self) -> int:
-        """Return the number of characters that are on their way but do not move."""
+        """Return the number of agents that are on their way but do not move."""
         view = self.world.view()
         here = ((view.state == AgentState.WAITING) & (view.errand == Errand.WALKS)).sum()
-        return int(self.company.sum(np.array([here], np.int64))[0])
+        return int(self.ranks.sum(np.array([here], np.int64))[0])
 
     @property
     def unreachable(self) -> dict[str, str]:
-        """Return by character the reason why it has no path."""
-        lost, _ = self.company.together(self.world.column("agent")[self.world.column("lost_since") != NONE])
+        """Return by agent the reason why it has no path."""
+        lost, _ = self.ranks.together(self.world.column("agent")[self.world.column("lost_since") != NONE])
         reason = "no path leads from its position to its goal; look for obstacles in the way"
         return {
             **{str(agent): reason for agent in sorted(lost.tolist())},
@@ -170,7 +170,7 @@ class SteeredCrowd:
         self.place.agenda.timetable = timetable
 
     def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
-        """Send characters (k,) to ``region`` instead of all their goals, each on its own.
+        """Send agents (k,) to ``region`` instead of all their goals, each on its own.
 
         ``places`` (k, 2) are their spots [m] if they are to stay.
         """
@@ -233,26 +233,26 @@ class SteeredCrowd:
         # All rows take a step among others who do not: their copies beyond the ends of a periodic floor, and ghosts.
         view = world.view()
         before = view.row["heading"].copy()
-        everybody, numbers = self.seam.with_copies(view.row), None
-        if self.company.size > 1:
+        everybody, numbers = self.boundary.with_copies(view.row), None
+        if self.ranks.size > 1:
             everybody = joined(view.row, ghosts.rows[~ghosts.leaves])
             numbers = np.concatenate((view.id, ghosts.ids[~ghosts.leaves]))
         self.steering.step(everybody, others, len(view.row), numbers)
         if everybody is not view.row:
             opaque(view.row)[:] = opaque(everybody)[: len(view.row)]
         walk_on(view, before, place.asked)
-        self.seam.wrap(view)
+        self.boundary.wrap(view)
 
     def meet(self, gone: NDArray[np.int64]) -> Ghosts:
-        """Exchange characters with the neighbors, and measure the gaps that the step before left.
+        """Exchange agents with the neighbors, and measure the gaps that the step before left.
 
         ``gone`` (k,) are the ids of those who leave in this step.
         """
-        if self.company.size == 1:
+        if self.ranks.size == 1:
             return NO_GHOSTS
         view, entered = self.world.view(), self.entering.entered
         came, leaves = entered[view.agent] == self._step, np.isin(view.id, gone)
-        ghosts = self.company.exchange(self.world, self.exits.goals, came, leaves)
+        ghosts = self.ranks.exchange(self.world, self.exits.goals, came, leaves)
         view = self.world.view()
         there = entered[view.agent] != self._step
         everybody = joined(opaque(view.row)[there].view(view.row.dtype), ghosts.rows[~ghosts.came])
@@ -269,7 +269,7 @@ class SteeredCrowd:
         return self.place.placing(movable)
 
     def new_routes(self) -> list[Route]:
-        """Return no paths, as steered characters follow fields."""
+        """Return no paths, as steered agents follow fields."""
         return []
 
     def header(self, scenario: Scenario) -> RecordingHeader:
@@ -283,11 +283,11 @@ class SteeredCrowd:
         )
 
     def frame(self) -> RecordedFrame:
-        """Return the present step of all characters; those outside the world are marked absent."""
+        """Return the present step of all agents; those outside the world are marked absent."""
         return frame_of_rows(present_rows(self.world.view()), self.count)
 
     def exits_used(self, arrived: NDArray[np.int64]) -> dict[str, Any]:
-        """Return how many characters left through each exit; ``arrived`` (n,): step in which each did, NONE before."""
+        """Return how many agents left through each exit; ``arrived`` (n,): step in which each did, NONE before."""
         names, numbers = zip(*self.cast.exits.items(), strict=True) if self.cast.exits else ((), ())
         goals = self.errands.last_goals()
         return exits_summary(names, np.array(numbers, np.int32), goals, arrived, STEERING_RATE)
@@ -296,23 +296,23 @@ class SteeredCrowd:
         """Add the present step to the statistics."""
         view = self.world.view()
         self.statistics.add(view, self.steering)
-        if self.company.size == 1:
-            self.statistics.add_gaps(self.seam.with_copies(view.row), self.steering)
+        if self.ranks.size == 1:
+            self.statistics.add_gaps(self.boundary.with_copies(view.row), self.steering)
 
     def join(self) -> None:
         """Take in what other processes know, after the last step: arrivals, exits, and what they have measured."""
-        company = self.company
+        ranks = self.ranks
         self.meet(np.zeros(0, np.int64))
         came = self.errands.arrived != NONE
-        self.exits.goals[:] = company.most(np.where(came, self.exits.goals, NONE))
-        self.errands.arrived[:] = company.most(self.errands.arrived)
-        self.statistics.join(company)
+        self.exits.goals[:] = ranks.most(np.where(came, self.exits.goals, NONE))
+        self.errands.arrived[:] = ranks.most(self.errands.arrived)
+        self.statistics.join(ranks)
 
     def summary(self) -> dict[str, Any]:
         """Return the figures that sum up the run; all processes that share it must ask, after :meth:`join`."""
         view = self.world.view()
         arrived, entered = self.errands.arrived, self.entering.entered
-        stands, _ = self.company.together(np.column_stack(self.errands.how_they_stood(view)))
+        stands, _ = self.ranks.together(np.column_stack(self.errands.how_they_stood(view)))
         done = arrived >= 0
         times = (arrived - entered)[done] / STEERING_RATE
         return {
@@ -320,7 +320,7 @@ class SteeredCrowd:
             "arrived": int(done.sum()),
             "waiting": self.waiting,
             "unreachable": self.unreachable,
-            "laps": self.errands.laps(self.company),
+            "laps": self.errands.laps(self.ranks),
             "exits": self.exits_used(arrived),
             "stands": stands_summary(*stands.T),
             "events": self.place.agenda.report(),

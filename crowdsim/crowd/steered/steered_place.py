@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.constants import TRACKING_MARGIN
-from crowdsim.crowd.ranks.company import ALONE, Company
+from crowdsim.crowd.ranks.protocol import ONE_RANK, Ranks
 from crowdsim.crowd.state.agenda import Agenda
 from crowdsim.crowd.state.environment import Footprints, footprints_of, state_of
 from crowdsim.planning.query.requirements import Requirements
@@ -30,7 +30,7 @@ KEPT_OFF = 0.02
 
 
 WALKING = np.dtype([("x", np.float64), ("y", np.float64), ("goal", np.int64), ("following", np.int32)])
-"""What the renewal of a field reads of a character: position [m], goal and the field that it follows."""
+"""What the renewal of a field reads of an agent: position [m], goal and the field that it follows."""
 
 
 class SteeredPlace:
@@ -43,12 +43,12 @@ class SteeredPlace:
     goals : sequence of Polygon
         Regions of the goals [m].
     behaviors : sequence of Behavior
-        Behaviors of the characters, least preferred first.
+        Behaviors of the agents, least preferred first.
     steps_per_second : int
         Rate of the steps.
     threads : int
         Number of threads that solve fields; the result does not depend on it.
-    company : Company
+    ranks : Ranks
         The processes that share the run.
     """
 
@@ -59,9 +59,9 @@ class SteeredPlace:
         behaviors: Sequence[Behavior],
         steps_per_second: int,
         threads: int,
-        company: Company = ALONE,
+        ranks: Ranks = ONE_RANK,
     ) -> None:
-        self._company = company
+        self._ranks = ranks
         timetable = environment.timetable
         self.agenda = Agenda(timetable, steps_per_second)
         self._layers = environment.fixed_layers
@@ -113,7 +113,7 @@ class SteeredPlace:
         for number in agenda.waiting:
             event = agenda.timetable.events[number]
             taken = None if event.placing is None else self._footprints(event.movable, event.placing)
-            if taken is not None and self._company.any(self.is_taken(taken, state, leg_radius)):
+            if taken is not None and self._ranks.any(self.is_taken(taken, state, leg_radius)):
                 waiting.append(number)
                 continue
             agenda.note(number, step)
@@ -190,7 +190,7 @@ class SteeredPlace:
 
     def refresh(self, step: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
         """Renew the field to one of the goals in the present crowd, if it is time."""
-        if self._company.size == 1:
+        if self._ranks.size == 1:
             self.guidance.refresh_in_turn(step, self._steps_per_second, state, following)
             return
         if self.guidance.goal_in_turn(step, self._steps_per_second) is None:
@@ -202,7 +202,7 @@ class SteeredPlace:
             state["goal"],
             following,
         )
-        everybody, mine = self._company.together(walking)
+        everybody, mine = self._ranks.together(walking)
         followed = everybody["following"].copy()
         self.guidance.refresh_in_turn(step, self._steps_per_second, everybody, followed)
         following[:] = followed[mine]

@@ -1,4 +1,4 @@
-"""Playback: advance the nodes of all captured characters by one step."""
+"""Playback: advance the nodes of all captured agents by one step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Playback of the nodes: one step for every captured character."""
+"""Playback of the nodes: one step for every captured agent."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Events: doors open and close, movables appear, move and disappear, and affected characters plan anew."""
+"""Events: doors open and close, movables appear, move and disappear, and affected agents plan anew."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ KEPT_OFF = TRACKING_MARGIN
 class Events:
     """Edit the environment when events are due.
 
-    A movable does not appear where a character is or has reserved to go: it waits, and meanwhile no other character
+    A movable does not appear where an agent is or has reserved to go: it waits, and meanwhile no other agent
     may go there.
     """
 
@@ -41,9 +41,9 @@ class Events:
         return self.agenda.over
 
     def apply(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
-        """Let due events happen if no character is in the way; return the numbers of the events that happened.
+        """Let due events happen if no agent is in the way; return the numbers of the events that happened.
 
-        ``in_the_way`` tells whether a character that is not in ``view`` stands where a movable is to appear.
+        ``in_the_way`` tells whether an agent that is not in ``view`` stands where a movable is to appear.
         """
         plans, environment, agenda = self.plans, self.plans.environment, self.agenda
         if not agenda.collect(plans.step):
@@ -54,7 +54,7 @@ class Events:
             event = agenda.timetable.events[number]
             taken = None if event.placing is None else environment.footprints(event.movable, event.placing)
             outline = None if taken is None else taken[0]
-            # It waits while a character is there, or will be.
+            # It waits while an agent is there, or will be.
             if taken is not None and (_are_near(lines, view, outline) or in_the_way(taken)):
                 waiting.append(number)
                 outlines += [] if outline is None else [outline]
@@ -93,13 +93,13 @@ def _are_near(lines: NDArray[Any], view: View, outline: BaseGeometry | None) -> 
 
 
 class AffectedAgents:
-    """Find the characters that a change affects and let them plan anew; all others keep plan and route."""
+    """Find the agents that a change affects and let them plan anew; all others keep plan and route."""
 
     def __init__(self, plans: Plans, view: View) -> None:
         self.plans, self.view, self.assets = plans, view, plans.assets
 
     def plan_anew(self, edit: Edit) -> None:
-        """Let all characters plan anew that an edit of the environment affects."""
+        """Let all agents plan anew that an edit of the environment affects."""
         present = set()
         for row, agent in enumerate(self.view.agent.tolist()):
             present.add(agent)

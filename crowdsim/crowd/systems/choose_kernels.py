@@ -1,6 +1,11 @@
-"""Choice of the next node: most captured characters go on along their plans, one row after the other, in one kernel.
+"""Choice of the next node: most captured agents go on along their plans, one row after the other, in one kernel.
 
 Rows are processed in order, and each reads the timelines that earlier ones reserved in the same step.
+
+Arguments of all helpers: ``rows`` (columns of all rows), ``progress`` and ``scratch`` as of
+:mod:`crowdsim.crowd.systems.going_on`; ``table`` (PlanTable), the plans of all agents; ``obstacles``, ``everyone`` (the
+timelines of all rows) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of its node from
+which a row goes on.
 """
 
 import math
@@ -19,22 +24,22 @@ from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, next_rate
 from crowdsim.recording.header import AgentState
 
 LOOKAHEAD = 12
-"""Largest number of nodes of the plan that are considered at once, if the character cannot come to a stand after
+"""Largest number of nodes of the plan that are considered at once, if the agent cannot come to a stand after
 fewer."""
 
 NODES_LEFT = 4
-"""Nodes left of a plan when the next path is searched, for characters that walk on through their goal."""
+"""Nodes left of a plan when the next path is searched, for agents that walk on through their goal."""
 
 BEHIND_METERS = 2.0
-"""Distance behind another character of the same way up to which one takes its turn [m], so that not each character at a
+"""Distance behind another agent of the same way up to which one takes its turn [m], so that not each agent at a
 door waits for its own turn."""
 
 BEHIND_WIDTH = 0.6
-"""Distance of the other character from the way up to which it is followed [m]."""
+"""Distance of the other agent from the way up to which it is followed [m]."""
 
 
 AHEAD_SECONDS = 0.4
-"""Time before the end of its node from which on a character reserves ahead, or slows down [s]."""
+"""Time before the end of its node from which on an agent reserves ahead, or slows down [s]."""
 
 WAY_ROOM = 0.2
 """Room beyond the radii of both bodies that stops keep from the ways of others [m], so that these can give way."""
@@ -55,16 +60,16 @@ BEHIND_IT = 1
 """The row goes on; with that, a search ends or begins."""
 
 MAKE_ROOM = 2
-"""The row has reserved but not gone on yet: a standing character is in its way ahead."""
+"""The row has reserved but not gone on yet: a standing agent is in its way ahead."""
 
 _MOVING = int(AgentState.MOVING)
 EXTENDED, REFUSED = 0, 1
-"""Indices in ``Room.counts``: rows that have reserved, rows that cannot go on."""
+"""Indices in ``Scratch.counts``: rows that have reserved, rows that cannot go on."""
 
 
 @helper
 def plan_of(table, agent):
-    """Return nodes (n,) int32, origins and blend offsets (n, 3) of a character's plan."""
+    """Return nodes (n,) int32, origins and blend offsets (n, 3) of an agent's plan."""
     # The table holds the addresses of arrays that the plan keeps alive.
     places, count = table.places[agent], np.int64(table.nodes[agent])
     return (
@@ -76,7 +81,7 @@ def plan_of(table, agent):
 
 @helper
 def rates_of(table, agent):
-    """Return the rates (n,) of the nodes of a character's plan while nothing is in its way [ticks/step]."""
+    """Return the rates (n,) of the nodes of an agent's plan while nothing is in its way [ticks/step]."""
     return array_at(table.places[agent][3], (np.int64(table.nodes[agent]),), np.int64)
 
 
@@ -84,8 +89,8 @@ def rates_of(table, agent):
 def frame_of(graph, rows, row, playback):
     """Return the frame of its node from which a row goes on, and True if it can leave its node in this step.
 
-    ``rows`` are the columns of the captured characters (:mod:`crowdsim.crowd.state.components`), ``row`` is one of
-    them. Time within a frame is counted in ticks, FRAME_TICKS of which are a frame. A waiting character can leave its
+    ``rows`` are the columns of the captured agents (:mod:`crowdsim.crowd.state.components`), ``row`` is one of
+    them. Time within a frame is counted in ticks, FRAME_TICKS of which are a frame. A waiting agent can leave its
     idle node at any frame; it counts as at the end of it.
     """
     length = np.int64(graph.node_frames[rows.node[row]])
@@ -120,28 +125,28 @@ def slowest(playback):
 
 
 @helper
-def walks_through(table, errands, agent):
-    """Return True if a plan ends at a goal that its character leaves at once for the next one."""
-    return table.arrives[agent] and not is_last(table, errands, agent) and not errands.waits[agent] > 0.0
+def walks_through(table, progress, agent):
+    """Return True if a plan ends at a goal that its agent leaves at once for the next one."""
+    return table.arrives[agent] and not is_last(table, progress, agent) and not progress.waits[agent] > 0.0
 
 
 @helper
-def is_last(table, errands, agent):
-    """Return True if the goal of its plan is the last one of a character."""
-    reached = errands.reached[agent] + table.passes[agent] + 1
-    return reached == errands.rounds[agent] * errands.goals[agent]
+def is_last(table, progress, agent):
+    """Return True if the goal of its plan is the last one of an agent."""
+    reached = progress.reached[agent] + table.passes[agent] + 1
+    return reached == progress.rounds[agent] * progress.goals[agent]
 
 
 @helper
-def note_standing(graph, rows, room):
+def note_standing(graph, rows, scratch):
     """Note, once a step, which rows stand and may be asked to give way.
 
     It is done when a row may ask for the first time, and holds for all later ones.
     """
-    if not room.noted[0]:
-        room.noted[0] = True
+    if not scratch.noted[0]:
+        scratch.noted[0] = True
         for row in range(len(rows.node)):
-            room.may_move[row] = graph.node_idle[rows.node[row]] and rows.next_node[row] == NONE
+            scratch.may_move[row] = graph.node_idle[rows.node[row]] and rows.next_node[row] == NONE
 
 
 @helper
@@ -166,8 +171,11 @@ def own(obstacles, rows, row, ways):
 
 @helper
 def own_timeline(rows, row, timeline, gone, playback, everyone):
-    """Let a row own a new timeline, and play its nodes as ``playback`` says."""
-    # Circle around the first sample that contains all others.
+    """Reserve a timeline (k, 5) for a row from the present slot on, and play its nodes as ``playback`` says.
+
+    ``gone`` is the slot from which the row takes no room. The neighbor search gets the row's new circle.
+    """
+    # Circle around the first sample that contains all others; rounding must not leave any of them outside.
     circle = rows.timeline_circle[row]
     circle[0], circle[1] = timeline[0, 0], timeline[0, 1]
     reach = 0.0
@@ -185,7 +193,7 @@ def own_timeline(rows, row, timeline, gone, playback, everyone):
 
 
 @helper
-def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, playback, frame):
+def reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, playback, frame):
     """Reserve the next nodes of a row's plan, as few as end in a stand; return True on success.
 
     Arguments are those of :func:`go_on`; ``frame`` is that of the present node from which the row goes on.
@@ -196,16 +204,16 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
     following = np.int64(rows.cursor[row]) + 1
     nodes, origins, blend_offsets = plan_of(table, agent)
 
-    # Publish the way ahead, take over the rank of a character that it follows, and gather the ways to be kept free.
-    way, timeline = rows.way[row], room.timeline
+    # Publish the way ahead, take over the rank of an agent that it follows, and gather the ways to be kept free.
+    way, timeline = rows.way[row], scratch.timeline
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, way)
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, everyone.near)
     rows.rank[row] = min(rows.turn[row], behind)
-    room.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, everyone.near, room.ways)
-    kept_clear = own(obstacles, rows, row, room.ways[: room.ways_count[0]])
+    scratch.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, everyone.near, scratch.ways)
+    kept_clear = own(obstacles, rows, row, scratch.ways[: scratch.ways_count[0]])
 
     # Chain: the present node, then the next ones of the plan.
-    chain = room.chain
+    chain = scratch.chain
     available = min(len(nodes) - following, LOOKAHEAD)
     chain.nodes[0] = rows.node[row]
     for k in range(available):
@@ -218,7 +226,7 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
             chain.blend_offsets[k + 1, axis] = blend_offsets[following + k, axis]
     # It leaves the world after the last node if the plan arrives at its last goal, and it does not stay there.
     leaves = table.arrives[agent] and following + available == len(nodes)
-    leaves = leaves and is_last(table, errands, agent) and not rows.stays[row]
+    leaves = leaves and is_last(table, progress, agent) and not rows.stays[row]
     taken = 0
     gone = np.int64(0)
     own_rate = rates_of(table, agent)[following]
@@ -227,7 +235,7 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
     for wanted in (own_rate, min(slowest(playback), own_rate)):
         mine = playback_of(graph, rows, row, playback, wanted)
         taken, gone = reserve(
-            graph, kept_clear, everyone, row, frame, mine, chain, room.draft, 1, available, leaves, timeline
+            graph, kept_clear, everyone, row, frame, mine, chain, scratch.draft, 1, available, leaves, timeline
         )
         if taken > 0:
             break
@@ -242,7 +250,7 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
 
 
 @kernel
-def slow_down(graph, rows, row, obstacles, everyone, room, playback, frame):
+def slow_down(graph, rows, row, obstacles, everyone, scratch, playback, frame):
     """Let a row play the rest of its node, and the stop behind it, slower if that meets nothing; return True if so.
 
     ``obstacles`` are those of its own body; ``playback`` is at the natural rate.
@@ -252,24 +260,27 @@ def slow_down(graph, rows, row, obstacles, everyone, room, playback, frame):
         return False
     mine = playback_of(graph, rows, row, playback, slow)
     # Chain: the present node alone, which is followed by its stop.
-    chain, start = room.chain, playback.clock // playback.slot_frames
+    chain, start = scratch.chain, playback.clock // playback.slot_frames
     chain.nodes[0] = rows.node[row]
     for axis in range(3):
         chain.origins[0, axis] = rows.origin[row, axis]
         chain.blend_offsets[0, axis] = rows.blend_offset[row, axis]
     none, tolerant = np.int64(0), np.int64(1)
-    if lay_out(graph, obstacles, frame, mine, chain, room.draft, none, False, tolerant, room.timeline) < 0:
+    if lay_out(graph, obstacles, frame, mine, chain, scratch.draft, none, False, tolerant, scratch.timeline) < 0:
         return False
     forever, radius = np.int64(FOREVER), rows.body_radius[row]
-    if meets_anyone(row, room.timeline, start, forever, start, radius, everyone):
+    if meets_anyone(row, scratch.timeline, start, forever, start, radius, everyone):
         return False
-    own_timeline(rows, row, room.timeline, forever, mine, everyone)
+    own_timeline(rows, row, scratch.timeline, forever, mine, everyone)
     return True
 
 
 @helper
-def follow(graph, rows, row, table, errands, frame):
-    """Enter the next node of a row's plan, which is reserved; return True if a search ends or begins with that."""
+def follow(graph, rows, row, table, progress, frame):
+    """Enter the next node of a row's plan, which is reserved.
+
+    Return True if a search for a plan ends or begins with that.
+    """
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
     nodes, origins, blend_offsets = plan_of(table, agent)
@@ -284,15 +295,15 @@ def follow(graph, rows, row, table, errands, frame):
         rows.next_blend_offset[row, axis] = blend_offsets[following, axis]
     if rows.awaiting_plan[row]:
         return idle  # a search for a way around the others is no longer needed
-    return len(nodes) - following <= NODES_LEFT and walks_through(table, errands, agent)
+    return len(nodes) - following <= NODES_LEFT and walks_through(table, progress, agent)
 
 
 @kernel
-def go_on(graph, rows, chosen, begin, table, errands, obstacles, everyone, room, playback):
+def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scratch, playback):
     """Let ``chosen`` rows, from number ``begin`` of them on, go on along their plans, one after the other.
 
-    Rows whose node does not end yet reserve ahead, and slow down if they cannot. ``rows``, ``errands`` and ``room`` are
-    those of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body with a radius of 1 m;
+    Rows whose node does not end yet reserve ahead, and slow down if they cannot. ``rows``, ``progress`` and ``scratch``
+    are those of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body with a radius of 1 m;
     ``playback`` is at the natural rate. The kernel stops at the first row that needs more than arrays, and returns its
     number and what the caller has to do: OTHERWISE, BEHIND_IT or MAKE_ROOM. At the end it returns the number of rows
     and ALL_DONE.
@@ -314,29 +325,29 @@ def go_on(graph, rows, chosen, begin, table, errands, obstacles, everyone, room,
             return number, OTHERWISE
         # The next node is not reserved yet.
         if following > rows.reserved[row]:
-            if room.reserves_otherwise:
+            if scratch.reserves_otherwise:
                 return number, OTHERWISE
             # If it is refused it slows down while its node lasts, and counts as refused at the end of the node.
-            if not reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, playback, frame):
+            if not reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, playback, frame):
                 if not leaves:
-                    if slow_down(
-                        graph, rows, row, own(obstacles, rows, row, room.ways[:0]), everyone, room, playback, frame
-                    ):
-                        room.extended[room.counts[EXTENDED]] = row
-                        room.counts[EXTENDED] += 1
+                    # Its own obstacles, without ways of others to keep off.
+                    near = own(obstacles, rows, row, scratch.ways[:0])
+                    if slow_down(graph, rows, row, near, everyone, scratch, playback, frame):
+                        scratch.extended[scratch.counts[EXTENDED]] = row
+                        scratch.counts[EXTENDED] += 1
                     continue
-                room.refused[room.counts[REFUSED]] = row
-                room.counts[REFUSED] += 1
+                scratch.refused[scratch.counts[REFUSED]] = row
+                scratch.counts[REFUSED] += 1
                 continue
             # Reserved. It moves now, so it cannot be asked to give way; a row that stands in its way ahead can.
-            room.extended[room.counts[EXTENDED]] = row
-            room.counts[EXTENDED] += 1
-            if room.noted[0]:
-                room.may_move[row] = False
-            note_standing(graph, rows, room)
+            scratch.extended[scratch.counts[EXTENDED]] = row
+            scratch.counts[EXTENDED] += 1
+            if scratch.noted[0]:
+                scratch.may_move[row] = False
+            note_standing(graph, rows, scratch)
             wide = 2.0 * rows.body_radius[row]
-            if next_in_way(rows.way, rows.rank, room.may_move, row, rows.pose, wide, 0, everyone.near) >= 0:
+            if next_in_way(rows.way, rows.rank, scratch.may_move, row, rows.pose, wide, 0, everyone.near) >= 0:
                 return number, MAKE_ROOM
-        if leaves and follow(graph, rows, row, table, errands, frame):
+        if leaves and follow(graph, rows, row, table, progress, frame):
             return number, BEHIND_IT
     return len(chosen), ALL_DONE

@@ -36,7 +36,7 @@ from crowdsim.crowd.systems.choose_kernels import (
     slowest,
 )
 from crowdsim.crowd.systems.give_way import GivingWay
-from crowdsim.crowd.systems.going_on import Errands, Room, Rows, Walker, take
+from crowdsim.crowd.systems.going_on import Progress, Rows, Scratch, Walker, take
 from crowdsim.crowd.systems.replan import reach_goal, standing_near
 from crowdsim.crowd.systems.surroundings import Surroundings
 from crowdsim.ecs.world import View
@@ -49,24 +49,24 @@ NEAR_GOAL = 1.0
 """Distance from a goal on the way below which it counts as reached if the last of the path is taken [m]."""
 
 LONG_SECONDS = 5.0
-"""Time after which a waiting character lets others stop in its way, until it looks for a way around [s]."""
+"""Time after which a waiting agent lets others stop in its way, until it looks for a way around [s]."""
 
 ASIDE_SECONDS = 3.0
-"""Time after which a waiting character in a narrow place steps close to a wall [s]."""
+"""Time after which a waiting agent in a narrow place steps close to a wall [s]."""
 
 RETRY_SECONDS = 0.2
-"""Time between two tries of a standing character that waits for others to go on [s]."""
+"""Time between two tries of a standing agent that waits for others to go on [s]."""
 
 AHEAD_RETRY_SECONDS = 0.1
-"""Time between two tries of a walking character to reserve its next nodes [s]."""
+"""Time between two tries of a walking agent to reserve its next nodes [s]."""
 
 
 class Choosing:
     """Choose the next node of each row whose node ends in this step.
 
-    Each row owns a reserved timeline that ends with the character standing, or gone, and that no other reserved
+    Each row owns a reserved timeline that ends with the agent standing, or gone, and that no other reserved
     timeline meets. A node of the plan is entered only after the timeline through it and the stop behind it was
-    reserved, row by row in order. A refused row can always follow the timeline it has, so characters never collide.
+    reserved, row by row in order. A refused row can always follow the timeline it has, so agents never collide.
     """
 
     def __init__(self, plans: Plans) -> None:
@@ -77,8 +77,8 @@ class Choosing:
         self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
         self._ahead_steps = max(round(AHEAD_RETRY_SECONDS * plans.assets.steps_per_second), 1)
         self._playback = Playback.natural(0, plans.assets.frames_per_step)
-        self._errands = Errands.of(plans.itineraries)
-        self._room = Room.make()
+        self._progress = Progress.of(plans.itineraries)
+        self._scratch = Scratch.make()
 
     def choose(self, view: View) -> None:
         """Choose for all rows, in order; then let refused rows ask others to give way, the lowest rank first."""
@@ -96,8 +96,8 @@ class Choosing:
         soon = (view.cursor >= 0) & (view.reserved == view.cursor) & ~graph.node_idle[view.node]
         soon &= left <= AHEAD_SECONDS * CAPTURE_RATE
         soon &= (self.plans.step + view.agent) % self._ahead_steps == 0
-        self._room = self._room.begin(len(view.agent), bool(self.plans.environment.waited_for))
-        self._giving_way.begin(self._room)
+        self._scratch = self._scratch.begin(len(view.agent), bool(self.plans.environment.waited_for))
+        self._giving_way.begin(self._scratch)
         refused = self._go_on(view, np.flatnonzero((ending | waits | soon) & (view.next_node == NONE)))
         for row in sorted(refused, key=lambda row: (int(view.rank[row]), row)):
             if view.next_node[row] == NONE and not self._asks(view, row):
@@ -112,19 +112,19 @@ class Choosing:
         """Let rows go on one after the other; return the rows that have a plan but cannot go on along it."""
         if not len(chosen):
             return []
-        plans, room = self.plans, self._room
+        plans, scratch = self.plans, self._scratch
         refused: list[int] = []
         assets, rows, obstacles = plans.assets, Rows.of(view), self.surroundings.of_any(view, self._playback)
         everyone = self.surroundings.everyone(view)
-        constant = plans.motions.table, self._errands, obstacles, everyone, room
+        constant = plans.motions.table, self._progress, obstacles, everyone, scratch
         number = 0
         while True:
-            room.counts[EXTENDED] = 0
+            scratch.counts[EXTENDED] = 0
             number, wanted = go_on(assets.graph, rows, chosen, number, *constant, self._playback)
-            for row in room.extended[: room.counts[EXTENDED]].tolist():
+            for row in scratch.extended[: scratch.counts[EXTENDED]].tolist():
                 view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
             if wanted == ALL_DONE:
-                refused += room.refused[: room.counts[REFUSED]].tolist()
+                refused += scratch.refused[: scratch.counts[REFUSED]].tolist()
                 return refused
             row = int(chosen[number])
             if wanted == OTHERWISE:
@@ -181,7 +181,7 @@ class Choosing:
         if following <= view.reserved[row] or self._extend(view, row, plan, following):
             return
         obstacles, everyone = self.surroundings.obstacles(view, walker), self.surroundings.everyone(view)
-        now = self._room, self._playback, walker.frame
+        now = self._scratch, self._playback, walker.frame
         if slow_down(self.plans.assets.graph, Rows.of(view), row, obstacles, everyone, *now):
             view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
 
@@ -228,7 +228,7 @@ class Choosing:
             self._abandon(view, row, agent)
             self._stop(view, row)
         elif graph.node_idle[node]:
-            # Repeat the idle node. Characters that have arrived stay so (the states are in that order).
+            # Repeat the idle node. Agents that have arrived stay so (the states are in that order).
             view.state[row] = max(view.state[row], AgentState.WAITING)
             take(view, row, node, view.origin[row], np.zeros(3))
         else:
@@ -242,7 +242,7 @@ class Choosing:
         walker = self._walker(view, row)
         obstacles = self.surroundings.obstacles(view, walker)
         self._find_ways(view, row, plan, following)
-        obstacles = self.surroundings.with_ways(obstacles, self._room)
+        obstacles = self.surroundings.with_ways(obstacles, self._scratch)
         found = self._reserve(view, walker, plan, following, obstacles, asks)
         if found is None and not asks:
             slower = walker.playback._replace(wanted=int(slowest(self._playback)))
@@ -253,7 +253,7 @@ class Choosing:
         for name, value in found.items():
             getattr(view, name)[row] = value
         widen(self.surroundings.neighbors(view), row, view.timeline_circle[row])
-        lay_way(plan.origins, found["reserved"] + 1, self._room.timeline[-1], WAY_METERS, view.way[row])
+        lay_way(plan.origins, found["reserved"] + 1, self._scratch.timeline[-1], WAY_METERS, view.way[row])
         if not asks and not self.plans.environment.waited_for:
             self._clear_ahead(view, row, obstacles)
         return True
@@ -263,13 +263,13 @@ class Choosing:
         self._giving_way.clear_ahead(
             view,
             row,
-            self.surroundings.with_ways(obstacles, self._room),
-            self._room.draft,
+            self.surroundings.with_ways(obstacles, self._scratch),
+            self._scratch.draft,
             self.surroundings.neighbors(view),
         )
 
     def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
-        """Reserve the beginning of the plan of a character that enters the world in the middle of a node.
+        """Reserve the beginning of the plan of an agent that enters the world in the middle of a node.
 
         Return the columns of its reservation; None if there is no room.
         """
@@ -287,7 +287,7 @@ class Choosing:
         """Return the columns of a reservation from a walker's pose to node ``following`` and a stop, if possible."""
         assets = self.plans.assets
         available = min(plan.count - following, LOOKAHEAD)
-        chain, timeline = self._room.chain, self._room.timeline
+        chain, timeline = self._scratch.chain, self._scratch.timeline
         chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = walker.node, walker.origin, walker.blend_offset
         ahead, until = slice(following, following + available), available + 1
         chain.nodes[1:until] = plan.nodes[ahead]
@@ -297,7 +297,7 @@ class Choosing:
         leaves = plan.arrives and last and not walker.stays and following + available == plan.count
         everyone = self.surroundings.everyone(view)
         now = walker.row, walker.frame, walker.playback
-        ahead_of = chain, self._room.draft, 1, available, leaves, timeline
+        ahead_of = chain, self._scratch.draft, 1, available, leaves, timeline
         if asks:
             asking = self._giving_way.asking(view)
             taken, gone, count = reserve_by_asking(assets.graph, obstacles, everyone, *now, *ahead_of, asking)
@@ -322,9 +322,9 @@ class Choosing:
     def _find_ways(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
         """Publish the way ahead along a plan, and gather the ways of rows that go first."""
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
-        near, room = self.surroundings.neighbors(view), self._room
+        near, scratch = self.surroundings.neighbors(view), self._scratch
         view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near))
-        room.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, room.ways)
+        scratch.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, scratch.ways)
 
     def _walker(self, view: View, row: int) -> Walker:
         rate = int(self.plans.motions.table.rates[view.agent[row]])
@@ -340,7 +340,8 @@ class Choosing:
         if self.plans.environment.waited_for or not self.plans.assets.graph.node_idle[view.node[row]]:
             return False
         obstacles = self.surroundings.obstacles(view, self._walker(view, row))
-        if not self._giving_way.step_to_wall(view, row, obstacles, self._room.draft, self.surroundings.neighbors(view)):
+        near = self.surroundings.neighbors(view)
+        if not self._giving_way.step_to_wall(view, row, obstacles, self._scratch.draft, near):
             return False
         # Now there may be a way past each other.
         self.plans.looked_around[view.agent[[row, *standing_near(view, row)]]] = self.plans.step
@@ -348,7 +349,7 @@ class Choosing:
 
     def _begin_chain(self, view: View, row: int) -> Chain:
         """Return the chain of the present node alone."""
-        chain = self._room.chain
+        chain = self._scratch.chain
         chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = (
             view.node[row],
             view.origin[row],
@@ -357,7 +358,7 @@ class Choosing:
         return chain
 
     def _walks_through(self, plan: MotionPlan, agent: int) -> bool:
-        """Return True if a plan ends at a goal that its character leaves at once for the next one."""
+        """Return True if a plan ends at a goal that its agent leaves at once for the next one."""
         itineraries, ahead = self.plans.itineraries, len(plan.passes)
         return plan.arrives and not itineraries.is_last(agent, ahead) and not itineraries.stands(agent, ahead)
 

@@ -1,4 +1,4 @@
-"""Removal of characters that have arrived, unless they are to stay."""
+"""Removal of agents that have arrived, unless they are to stay."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from crowdsim.recording.header import AgentState
 
 @dataclass
 class Despawning:
-    """Note when each character arrived (``arrived``: step, -1 before) and remove those that leave."""
+    """Note when each agent arrived (``arrived``: step, -1 before) and remove those that leave."""
 
     world: World
     plans: Plans
@@ -26,7 +26,7 @@ class Despawning:
         self.arrived = np.full(self.count, NONE, np.int64)
 
     def despawn(self, view: View) -> None:
-        """Note which characters have arrived, and ask the world to remove those that leave."""
+        """Note which agents have arrived, and ask the world to remove those that leave."""
         graph = self.plans.assets.graph
         at_end = (view.frame == graph.node_frames[view.node]) & (view.next_node == NONE) & (view.cursor >= 0)
         for row in np.flatnonzero(at_end & ~view.stays):
@@ -36,7 +36,7 @@ class Despawning:
                 self._note(agent)
                 self.world.remove(int(view.id[row]))
                 self.plans.forget(agent)
-        # Characters that stay arrive once; one that gave way afterwards reaches its place again.
+        # Agents that stay arrive once; one that gave way afterwards reaches its place again.
         for agent in view.agent[(view.state == AgentState.ARRIVED)].tolist():
             if self.arrived[agent] == NONE:
                 self._note(agent)

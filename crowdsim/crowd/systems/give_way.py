@@ -1,4 +1,4 @@
-"""Giving way: a refused character asks those that stand in its way to move, in the order of ranks."""
+"""Giving way: a refused agent asks those that stand in its way to move, in the order of ranks."""
 
 from __future__ import annotations
 
@@ -15,49 +15,49 @@ from crowdsim.crowd.state.components import TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.state_hash import digest_of
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Playback, Timelines
-from crowdsim.crowd.systems.going_on import Room
+from crowdsim.crowd.systems.going_on import Scratch
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
 
 DEPTH = 16
-"""Largest number of characters that give way to one, in one chain."""
+"""Largest number of agents that give way to one, in one chain."""
 
 TRIES = 1000
-"""Moves that are tried for one character that asks."""
+"""Moves that are tried for one agent that asks."""
 
 TRIES_AHEAD = 100
-"""Moves that are tried to let a character step aside before it is in the way."""
+"""Moves that are tried to let an agent step aside before it is in the way."""
 
 TRIES_A_STEP = 6000
-"""Moves that are tried in one step for all characters that ask."""
+"""Moves that are tried in one step for all agents that ask."""
 
 
 class GivingWay:
-    """Let standing characters move out of the way, with a limited number of tries in each step."""
+    """Let standing agents move out of the way, with a limited number of tries in each step."""
 
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
         self._moves = moves_of(plans.assets.graph)
-        self._trail = Trail.room(DEPTH, TIMELINE_SLOTS, int(np.diff(self._moves.begin).max(initial=0)))
-        self._chain = Chain.room(MOVE_NODES + 1)
+        self._trail = Trail.empty(DEPTH, TIMELINE_SLOTS, int(np.diff(self._moves.begin).max(initial=0)))
+        self._chain = Chain.empty(MOVE_NODES + 1)
         self._left = 0
-        self._room = Room.make()
+        self._scratch = Scratch.make()
 
-    def begin(self, room: Room) -> None:
-        """Begin a step; ``room.may_move`` says which rows may be asked to give way."""
+    def begin(self, scratch: Scratch) -> None:
+        """Begin a step; ``scratch.may_move`` says which rows may be asked to give way."""
         self._left = TRIES_A_STEP
-        self._room = room
+        self._scratch = scratch
 
     def asking(self, view: View, most: int = TRIES) -> Asking:
         """Return the arguments of the kernels that ask others; which rows stand is determined once a step.
 
         At most ``most`` tries are taken from the step's; :meth:`move` returns those not used.
         """
-        room = self._room
-        if not room.noted[0]:
-            room.noted[0] = True
-            room.may_move[:] = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
-        standing = Standing(view.node, view.origin, view.goal, view.way, room.may_move, view.rank)
+        scratch = self._scratch
+        if not scratch.noted[0]:
+            scratch.noted[0] = True
+            scratch.may_move[:] = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
+        standing = Standing(view.node, view.origin, view.goal, view.way, scratch.may_move, view.rank)
         tries = min(self._left, most)
         self._left -= tries
         self._trail.tries[0] = tries
@@ -65,11 +65,11 @@ class GivingWay:
 
     def decided(self, row: int) -> None:
         """Note that a row has chosen what to do in this step."""
-        if self._room.noted[0]:
-            self._room.may_move[row] = False
+        if self._scratch.noted[0]:
+            self._scratch.may_move[row] = False
 
     def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> None:
-        """Let standing characters in the way ahead of a walking row step aside; ``near`` are the rows by cells."""
+        """Let standing agents in the way ahead of a walking row step aside; ``near`` are the rows by cells."""
         assets = self.plans.assets
         asking = self.asking(view, TRIES_AHEAD)
         now = Playback.natural(self.plans.step, assets.frames_per_step)

@@ -68,7 +68,7 @@ class Rows(NamedTuple):
 
 
 class Walker(NamedTuple):
-    """A character that reserves: its row (NONE before it enters), its node, and how it plays that."""
+    """An agent that reserves: its row (NONE before it enters), its node, and how it plays that."""
 
     row: int
     agent: int
@@ -103,8 +103,8 @@ class Walker(NamedTuple):
         )
 
 
-class Errands(NamedTuple):
-    """Progress of all n characters on their itineraries: a live view of these."""
+class Progress(NamedTuple):
+    """Progress of all n agents on their itineraries: a live view of these."""
 
     reached: Longs
     """(n,) number of places reached."""
@@ -116,13 +116,13 @@ class Errands(NamedTuple):
     """(n,) time to stand at each place but the last [s]."""
 
     @classmethod
-    def of(cls, itineraries: Itineraries) -> Errands:
+    def of(cls, itineraries: Itineraries) -> Progress:
         """Return the progress on ``itineraries``."""
         cast = itineraries.cast
         return cls(itineraries.reached, itineraries.places, cast.rounds, cast.waits)
 
 
-class Room(NamedTuple):
+class Scratch(NamedTuple):
     """Scratch of the kernel :func:`~crowdsim.crowd.systems.choose_kernels.go_on`, and what it reports."""
 
     chain: Chain
@@ -149,12 +149,12 @@ class Room(NamedTuple):
     """True if no row may reserve in the kernel, as there are outlines to keep free, too."""
 
     @classmethod
-    def make(cls) -> Room:
+    def make(cls) -> Scratch:
         """Return scratch for no rows."""
         none, flags = np.empty(0, np.int64), np.zeros(0, np.bool_)
         return cls(
-            Chain.room(_CHAIN),
-            Chain.room(_CHAIN),
+            Chain.empty(_CHAIN),
+            Chain.empty(_CHAIN),
             np.zeros((TIMELINE_SLOTS, SAMPLE)),
             np.empty((WAYS, WAY_POINTS, 2)),
             np.zeros(1, np.int64),
@@ -166,7 +166,7 @@ class Room(NamedTuple):
             False,
         )
 
-    def begin(self, count: int, reserves_otherwise: bool) -> Room:
+    def begin(self, count: int, reserves_otherwise: bool) -> Scratch:
         """Begin a step with ``count`` rows."""
         self.noted[0] = False
         self.counts[:] = 0
@@ -183,7 +183,11 @@ class Room(NamedTuple):
 def take(
     view: View, row: int, node: int, origin: NDArray[np.float64], blend_offset: NDArray[np.float64], cursor: int = NONE
 ) -> None:
-    """Let a row enter a node when its present one ends; ``cursor``: index of the node in the plan, NONE without one."""
+    """Let a row enter a node when its present one ends.
+
+    ``origin`` and ``blend_offset`` (3,) place the node: x, y [m], heading [rad]. ``cursor`` is its index in the plan,
+    NONE without one.
+    """
     view.next_node[row] = node
     view.next_origin[row] = origin
     view.next_blend_offset[row] = blend_offset

@@ -15,26 +15,26 @@ from crowdsim.geometry.elementary import distance, hypot
 from crowdsim.recording.header import AgentState
 
 RETRY_SECONDS = 2.0
-"""Time that a character stands after a failed search before it searches again [s]."""
+"""Time that an agent stands after a failed search before it searches again [s]."""
 
 PATIENCE_SECONDS = 8.0
-"""Time that a character waits for others before it looks for a way around those that stand near [s]."""
+"""Time that an agent waits for others before it looks for a way around those that stand near [s]."""
 
 LOOKING_SECONDS = 20.0
 """Time after that during which each new plan first looks for a way around those that stand near [s]."""
 
 IMPATIENCE_SECONDS = 2.0
-"""Time between two such searches of a waiting character during that time [s]."""
+"""Time between two such searches of a waiting agent during that time [s]."""
 
 NEARBY = 2.5
 """Distance within which others count as near [m]."""
 
 AT_GOAL = 0.25
-"""Distance from a goal below which a standing character that goes on from there has reached it [m]."""
+"""Distance from a goal below which a standing agent that goes on from there has reached it [m]."""
 
 
 def search_on(plans: Plans, view: View) -> None:
-    """Continue the searches by another slice, while characters walk on what was found so far."""
+    """Continue the searches by another slice, while agents walk on what was found so far."""
 
     def played(agent: int) -> int:
         rows = np.flatnonzero(view.agent == agent)
@@ -45,12 +45,12 @@ def search_on(plans: Plans, view: View) -> None:
 
 @dataclass
 class Replanning:
-    """Give characters their plans, and request new ones for those that stand without."""
+    """Give agents their plans, and request new ones for those that stand without."""
 
     plans: Plans
 
     def replan(self, view: View) -> None:
-        """Hand out what searches found, then request plans for characters that wait."""
+        """Hand out what searches found, then request plans for agents that wait."""
         plans, assets = self.plans, self.plans.assets
         for found in plans.collect():
             row = int(np.argmax(view.agent == found.agent)) if len(view.agent) else 0
@@ -63,7 +63,7 @@ class Replanning:
             else:
                 self._hand_out(view, row, found)
 
-        # Standing characters that have no plan, or whose patience with their plan is over, request one.
+        # Standing agents that have no plan, or whose patience with their plan is over, request one.
         waiting = (view.state == AgentState.WAITING) & assets.graph.node_idle[view.node]
         rate = assets.steps_per_second
         blocked = plans.step - view.blocked_since
@@ -97,7 +97,7 @@ class Replanning:
             plans.request(agent, replace(request, route=route, around=view.pose[near].copy(), postures=postures))
 
     def _hand_out(self, view: View, row: int, found: Found) -> None:
-        """Give a plan to a character that stands or has begun it; without a plan, let it stand for a while."""
+        """Give a plan to an agent that stands or has begun it; without a plan, let it stand for a while."""
         plans, plan = self.plans, found.plan
         if plan is None and found.over and not found.outdated and found.agent in plans.motions:
             view.awaiting_plan[row] = False
@@ -116,7 +116,7 @@ class Replanning:
             view.retry_step[row] = plans.step + int(pause * plans.assets.steps_per_second)
 
     def _join(self, view: View, row: int, found: Found, join: Join) -> None:
-        """Let a walking character continue as was found, unless it has stopped or left its plan meanwhile."""
+        """Let a walking agent continue as was found, unless it has stopped or left its plan meanwhile."""
         plans, agent, cursor = self.plans, found.agent, int(view.cursor[row])
         plan = plans.motions.get(agent)
         fits = plan is not None and join.fits(plan, cursor)
@@ -134,7 +134,7 @@ class Replanning:
         view.plan_digest[row] = joined.digest
 
     def _go_on(self, view: View, row: int, found: Found, first: int) -> None:
-        """Append what its search found since to the plan of a walking character."""
+        """Append what its search found since to the plan of a walking agent."""
         plan = self.plans.motions[found.agent]
         plan = plan.until(first - 1) if found.plan is None else plan.joined(0, first - 1, found.plan, reaches=False)
         self.plans.hand_out(found.agent, plan, first)
@@ -142,14 +142,14 @@ class Replanning:
         view.plan_digest[row] = plan.digest
 
     def _is_there(self, view: View, row: int, agent: int) -> bool:
-        """Return True if a character stands at a goal from where it goes on."""
+        """Return True if an agent stands at a goal from where it goes on."""
         near = distance(view.pose[row, :2], view.goal[row]) < AT_GOAL
         itineraries = self.plans.itineraries
         return near and not itineraries.is_last(agent) and itineraries.accepts(agent, view.pose[row])
 
 
 def reach_goal(plans: Plans, view: View, row: int) -> None:
-    """Count the goal of a character that goes on from it as reached, and give it the next one."""
+    """Count the goal of an agent that goes on from it as reached, and give it the next one."""
     agent = int(view.agent[row])
     seconds = plans.itineraries.reach(agent)
     view.rank[row] = view.turn[row] = plans.rank(agent)

@@ -1,4 +1,4 @@
-"""Entry of captured characters: at their time, once their motion is found and their place is free."""
+"""Entry of captured agents: at their time, once their motion is found and their place is free."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from crowdsim.ecs.world import View, World
 from crowdsim.geometry.elementary import distance
 
 NO_MOTION = "there is a path, but no motion of the set follows it; add clips that turn, start or step as required"
-"""Reason for a character that does not enter as no motion was found."""
+"""Reason for an agent that does not enter as no motion was found."""
 
 
 @dataclass
 class Spawning:
-    """Search motions ahead of time for characters about to enter, and let them in one by one, in order."""
+    """Search motions ahead of time for agents about to enter, and let them in one by one, in order."""
 
     world: World
     plans: Plans
     requested: dict[int, int] = field(default_factory=dict)
-    """Step in which each character asked for its motion."""
+    """Step in which each agent asked for its motion."""
     refused: dict[int, int] = field(default_factory=dict)
-    """Step in which each character last found its place taken."""
+    """Step in which each agent last found its place taken."""
     spawned: NDArray[np.int64] = field(init=False)
-    """(n,) step in which each character entered the world, -1 before."""
+    """(n,) step in which each agent entered the world, -1 before."""
 
     def __post_init__(self) -> None:
         self.assets, self.cast = self.plans.assets, self.plans.itineraries.cast
@@ -49,10 +49,10 @@ class Spawning:
         self._pause = max(SLOT_FRAMES // self.assets.frames_per_step, 1)
 
     def spawn(self, view: View, wanted: NDArray[np.bool_] | None = None, bodies: StandingBodies = NO_BODIES) -> None:
-        """Ask the world for the characters whose time has come, and plan for those whose time is near.
+        """Ask the world for the agents whose time has come, and plan for those whose time is near.
 
-        ``wanted`` (n,): which characters may enter; all if None. They keep clear of the ``bodies`` of steered
-        characters.
+        ``wanted`` (n,): which agents may enter; all if None. They keep clear of the ``bodies`` of steered
+        agents.
         """
         step = self.plans.step
         slot = step * self.assets.frames_per_step // SLOT_FRAMES
@@ -83,7 +83,7 @@ class Spawning:
         slot: int,
         bodies: StandingBodies,
     ) -> bool:
-        """Return True if a position is free of all characters in the world and of those that enter in this step."""
+        """Return True if a position is free of all agents in the world and of those that enter in this step."""
         radius = self.assets.personal_radius
         waited_for = self.plans.environment.waited_for
         if waited_for and shapely.distance(Point(position), waited_for).min() < radius + KEPT_OFF:
@@ -96,7 +96,7 @@ class Spawning:
         return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, everyone)
 
     def _ask(self, agent: int) -> None:
-        """Request a motion for a character without one, unless a search is under way or has failed."""
+        """Request a motion for an agent without one, unless a search is under way or has failed."""
         plans = self.plans
         if agent in self.requested:
             if plans.searches.is_under_way(agent):
@@ -118,7 +118,7 @@ class Spawning:
         self.plans.request(agent, itineraries.request(agent, self.cast.starts[agent]))
 
     def _spawn(self, agent: int, plan: MotionPlan, slot: int) -> None:
-        """Ask the world for a character that stands at the start of its plan."""
+        """Ask the world for an agent that stands at the start of its plan."""
         node = plan.departure_node
         self._parked[:, :2] = plan.departure[:2]
         self.world.spawn(

@@ -1,4 +1,4 @@
-"""What captured characters keep clear of: walls, movables about to appear, bodies, ways, passages; and neighbors."""
+"""What captured agents keep clear of: walls, movables about to appear, bodies, ways, passages; and neighbors."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from crowdsim.crowd.state.components import SLOT_FRAMES
 from crowdsim.crowd.state.timelines import NO_BODIES, Obstacles, Playback, StandingBodies, Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
 from crowdsim.crowd.systems.choose_kernels import WAY_ROOM
-from crowdsim.crowd.systems.going_on import Room, Walker
+from crowdsim.crowd.systems.going_on import Scratch, Walker
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
 
 PASSAGE_BODIES = 3.0
-"""Distance from a narrow passage at which a character may stop, in radii of its body."""
+"""Distance from a narrow passage at which an agent may stop, in radii of its body."""
 
 _NOTHING = np.empty((0, 4))
 
@@ -29,7 +29,7 @@ class Surroundings:
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
         self.bodies: StandingBodies = NO_BODIES
-        """Bodies of steered characters, which stand still as far as reservations know."""
+        """Bodies of steered agents, which stand still as far as reservations know."""
         self._near: tuple[View, Neighbors] | None = None
 
     def begin(self) -> None:
@@ -37,7 +37,7 @@ class Surroundings:
         self._near = None
 
     def obstacles(self, view: View, walker: Walker) -> Obstacles:
-        """Return what a walker keeps clear of besides other captured characters."""
+        """Return what a walker keeps clear of besides other captured agents."""
         return self._obstacles(view, walker, self._kept_free(view, walker))
 
     def of_any(self, view: View, playback: Playback) -> Obstacles:
@@ -45,9 +45,9 @@ class Surroundings:
         anybody = Walker(0, NONE, 0, 0, playback, _NOTHING, _NOTHING, _NOTHING, 1.0, False)
         return self._obstacles(view, anybody, _NOTHING)
 
-    def with_ways(self, obstacles: Obstacles, room: Room) -> Obstacles:
-        """Return obstacles with the ways noted last in ``room``, which their body keeps off."""
-        ways = room.ways[: room.ways_count[0]]
+    def with_ways(self, obstacles: Obstacles, scratch: Scratch) -> Obstacles:
+        """Return obstacles with the ways noted last in ``scratch``, which their body keeps off."""
+        ways = scratch.ways[: scratch.ways_count[0]]
         return obstacles._replace(ways=ways, way_width=2.0 * obstacles.body_radius + WAY_ROOM)
 
     def neighbors(self, view: View) -> Neighbors:
@@ -63,7 +63,7 @@ class Surroundings:
     def _obstacles(self, view: View, walker: Walker, kept_free: NDArray[np.float64]) -> Obstacles:
         """Return the obstacles of a walker; ``kept_free`` (M, 4) are outlines that it must not enter."""
         assets, environment = self.plans.assets, self.plans.environment
-        # A character alone in the world hinders no other: it may stop in passages.
+        # An agent alone in the world hinders no other: it may stop in passages.
         alone = len(view.agent) == (walker.row != NONE)
         return Obstacles(
             layers=tuple(mesh.arrays for mesh in environment.meshes),
@@ -79,7 +79,7 @@ class Surroundings:
         )
 
     def _kept_free(self, view: View, walker: Walker) -> NDArray[np.float64]:
-        """Return the outlines (M, 4) of obstacles about to appear, if the character does not touch them already."""
+        """Return the outlines (M, 4) of obstacles about to appear, if the agent does not touch them already."""
         waited_for = self.plans.environment.waited_for
         if not waited_for:
             return _NOTHING

@@ -1,4 +1,4 @@
-"""Motion of the characters of a recording, one character after another, for animation files."""
+"""Motion of the agents of a recording, one agent after another, for animation files."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.recording.reader import Recording
 
 MANY = 50
-"""Number of characters above which animation files have at most MANY_RATE frames per second by default."""
+"""Number of agents above which animation files have at most MANY_RATE frames per second by default."""
 MANY_RATE = 15
 
 
 class BodyMotion(NamedTuple):
-    """Motion of one character in the k frames in which it is present.
+    """Motion of one agent in the k frames in which it is present.
 
     Attributes
     ----------
     agent : int
-        The character.
+        The agent.
     frames : (k,) int64
         Frames, ascending, counted from the first frame of the choice.
     roots : (k, 3) float32
@@ -40,7 +40,7 @@ class BodyMotion(NamedTuple):
     rotations: NDArray[np.float32]
 
     def shown(self, count: int) -> tuple[int, ...]:
-        """Return the frames out of ``count`` at which the character appears and disappears, in turn."""
+        """Return the frames out of ``count`` at which the agent appears and disappears, in turn."""
         shown = [int(self.frames[0])]
         for row in np.flatnonzero(np.diff(self.frames) > 1).tolist():
             shown += [int(self.frames[row]) + 1, int(self.frames[row + 1])]
@@ -50,14 +50,14 @@ class BodyMotion(NamedTuple):
 
 
 def default_rate(recording: Recording, agents: int) -> int:
-    """Return the default frame rate of animation files: that of the steps, for many characters at most MANY_RATE."""
+    """Return the default frame rate of animation files: that of the steps, for many agents at most MANY_RATE."""
     recorded = recording.steps_per_second
     most = recorded if agents <= MANY else MANY_RATE
     return next(rate for rate in range(min(most, recorded), 0, -1) if recorded % rate == 0)
 
 
 def body_motions(recording: Recording, choice: Choice) -> Iterator[BodyMotion]:
-    """Yield the motion of each chosen character that is ever present, as :meth:`Recording.poses` shows it."""
+    """Yield the motion of each chosen agent that is ever present, as :meth:`Recording.poses` shows it."""
     agents: list[NDArray[np.int64]] = []
     frames: list[NDArray[np.int64]] = []
     roots: list[NDArray[np.float32]] = []

@@ -1,6 +1,6 @@
-"""Write characters as BVH, one per file: Y up, centimeters, as the clips of the behavior library.
+"""Write agents as BVH, one per file: Y up, centimeters, as the clips of the behavior library.
 
-A file holds the frames in which the character is present. Positions continue across the ends of a periodic floor.
+A file holds the frames in which the agent is present. Positions continue across the ends of a periodic floor.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from crowdsim.whole_files import whole_file
 
 
 def write(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
-    """Write a file of the only chosen character.
+    """Write a file of the only chosen agent.
 
     Raises
     ------
     CrowdSimError
-        If several characters are chosen, or the character is never present.
+        If several agents are chosen, or the agent is never present.
     """
     motions = list(body_motions(recording, choice)) if len(choice.agents) == 1 else []
     if len(motions) != 1:
@@ -37,7 +37,7 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 
 
 def write_folder(recording: Recording, folder: Path, choice: Choice, options: ExportOptions) -> None:
-    """Write a file for each chosen character that is ever present; create the folder if necessary."""
+    """Write a file for each chosen agent that is ever present; create the folder if necessary."""
     folder.mkdir(exist_ok=True)
     digits = len(str(max(recording.agent_count - 1, 0)))
     for motion in body_motions(recording, choice):

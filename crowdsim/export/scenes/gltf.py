@@ -1,6 +1,6 @@
 """Write recordings as binary glTF 2.0: animated bodies with skeletons, in their environment.
 
-Meters, Y up, seconds from the first frame. Characters share one body and differ in materials; while a character is
+Meters, Y up, seconds from the first frame. Agents share one body and differ in materials; while an agent is
 absent, its scale is 0. A body that crosses the ends of a periodic floor continues beyond them for a millisecond, so
 that no viewer interpolates its way back.
 """
@@ -33,7 +33,7 @@ _INSTANT = 0.001
 
 
 def write(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
-    """Write a scene with the environment and all chosen characters, and one animation."""
+    """Write a scene with the environment and all chosen agents, and one animation."""
     scene = _Scene(recording, choice)
     for motion in body_motions(recording, choice):
         scene.add_character(motion)
@@ -95,7 +95,7 @@ class _Scene:
                 self._show(node, part.shown)
 
     def _add_body(self) -> None:
-        """Add what all characters share: vertices, triangles of each tissue, and the rest pose."""
+        """Add what all agents share: vertices, triangles of each tissue, and the rest pose."""
         skeleton, add = self._skeleton, self._buffer.add
         body = body_of(skeleton)
         joints, weights = np.zeros((body.vertex_count, 4), np.uint8), np.zeros((body.vertex_count, 4), np.float32)
@@ -137,7 +137,7 @@ class _Scene:
         return self._bodies[look]
 
     def add_character(self, motion: BodyMotion) -> None:
-        """Add a character with its skeleton, skin and motion."""
+        """Add an agent with its skeleton, skin and motion."""
         skeleton, agent = self._skeleton, motion.agent
         packed = np.rint(motion.rotations[..., [1, 2, 3, 0]] * _FULL).astype(np.int16)
         still = (packed == packed[:1]).all(axis=(0, 2))
@@ -181,7 +181,7 @@ class _Scene:
         self._animate(node, "translation", times, self._buffer.add(roots))
 
     def _time_accessor(self, frames: NDArray[np.int64]) -> int:
-        """Return the accessor of the times of frames; characters share those of consecutive frames."""
+        """Return the accessor of the times of frames; agents share those of consecutive frames."""
         first, count = int(frames[0]), len(frames)
         times = self._times[frames]
         if frames[-1] - first + 1 != count:

@@ -1,4 +1,4 @@
-"""Looks of characters in scene files: a shared body, and the materials of its parts."""
+"""Looks of agents in scene files: a shared body, and the materials of its parts."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from crowdsim.playback.body_mesh import BodyMesh, Tissue
 from crowdsim.playback.crowd_mesh import looks_of
 
 VARIETY = 30
-"""Number of looks; characters whose numbers differ by a multiple of it look the same."""
+"""Number of looks; agents whose numbers differ by a multiple of it look the same."""
 
 _SIDES = 10
-"""Corners of a body's cross-sections; all characters share one body, but each is drawn."""
+"""Corners of a body's cross-sections; all agents share one body, but each is drawn."""
 
 
 def paints(variety: int) -> list[list[Paint]]:
@@ -30,12 +30,12 @@ def paints(variety: int) -> list[list[Paint]]:
 
 
 def body_of(skeleton: Skeleton) -> BodyMesh:
-    """Return the body that all characters share, in three builds."""
+    """Return the body that all agents share, in three builds."""
     return build_body(skeleton, _SIDES)
 
 
 def build_of(look: int) -> int:
-    """Return which of the builds of GIRTHS the characters of a look have."""
+    """Return which of the builds of GIRTHS the agents of a look have."""
     return look % len(GIRTHS)
 
 

@@ -14,7 +14,7 @@ from crowdsim.recording.header import SolidRecord
 from crowdsim.recording.reader import Recording
 
 TALL = 1.1
-"""Height above which solids are glass, so that they do not hide characters behind them [m]."""
+"""Height above which solids are glass, so that they do not hide agents behind them [m]."""
 
 
 class Paint(NamedTuple):

@@ -1,6 +1,6 @@
 """Write recordings as binary USD: bodies with skeletons (UsdSkel) or capsules (a point instancer).
 
-Meters, z up. A time code is a frame, the first one 0. All characters inherit one body and differ in materials.
+Meters, z up. A time code is a frame, the first one 0. All agents inherit one body and differ in materials.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _CAPSULE_RADIUS = 0.22
 
 
 def write(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
-    """Write a stage with the environment and all chosen characters; raise CrowdSimError without usd-core."""
+    """Write a stage with the environment and all chosen agents; raise CrowdSimError without usd-core."""
     try:
         import pxr  # noqa: F401
     except ImportError:
@@ -129,7 +129,7 @@ class _Stage:
             seen.Set(self._geom.Tokens.invisible if number % 2 else self._geom.Tokens.inherited, frame)
 
     def add_bodies(self) -> None:
-        """Add all chosen characters, with the body that they inherit."""
+        """Add all chosen agents, with the body that they inherit."""
         skeleton = self._recording.header.motion.skeleton
         joints = _joint_paths(skeleton)
         self._add_body(skeleton, joints)
@@ -144,7 +144,7 @@ class _Stage:
             self._add_character(motion, look, skeleton, joints)
 
     def _add_body(self, skeleton: Skeleton, joints: list[str]) -> None:
-        """Define the skeleton and the skinned body once, as a class that all characters inherit."""
+        """Define the skeleton and the skinned body once, as a class that all agents inherit."""
         stage, skel = self._stage, self._skel
         stage.CreateClassPrim("/_body").SetTypeName("SkelRoot")
         rig = skel.Skeleton.Define(stage, "/_body/Skeleton")
@@ -184,7 +184,7 @@ class _Stage:
             self._bind(self._stage.OverridePrim(f"/_look_{look}/Body/{name}"), worn[tissue])
 
     def _add_character(self, motion: BodyMotion, look: int, skeleton: Skeleton, joints: list[str]) -> None:
-        """Add a character that inherits the body in a look, with its rotations and places over time."""
+        """Add an agent that inherits the body in a look, with its rotations and places over time."""
         stage, sdf, layer = self._stage, self._sdf, self._layer
         path = f"/World/Characters/character_{motion.agent}"
         root = self._skel.Root.Define(stage, path)
@@ -274,7 +274,7 @@ class _Stage:
 
 
 def _offsets(skeleton: Skeleton) -> NDArray[np.float64]:
-    """Return joint positions relative to the parent; 0 for the root, which is where the character is."""
+    """Return joint positions relative to the parent; 0 for the root, which is where the agent is."""
     offsets = np.array(skeleton.offsets)
     offsets[np.asarray(skeleton.parents) < 0] = 0.0
     return offsets

@@ -1,6 +1,6 @@
 """Write tracks as an output file of Vadere, which its post-visualization and PedPy read.
 
-A row is a step of a character from one position to another: here from its position in a frame to that in the next.
+A row is a step of an agent from one position to another: here from its position in a frame to that in the next.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _NO_TARGET = -1
 def write(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
     """Write positions to 0.1 mm, times to 1 us.
 
-    A character that is absent in the next frame, or crosses the ends of a periodic floor, gets a step of no length and
+    An agent that is absent in the next frame, or crosses the ends of a periodic floor, gets a step of no length and
     no duration.
     """
     ends, count = recording.header.ends, recording.agent_count

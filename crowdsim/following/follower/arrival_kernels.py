@@ -93,6 +93,7 @@ def _arc_before(graph, guide, search, first):
 def _lay_chain(graph, guide, rules, search, laid, chain, first, bent, x, y, heading, arc):
     """Lay the nodes behind the chain's joints as rows of ``laid``, from the given pose and arc length on.
 
+    ``first`` is the solution's node behind the first joint, ``bent`` the number of joints. Others as of :func:`arrive`.
     Return False if a node ends farther off the path than the rules allow.
     """
     for j in range(bent):

@@ -3,6 +3,10 @@
 The entries of the present map are laid down one by one, each after its parent. ``laid`` keeps, in a row per entry, its
 twist, origin, end pose and the arc length of the path beside its end. A row is valid for the stage whose serial number
 it carries.
+
+Arguments of all helpers: ``graph`` (GraphArrays), ``maps`` (MapArrays), ``guide``, ``rules``, ``search`` and ``laid``
+as of :mod:`crowdsim.following.follower.follow_workspace`; ``root``, the map's row of the stage's node, -1 without one;
+``entry``, a row of the map; ``arc``, the arc length of the path beside a pose [m].
 """
 
 import math
@@ -208,7 +212,10 @@ def _reaches(graph, guide, rules, laid, entry, nearest):
 
 @helper
 def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
-    """Decide if an entry placed after ``arc`` may be taken and if it reaches the goal, and add its cost to ``area``."""
+    """Decide if an entry placed after ``arc`` may be taken and if it reaches the goal, and add its cost to ``area``.
+
+    The result is left in ``laid.fit``, ``laid.reached`` and ``laid.area`` [m2].
+    """
     node = laid.node[entry]
     x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
     moved = hypot(graph.node_motion[node, 0], graph.node_motion[node, 1])
@@ -286,8 +293,9 @@ def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, jo
     """Return True if the body's disc is free on one layer along a laid branch; else mark the first blocked node unfit.
 
     A node of a wider behavior than planned needs the whole planned clearance (radius + margin), as the plan is narrow
-    for lack of that space. ``joined``: the branch follows the stage's end with a seam; seams fade out over a node's
-    first frames.
+    for lack of that space. ``depth`` is the number of nodes; ``hints`` are the triangles found last on each layer.
+    ``stage_end`` (3,) is the pose before the branch. ``joined``: the branch follows the stage's end with a blend
+    offset, which fades out over a node's first frames.
     """
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     for d in range(depth):
@@ -295,11 +303,12 @@ def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, jo
         if not laid.free[entry, layer]:
             node = laid.node[entry]
             ox, oy, oh = laid.origin[entry, 0], laid.origin[entry, 1], laid.origin[entry, 2]
-            # The seam: the end of the node before less the origin of this one.
+            # The blend offset: the end of the node before less the origin of this one.
             dx, dy, dh = 0.0, 0.0, 0.0
             if joined or d > 0:
                 dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
-            need = rules.radii[graph.node_behavior[node], layer] + (rules.margin if laid.wide[entry] else rules.slack)
+            margin = rules.margin if laid.wide[entry] else rules.sampling_margin
+            need = rules.radii[graph.node_behavior[node], layer] + margin
             frames = np.int64(graph.node_frames[node])
             # Test every TEST_FRAMES-th frame and the last one.
             frame = np.int64(-TEST_FRAMES)

@@ -3,6 +3,11 @@
 A stage is the last node of a partial solution, with its place. Its candidates are branches of that node's map that stay
 near the path. The one with the best score whose bodies are free is appended; its last node is the next stage. A stage
 without candidates left is dropped, and the one before continues.
+
+Arguments of all helpers: ``graph`` (GraphArrays), ``maps`` (MapArrays), ``guide``, ``rules``, ``search`` and ``laid``
+as of :mod:`crowdsim.following.follower.follow_workspace`; ``top``, the row of the last stage; ``root``, the map's row
+of its node, -1 before the first; ``origin`` and ``end``, poses x, y [m], heading [rad]; ``arc``, the arc length of the
+path beside a pose [m].
 """
 
 import math
@@ -22,10 +27,8 @@ from crowdsim.motion.graph.track_kernels import node_end
 GOAL_FIRST = 1e6
 """Subtracted from the score of branches that reach the goal: they come first."""
 
-FOUND = 0
-OUT_OF_BUDGET = 1
-BLOCKED = 2
-PAST_KEPT = 3
+FOUND, OUT_OF_BUDGET, BLOCKED, PAST_KEPT = range(4)
+"""How a search ends."""
 
 NODE = 0
 COUNT = 1
@@ -39,10 +42,7 @@ STAGE_COLUMNS = 7
 gained on; number of candidates; the next one; serial number (0 until candidates are collected); their kind: none yet
 (-1), along the path (0), single successors (1)."""
 
-TOP = 0
-QUERIES = 1
-BEST = 2
-KEPT = 3
+TOP, QUERIES, BEST, KEPT = range(4)
 STATE_COLUMNS = 4
 """Columns of ``search.state``: stage on top, map queries made, nodes of the best solution, nodes of the present one
 that must stay."""

@@ -62,7 +62,7 @@ class Rules(NamedTuple):
     margin: float
     heading_tolerance: float
     deviation: float
-    slack: float
+    sampling_margin: float
     candidates: int
     budget: int
     goal_heading: float

@@ -80,7 +80,7 @@ class FollowOptions:
         Largest angle between body and path at the end of each node that moves [rad].
     deviation : float
         Largest distance of the end of a node from the path [m].
-    slack : float
+    sampling_margin : float
         Clearance beyond the body's radius that covers the motion between two samples of the test [m].
     candidates : int
         Branches kept at each stage besides the single successors.
@@ -99,7 +99,7 @@ class FollowOptions:
     transition_reach: float = 2.0
     heading_tolerance: float = float(np.radians(35.0))
     deviation: float = 0.6
-    slack: float = 0.005
+    sampling_margin: float = 0.005
     candidates: int = 48
     branches: int = 24
     budget: int = 4_000
@@ -196,7 +196,7 @@ class PathFollower:
             margin=float(options.margin),
             heading_tolerance=float(options.heading_tolerance),
             deviation=float(options.deviation),
-            slack=float(options.slack),
+            sampling_margin=float(options.sampling_margin),
             candidates=int(options.candidates),
             budget=int(options.budget),
             goal_heading=float("nan") if options.goal_heading is None else float(options.goal_heading),

@@ -20,7 +20,7 @@ _BESIDE = 0.15
 
 @helper
 def _first_and_most(reach, node, edge):
-    """Return a node's first row without a seam, its first row while the seam fades, and its farthest joint [m]."""
+    """Return a node's first row without a blend offset, its first row while one fades, and its farthest joint [m]."""
     rows = reach.node_first[node]
     if edge < 0:
         return rows, rows, reach.node_most[node]
@@ -67,7 +67,7 @@ def _frame_of_passing(graph, guide, node, frames, x, y, heading, dx, dy, dh):
 
 @helper
 def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, stage_arc, joined):
-    """Return True if every joint in every frame of a laid branch, with seams faded, stays in its section.
+    """Return True if every joint in every frame of a laid branch, with blend offsets faded, stays in its section.
 
     Else mark the first node that leaves unfit for the stage. Arguments as of
     :func:`crowdsim.following.follower.branch_kernels.branch_is_free`; tested nodes are marked in the last column of
@@ -85,16 +85,16 @@ def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, 
             if joined or d > 0:
                 dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
             rows, fading, most = _first_and_most(reach, node, edge)
-            # Quick test of the whole node: farthest joint plus largest stray of the track plus the seam. The track is
-            # at most half a cell from a point of its outline.
-            seam = math.sqrt(dx * dx + dy * dy)
-            if laid.strayed[entry] + 0.5 * CELL + seam + most > reach.least:
+            # Quick test of the whole node: farthest joint plus largest stray of the track plus the blend offset. The
+            # track is at most half a cell from a point of its outline.
+            blend_offset = math.sqrt(dx * dx + dy * dy)
+            if laid.strayed[entry] + 0.5 * CELL + blend_offset + most > reach.least:
                 frames = np.int64(graph.node_frames[node])
                 if laid.reached[entry] and not rules.end_standing and math.isnan(rules.goal_heading):
                     frames = _frame_of_passing(graph, guide, node, frames, ox, oy, oh, dx, dy, dh)
                 # pace: largest step of the track between frames. The smoothstep fade is fastest half way, at 1.5 times
                 # its mean.
-                pace = reach.node_pace[node] + 1.5 * seam / BLEND_FRAMES + 1e-9
+                pace = reach.node_pace[node] + 1.5 * blend_offset / BLEND_FRAMES + 1e-9
                 at, moved = arc, 0.0
                 frame = np.int64(0)
                 while frame <= frames:

@@ -7,6 +7,7 @@ piece of the path nearest to its center.
 import math
 
 from crowdsim.constants import NONE
+from crowdsim.geometry.cell_kernels import cells_between
 from crowdsim.jit import helper, kernel
 
 
@@ -40,10 +41,8 @@ def draw_channel(points, low_x, low_y, cell, reach, near, best):
         ax, ay = points[piece, 0], points[piece, 1]
         bx, by = points[piece + 1, 0], points[piece + 1, 1]
         # Cells of the piece's bounding box, grown by reach.
-        first = max(math.floor((min(ax, bx) - reach - low_x) / cell), 0)
-        last = min(math.floor((max(ax, bx) + reach - low_x) / cell), columns - 1)
-        bottom = max(math.floor((min(ay, by) - reach - low_y) / cell), 0)
-        top = min(math.floor((max(ay, by) + reach - low_y) / cell), rows - 1)
+        first, last = cells_between(min(ax, bx) - reach, max(ax, bx) + reach, low_x, cell, columns)
+        bottom, top = cells_between(min(ay, by) - reach, max(ay, by) + reach, low_y, cell, rows)
         for i in range(first, last + 1):
             x = low_x + (i + 0.5) * cell
             for k in range(bottom, top + 1):

@@ -67,9 +67,10 @@ class SearchResult:
     """Nodes of the motion graph in order: a solution, or the chain that came nearest to the goal.
 
     nodes, edges: (K,) int32, each node and the edge taken into it, -1 for the first. twists: (K,) extra rotation at
-    that edge [rad]. origins: (K, 3) world pose at the start of each node. length: of all nodes and seams [m]. gap:
-    distance from the last end to the goal [m]. bent: True if branch kinematics made the solution. expansions: nodes
-    expanded. collision_tests: discs tested on a mesh. channel_tests: places tested in the channel. bends: chains bent.
+    that edge [rad]. origins: (K, 3) world pose at the start of each node. length: of all nodes and blend offsets [m].
+    gap: distance from the last end to the goal [m]. bent: True if branch kinematics made the solution. expansions:
+    nodes expanded. collision_tests: discs tested on a mesh. channel_tests: places tested in the channel. bends: chains
+    bent.
     """
 
     status: FollowStatus
@@ -216,9 +217,9 @@ def search_graph(
 
 
 def _length(graph: GraphArrays, nodes: NDArray[np.int32], origins: Floats) -> float:
-    """Return the length of a chain of nodes along their tracks and across the seams between them [m]."""
-    seams = compose(origins[:-1], graph.node_motion[nodes[:-1]])[:, :2] - origins[1:, :2]
-    return float(graph.node_length[nodes].sum() + hypot(*seams.T).sum())
+    """Return the length of a chain of nodes along their tracks, with the blend offsets between them [m]."""
+    blend_offsets = compose(origins[:-1], graph.node_motion[nodes[:-1]])[:, :2] - origins[1:, :2]
+    return float(graph.node_length[nodes].sum() + hypot(*blend_offsets.T).sum())
 
 
 def _as_goal(goal: ArrayLike) -> Floats:

@@ -2,7 +2,12 @@
 
 A search node is a node of the motion graph at a place. It waits in a queue by f = distance walked to its end +
 ``weight`` times the straight distance from there to the goal. It is laid down, tested and expanded when it is taken
-out. The jump at a seam counts as walked; otherwise turning in place would be a free way to advance.
+out. The jump between two nodes counts as walked; otherwise turning in place would be a free way to advance.
+
+Arguments of all helpers: ``graph`` (GraphArrays); ``space`` (where bodies are tested), ``rules``, ``tree``, ``chain``
+and ``out`` as of :mod:`crowdsim.following.graph_search.graph_search`; ``start`` and ``goal`` (3,), x, y [m] and heading
+[rad], nan for any; ``start_node``, the node that begins at the start, -1 for any; ``row``, a search node laid in the
+tree; ``edge``, the one taken behind it.
 """
 
 import math
@@ -23,7 +28,7 @@ from crowdsim.navmesh.mesh.heap_kernels import place, pop
 X, Y, ASIDE_X, ASIDE_Y, FADE, LEGS, TORSO = range(7)
 PROBE_COLUMNS = 7
 """Columns of ``probes.row``: place of the track in the node's frame, vector from there to the tested point, share of
-the seam that is left, and the radius that must be free on each layer (0: not tested)."""
+the blend offset that is left, and the radius that must be free on each layer (0: not tested)."""
 
 PARENT, EDGE, NODE = range(3)
 """Columns of ``tree.link``; the first two are those of ``tree.waiting``, too."""
@@ -57,13 +62,13 @@ _BEYOND = 1e-6
 def _node_is_free(space, rules, node, x, y, heading, dx, dy, dh, goal):
     """Return True if ``node`` from (x, y, heading) on is free, and the least distance of its track to the goal [m].
 
-    (dx, dy, dh) is the seam: the end of the node before less this origin.
+    (dx, dy, dh) is the blend offset: the end of the node before less this origin.
     """
     probes, counters, hints = space.probes, space.counters, space.hints
     c, s = cos_sin(heading)
     nearest = math.inf
     for row in range(probes.first[node], probes.first[node + 1]):
-        # The track's place in the world, moved by the share of the seam that is left.
+        # The track's place in the world, moved by the share of the blend offset that is left.
         lx, ly, fade = probes.row[row, X], probes.row[row, Y], probes.row[row, FADE]
         px, py = x + c * lx - s * ly + fade * dx, y + s * lx + c * ly + fade * dy
         nearest = min(nearest, hypot(goal[0] - px, goal[1] - py))
@@ -226,7 +231,10 @@ def _within_reach(chain, count, goal):
 
 @helper
 def _lay_bent(graph, space, rules, goal, row, edge, bent, tree, chain, out):
-    """Lay the branch to ``out``, its joints turned as in ``chain``; return its length, 0 if a moved node is blocked."""
+    """Lay the branch to ``out``, its ``bent`` last joints turned as in ``chain``; return its number of nodes.
+
+    Return 0 if a node that moved is blocked.
+    """
     count = _list_branch(tree, out, row) + 1
     out.step[count - 1, 0] = graph.edge_target[edge]
     out.step[count - 1, 1] = edge
@@ -268,7 +276,7 @@ def _lay(graph, space, rules, start, start_node, goal, tree, item, row):
     """
     parent = np.int64(tree.waiting[item, PARENT])
     edge = np.int64(tree.waiting[item, EDGE])
-    # The first node begins at the start, any other behind its parent's end with a seam.
+    # The first node begins at the start, any other behind its parent's end with a blend offset.
     node, walked = edge, 0.0
     ox, oy, oh = start[0], start[1], start[2]
     dx, dy, dh = 0.0, 0.0, 0.0

@@ -46,13 +46,13 @@ class Probes(NamedTuple):
     row: Floats
 
 
-def body_probes(graph: GraphArrays, radii: Floats, slack: float = 0.005) -> Probes:
+def body_probes(graph: GraphArrays, radii: Floats, sampling_margin: float = 0.005) -> Probes:
     """Return discs about the track every fourth frame, as the path follower tests them.
 
     Parameters
     ----------
     radii: (B, 2) radius of each behavior on the two layers [m].
-    slack: added to the radii for the motion between samples [m].
+    sampling_margin: added to the radii for the motion between samples [m].
 
     Raises
     ------
@@ -65,7 +65,7 @@ def body_probes(graph: GraphArrays, radii: Floats, slack: float = 0.005) -> Prob
     for node, behavior in enumerate(graph.node_behavior):
         frames = _tested_frames(graph, node)
         rows = _rows(graph, node, frames)
-        rows[:, [LEGS, TORSO]] = np.asarray(radii, np.float64)[behavior] + slack
+        rows[:, [LEGS, TORSO]] = np.asarray(radii, np.float64)[behavior] + sampling_margin
         parts.append(rows)
     return _joined(parts)
 
@@ -101,7 +101,7 @@ def _tested_frames(graph: GraphArrays, node: int) -> NDArray[np.int64]:
 
 
 def _rows(graph: GraphArrays, node: int, frames: NDArray[np.int64]) -> Floats:
-    """Return probe rows of ``frames`` with the track's places and the share of the seam that is left (smoothstep)."""
+    """Return probe rows of ``frames`` with the track's places and the share of the blend offset left (smoothstep)."""
     rows = np.zeros((len(frames), PROBE_COLUMNS))
     rows[:, [X, Y]] = graph.tracks[graph.node_track[node] + frames, :2]
     u = np.minimum(frames / BLEND_FRAMES, 1.0)

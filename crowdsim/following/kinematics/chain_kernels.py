@@ -1,6 +1,8 @@
 """Inverse branch kinematics: a branch of a motion graph is a planar chain, bent to a goal (2011 paper, section 6).
 
 A joint is the planted foot at a transition; turning it rotates all that comes after it.
+
+Arguments of all helpers are those of :func:`bend_chain`, and the pose e of the chain's end: ex, ey [m], eh [rad].
 """
 
 import math
@@ -53,7 +55,7 @@ def _leap_vector(joint, limit, turn, count, ex, ey, dx, dy, dh, lever):
         d += v * v
         e += v * lever
         f += lever * lever
-    # Solve with the symmetric matrix ((a, b, c), (b, d, e), (c, e, f)) by its cofactors.
+    # Solve with the symmetric matrix ((a, b, c), (b, d, e), (c, e, f)) by its cofactors, ca to cf in the same places.
     ca, cb, cc = d * f - e * e, c * e - b * f, b * e - c * d
     scale = 1.0 / (a * ca + b * cb + c * cc)
     cd, ce, cf = a * f - c * c, b * c - a * e, a * d - b * b

@@ -24,14 +24,14 @@ TURN_COST = 0.3
 NODE_COST = 0.1
 """Search cost per node [m], so that chains of idle shuffling do not fill a map."""
 
-SEAM_WEIGHT = 2.0
+BLEND_OFFSET_WEIGHT = 2.0
 """Weight of the jump from the end of a node to the start of the next in the length of a branch. Many branches of deep
-maps advance along a path only by their seams; with this weight they seem to lag behind."""
+maps advance along a path only by their blend offsets; with this weight they seem to lag behind."""
 
 END_X, END_Y, WALKED, LEVEL, BEHAVIOR = range(5)
 AHEAD_COLUMNS = 5
-"""Columns of ``maps.ahead``: end of an entry's node, distance from the root's end to there (track, and seams by their
-weight) [m], edges since the root, and the node's behavior."""
+"""Columns of ``maps.ahead``: end of an entry's node, distance from the root's end to there (track, and blend offsets by
+their weight) [m], edges since the root, and the node's behavior."""
 
 _OFFSET = 1 << 19
 """Makes cell indices positive: 20 bits each for x and y."""
@@ -176,7 +176,7 @@ def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edg
                 pose[row, 0] = px
                 pose[row, 1] = py
                 pose[row, 2] = ph
-                length[row] = length[above] + graph.node_length[source] + SEAM_WEIGHT * hypot(px - x, py - y)
+                length[row] = length[above] + graph.node_length[source] + BLEND_OFFSET_WEIGHT * hypot(px - x, py - y)
                 cost[count] = (
                     cost[local] + graph.node_length[target] + TURN_COST * abs(graph.node_motion[target, 2]) + NODE_COST
                 )

@@ -48,7 +48,7 @@ class MapArrays(NamedTuple):
     edge, node, level: (E,) int32, edge taken into the entry's node, that node, number of edges since the root.
     ahead: (E, AHEAD_COLUMNS) float32, in the order of ``key``: data for ranking an entry before it is laid down, see
     :mod:`crowdsim.following.maps.map_kernels`. Places are in the frame of the root's start.
-    average: (N,) float64, mean length of a map's branches [m] (2012 paper, equation 2), seams weighted.
+    average: (N,) float64, mean length of a map's branches [m] (2012 paper, equation 2), blend offsets weighted.
     family: (N,) int32, equal for nodes with the same successors.
     ends_as: (N, B) bool, True if a node is of a behavior or has a successor of it.
     leads_to: (N,) int32, behavior of most successors.

@@ -20,7 +20,7 @@ _CLIP_COLORS = "tab20"
 _PIXELS = 2000
 """Largest number of rows of the image that are drawn."""
 _LABEL = 25
-"""Characters of a clip's name beside its node."""
+"""Agents of a clip's name beside its node."""
 
 
 def draw_motion_graph(sources: Sequence[MotionSource], graph: MotionGraph) -> Figure:

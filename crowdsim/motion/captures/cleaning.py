@@ -49,7 +49,10 @@ def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int
 
 
 def resample(root_positions: Floats, rotations: Floats, rate: float, target: float) -> tuple[Floats, Floats]:
-    """Return the motion at ``target`` frames per second: every n-th frame if that is exact, else interpolated."""
+    """Return the motion at ``target`` frames per second: every n-th frame if that is exact, else interpolated.
+
+    ``root_positions`` (f, 3) [m] and ``rotations`` (f, j, 4) of the joints are given at ``rate`` frames per second.
+    """
     ratio = rate / target
     step = round(ratio)
     if step >= 1 and abs(ratio - step) < 1e-9:

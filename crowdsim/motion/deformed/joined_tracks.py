@@ -163,5 +163,8 @@ def smooth_joined(tracks: JoinedTracks, seconds: float = SMOOTHED, step: float =
 
 
 def smoothing_reach(seconds: float = SMOOTHED, step: float = STEP) -> int:
-    """Return the number of samples before and after one on which its smoothed value depends."""
+    """Return the number of samples before and after one on which its smoothed value depends.
+
+    ``seconds`` is the width of the window, ``step`` the time between two samples [s].
+    """
     return int(0.5 * seconds / step)

@@ -48,6 +48,7 @@ def mean_rotation(q: Floats) -> Floats:
 
 def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
     """Return the quaternion (4,) of the frame whose axes are the unit vectors x, y, z (3,)."""
+    # Divide by the largest of the four components, whichever it is, for accuracy.
     trace = x[0] + y[1] + z[2]
     choices = np.array([trace, x[0], y[1], z[2]])
     best = int(np.argmax(choices))
@@ -66,10 +67,13 @@ def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
 def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, world: Floats) -> Floats:
     """Return rotations (2, 4) from a leg's canonical frame to the joints of hip and knee.
 
-    In the canonical frame z points up the bone, and y is the hinge of the knee, which points left.
+    In the canonical frame z points up the bone, and y is the hinge of the knee, which points left. ``leg`` has
+    the joints from the hip down, ``positions`` (f, j, 3) [m] and ``world`` (f, j, 4) are places and rotations of all
+    joints in the frames of a clip.
     """
     hip, knee, ankle = (int(joint) for joint in leg[:3])
     thigh, shank = positions[:, knee] - positions[:, hip], positions[:, ankle] - positions[:, knee]
+    # The hinge is normal to the plane of the leg; samples count the more, the more the knee is bent.
     hinge = np.cross(thigh, shank)
     return np.stack(
         [

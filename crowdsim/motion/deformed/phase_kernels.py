@@ -150,7 +150,7 @@ def advance_phases(places, velocities, turns, dt, phases, anchors):
     velocities: (A, 2) float64 [m/s]. turns: (A,) float64 [rad/s].
     phases: (A,) float64 [cycles], updated. STAND for a new body.
     anchors: (A, 3) float64, pose to which the foot belongs that lifts next, updated. Its place for a new body; see
-    :func:`set_anchors` for one that walked as a captured character before.
+    :func:`set_anchors` for one that walked as a captured agent before.
     """
     for body in range(len(phases)):
         rate, speed = _rate_of(places[body], velocities[body], turns[body])

@@ -1,4 +1,10 @@
-"""Pose the bodies of deformed clips, many in one call."""
+"""Pose the bodies of deformed clips, many in one call.
+
+Arguments of all helpers: ``model`` (ClipModel); ``steps``, rows of the :class:`StepPlan
+<crowdsim.motion.deformed.step_plan.StepPlan>`; ``foot``, 0 for the left and 1 for the right; ``track``, the sample of
+the plan at the time; ``place`` and ``turn``, position [m] and rotation of the root; ``out`` (P, J, 4), rotations of the
+joints of all bodies, of which row ``body`` is written. Quaternions are (w, x, y, z).
+"""
 
 import math
 

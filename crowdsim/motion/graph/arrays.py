@@ -17,7 +17,7 @@ class GraphArrays(NamedTuple):
     node_motion: (N, 3) float64, last track sample of each node: where its successor starts.
     node_length: (N,) float64, length of the track [m].
     node_behavior: (N,) int32, index of the behavior, the least preferred is 0.
-    node_ends_standing: (N,) bool, True if a character may stay where the node ends.
+    node_ends_standing: (N,) bool, True if an agent may stay where the node ends.
     node_idle: (N,) bool, True for waiting in place: never part of a path.
     edge_start: (N + 1,) int32, rows ``edge_start[n]:edge_start[n + 1]`` are the edges out of node n.
     edge_target: (E,) int32.

@@ -211,7 +211,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
 
 
 def _require_loops(candidates: _Candidates, threshold: float) -> None:
-    """Raise MotionError if an idle clip cannot follow itself: a waiting character would have to stop waiting."""
+    """Raise MotionError if an idle clip cannot follow itself: a waiting agent would have to stop waiting."""
     for i, node in enumerate(candidates.nodes):
         source = candidates.prepared[node.source].source
         if source.idle and candidates.needed[i, i] > threshold:

@@ -1,4 +1,4 @@
-"""How far a character plays its nodes in a given time, at a rate that changes gradually.
+"""How far an agent plays its nodes in a given time, at a rate that changes gradually.
 
 Rates are in ticks per step. A body between two frames is shown between their poses.
 """

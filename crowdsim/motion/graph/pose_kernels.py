@@ -1,4 +1,4 @@
-"""Joints of characters from their node, frame and track pose, as recordings store them."""
+"""Joints of agents from their node, frame and track pose, as recordings store them."""
 
 import math
 
@@ -84,7 +84,7 @@ def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, 
     row = first + whole
     # The last frame of a node has no next one.
     after = min(row + 1, first + table.node_frames[node])
-    # While a seam fades: last pose of the previous node, and the share w left of it.
+    # While a blend offset fades: last pose of the previous node, and the share w left of it.
     old = first
     w = 0.0
     if previous >= 0 and frame < BLEND_FRAMES:
@@ -101,6 +101,8 @@ def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, 
         old_x, old_y = _turned((w - 1.0) * apart, float(root[old, 0]), float(root[old, 1]))
         x += w * old_x
         y += w * old_y
+    # Rotations (w, x, y, z): q is that of a joint in its parent, p that of the parent in the world, d the difference
+    # that a blend offset leaves.
     for j in range(len(table.parents)):
         q0, q1, q2, q3 = _rotation_between(pool[row, j], pool[after, j], part)
         if w > 0.0:
@@ -139,7 +141,7 @@ def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, 
 
 @kernel
 def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations):
-    """Compute world positions and rotations of all joints of A characters.
+    """Compute world positions and rotations of all joints of A agents.
 
     Over the first BLEND_FRAMES frames the difference between the last pose of the previous node and the first of this
     one fades out. The difference fades, not the old pose, which would hold the feet back. It fades in the world: the

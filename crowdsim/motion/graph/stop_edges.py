@@ -11,15 +11,15 @@ from crowdsim.constants import NONE
 from crowdsim.motion.graph.arrays import GraphArrays
 
 TURN_COST = 1.0
-"""Cost of turning on the way to a stand [m/rad]. Higher: characters come to rest facing as they walked."""
+"""Cost of turning on the way to a stand [m/rad]. Higher: agents come to rest facing as they walked."""
 
 
 def choose_stop_edges(graph: GraphArrays) -> NDArray[np.int32]:
     """Return the edge to take at each node's end to come to a stand, (N,).
 
     NONE if the node ends standing or no standing node can be reached. The least track length counts first, with
-    TURN_COST for turning, so that a stopping character keeps its heading; then the fewest frames. Paths that never
-    widen the behavior come first, as a stopping character must not need more space than it has; others serve only nodes
+    TURN_COST for turning, so that a stopping agent keeps its heading; then the fewest frames. Paths that never
+    widen the behavior come first, as a stopping agent must not need more space than it has; others serve only nodes
     that have none.
     """
     source = np.repeat(np.arange(len(graph.node_frames)), np.diff(graph.edge_start))

@@ -1,4 +1,4 @@
-"""Position of a character on its track: chaining of nodes, and fading of the seam between two nodes.
+"""Position of an agent on its track: chaining of nodes, and fading of the blend offset between two nodes.
 
 Units are meters and radians; a pose is (x, y, heading). ``graph`` is a
 :class:`crowdsim.motion.graph.arrays.GraphArrays`.
@@ -15,7 +15,7 @@ longer."""
 
 @kernel
 def blend_weight(frame):
-    """Return the share of the seam left ``frame`` frames after it: 1 at the seam, smoothly 0 at BLEND_FRAMES."""
+    """Return the share of the blend offset left after ``frame`` frames: 1 at first, smoothly 0 at BLEND_FRAMES."""
     if frame >= BLEND_FRAMES:
         return 0.0
     u = frame / BLEND_FRAMES
@@ -47,14 +47,14 @@ def node_end(graph, node, x, y, heading):
 
 @kernel
 def track_pose(graph, node, frame, x, y, heading, dx, dy, dheading):
-    """Return the world track pose of a character ``frame`` frames into ``node``.
+    """Return the world track pose of an agent ``frame`` frames into ``node``.
 
-    (x, y, heading) is the node's origin; (dx, dy, dheading) is the seam: the end of the node before less this origin, 0
-    if there is none. It fades out by :func:`blend_weight`.
+    (x, y, heading) is the node's origin; (dx, dy, dheading) is the blend offset: the end of the node before less this
+    origin, 0 if there is none. It fades out by :func:`blend_weight`.
     """
     row = graph.node_track[node] + frame
     px, py, ph = compose(x, y, heading, graph.tracks[row, 0], graph.tracks[row, 1], graph.tracks[row, 2])
-    # The faded seam keeps the track continuous.
+    # The faded blend offset keeps the track continuous.
     w = blend_weight(frame)
     return px + w * dx, py + w * dy, wrap_angle(ph + w * dheading)
 

@@ -128,12 +128,12 @@ def _faded_steps(graph: MotionGraph, source: Indices, edges: Indices, like: Feet
     target = arrays.edge_target[edges]
     end = arrays.node_motion[source]
     origin = compose(end, arrays.edge_transform[edges])
-    seam = end - origin
-    seam[:, 2] = wrap_angle(seam[:, 2])
+    blend_offset = end - origin
+    blend_offset[:, 2] = wrap_angle(blend_offset[:, 2])
     frame = np.minimum(np.arange(BLEND_FRAMES + 1), arrays.node_frames[target][:, None])
     weight = np.array([blend_weight(f) for f in range(BLEND_FRAMES + 1)])[frame]
     pose = compose(origin[:, None], arrays.tracks[arrays.node_track[target][:, None] + frame])
-    pose = (pose + weight[..., None] * seam[:, None]).reshape(-1, 3)
+    pose = (pose + weight[..., None] * blend_offset[:, None]).reshape(-1, 3)
     columns = (np.repeat(c, BLEND_FRAMES + 1).astype(np.int32) for c in (target, source))
     positions = np.empty((len(pose), graph.skeleton.joint_count, 3), np.float32)
     rotations = np.empty((len(pose), graph.skeleton.joint_count, 4), np.float32)

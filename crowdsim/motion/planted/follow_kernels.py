@@ -1,4 +1,9 @@
-"""Follow the feet of captured bodies from step to step: where each stands, and what fades after it lifts."""
+"""Follow the feet of captured bodies from step to step: where each stands, and what fades after it lifts.
+
+Arguments of all helpers: ``work`` (:class:`~crowdsim.motion.planted.follow_feet.Step`); ``a``, the row of the body;
+``node`` and ``previous``, what it plays and what it played before, -1 for none; ``share``, ``early`` and ``late``,
+moments of the step, 0 to 1; ``count``, the number of events noted so far, which is returned, increased.
+"""
 
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper, kernel

@@ -1,7 +1,11 @@
 """Put the feet of captured bodies where they stand, and bend the legs to them.
 
 A foot that stands keeps its place from touch-down until it lifts, through all nodes that it stands in; only what it
-rolls and turns in the clip that is played moves it. What this moved it fades out while it swings.
+rolls and turns in the clip that is played moves it. While it swings, its displacement from the clip fades out.
+
+Arguments of all helpers: ``table`` (PoseTable) and ``feet`` (FootTable); ``foot``, 0 for the left and 1 for the right;
+``positions`` and ``rotations`` of the joints of all bodies, of which row ``a`` is one body; hip, knee, ankle and other
+points are triples [m], rotations are quaternions (w, x, y, z).
 """
 
 import math

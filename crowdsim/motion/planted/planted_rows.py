@@ -39,7 +39,10 @@ class PlantedRows(NamedTuple):
     def stayed(
         self, old_node: NDArray[np.int32], old_at: Floats, node: NDArray[np.int32], at: Floats
     ) -> NDArray[np.bool_]:
-        """Return (n, 2, P): True for points that stay planted in the clips between two frames of one or two nodes."""
+        """Return (n, 2, P): True for points that stay planted in the clips between two frames of one or two nodes.
+
+        All (n,): ``old_node`` is played at frame ``old_at``, and ``node`` at frame ``at``, which follow each other.
+        """
         table, lifted = self.table, self.lifted
         # Rows around both times. Prefix sums: a point stayed planted if its count did not change.
         begin = table.node_first[old_node] + np.floor(old_at).astype(np.int64)

@@ -30,7 +30,11 @@ class PlanBuilder:
         self.plan.hubs.append(Hub(REST, "stand", self.body))
 
     def step(self, side: int, body: Floats, lift: float, land: float, half_width: float = STANDING_HALF_WIDTH) -> None:
-        """Put one foot down for the body pose ``body``."""
+        """Put one foot down for the body pose ``body``: x, y [m], heading [rad].
+
+        ``side`` is LEFT or RIGHT, ``lift`` and ``land`` are frames of the plan, and ``half_width`` is the distance of
+        the foot from the track [m].
+        """
         self.plan.steps.append(Step(side, lift, land, body, half_width))
         self.body = body
         self.frame = land
@@ -80,9 +84,10 @@ class PlanBuilder:
         swing = 0.5 * (before.swing + gait.swing) + 4.0 * min(1.0, abs(turn) / np.radians(90.0))
         pause = 0.5 * (before.double_support + gait.double_support)
         wanted = land + pause + swing + gait.double_support + PASSING * gait.swing - start
-        slack = np.ceil(wanted - 1e-9) - wanted
+        # The foot lands in a whole frame.
+        rounded_up = np.ceil(wanted - 1e-9) - wanted
         lift = land + pause
-        land = lift + swing + slack
+        land = lift + swing + rounded_up
         self.step(LEFT, along_arc(self.body, steps[1], (1.0 - outer) * turn), lift, land, gait.half_width)
         self._pass(gait, land)
         return self
@@ -147,7 +152,10 @@ class PlanBuilder:
         return self
 
     def steps(self, places: list[tuple[int, Floats]], swing: float, pause: float = 0.0) -> PlanBuilder:
-        """Add steps, each of a side to a body pose relative to the present one, one after another."""
+        """Add steps, each of a side to a body pose relative to the present one, one after another.
+
+        ``swing`` and ``pause`` are numbers of frames in the air and between two steps.
+        """
         origin = self.body
         lift = self.frame + self.plan.style.soft
         for side, place in places:
@@ -156,7 +164,10 @@ class PlanBuilder:
         return self.stand()
 
     def side_step(self, side: int, length: float, swing: float, turn: float = 0.0) -> PlanBuilder:
-        """Step sideways with one foot and close with the other; the body turns by ``turn`` [rad]."""
+        """Step sideways with one foot and close with the other; the body turns by ``turn`` [rad].
+
+        ``length`` is how far the body goes [m], ``swing`` the number of frames that a foot is in the air.
+        """
         sign = 1.0 if side == LEFT else -1.0
         body = compose(self.body, np.array([0.0, sign * length, turn]))
         lift = self.frame + self.plan.style.soft

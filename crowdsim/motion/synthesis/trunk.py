@@ -68,15 +68,19 @@ def _course(plan: Plan) -> tuple[Floats, Floats]:
     lifts = [step.lift for step in plan.steps] + [float(plan.frame_count)]
     for step, next_lift in zip(plan.steps, lifts[1:], strict=True):
         previous, carrying = load[-1]
+        # From rest, the body sets out and its weight shifts some frames before the foot lifts.
         if step.lift - previous > 0.5 * _LONG_SUPPORT:
             course.append((max(step.lift - _LEAN, previous), middle))
             load.append((max(step.lift - _SHIFT, previous), carrying))
+        # The standing foot carries the body while the other one is in the air.
         stance = footprint(1 - step.side, bodies[1 - step.side], half_widths[1 - step.side])
         under = compose(stance, np.array([_OVER_FOOT, 0.0, 0.0]))[:2]
         load.extend([(step.lift, under), (step.land, under)])
         bodies[step.side], half_widths[step.side] = step.body, step.half_width
+        # Between both feet, facing half way between them if the step closes, more towards the new one if it goes on.
         closes = hypot(*(step.body - bodies[1 - step.side])[:2]) < 1e-9
         middle = _between(bodies[1 - step.side], step.body, middle[2], 0.5 if closes else 0.7)
+        # Wait on both feet, with the weight between them soon after landing, or pass through the middle.
         if next_lift - step.land > _LONG_SUPPORT:
             course.extend([(step.land + 1.0, middle), (next_lift - _LEAN, middle)])
             load.append((step.land + 5.0, middle[:2]))

@@ -29,7 +29,7 @@ MOST_ROOTS = 10
 
 @helper
 def set_arc(arc, px, py, qx, qy, bulge):
-    """Set ``arc`` to run from p to q with ``bulge``.
+    """Set ``arc`` to run from p to q with ``bulge``, which is not 0.
 
     The bulge is the tangent of a quarter of the arc's angle, positive for counter-clockwise.
     """

@@ -35,17 +35,17 @@ A bare record would not keep its memory alive.
 
 
 @helper
-def _try(m, t, px, py, x, y, radius, slack, best):
+def _try(m, t, px, py, x, y, radius, tolerance, best):
     """Make (x, y), a place near triangle t, the best place if it is nearer to p than that and free.
 
-    It counts as free with ``slack`` [m] less clearance than ``radius`` [m], as candidates lie at just that distance
+    It counts as free with ``tolerance`` [m] less clearance than ``radius`` [m], as candidates lie at just that distance
     from an obstacle, up to rounding. best: (1,) record of x, y and distance from p [m]; updated.
     """
     distance = hypot(x - px, y - py)
     if distance < best[0].distance:
         # Obstacles are looked for within twice the radius, more than the comparison needs.
         clearance, _ = disc_clearance(m, x, y, 2.0 * radius, t)
-        if clearance >= radius - slack:
+        if clearance >= radius - tolerance:
             best[0].x = x
             best[0].y = y
             best[0].distance = distance
@@ -70,8 +70,11 @@ def _nearest_of(one, px, py, radius):
 
 
 @helper
-def _try_meetings(m, t, px, py, one, other, radius, slack, best):
-    """Try the points where two outlines meet."""
+def _try_meetings(m, t, px, py, one, other, radius, tolerance, best):
+    """Try the points where two outlines meet; arguments as of :func:`_try`.
+
+    An outline is that of an obstacle's corner or side, grown by the radius: a circle, or a line beside the side.
+    """
     # A segment first, if there is one.
     if one.length == 0.0:
         one, other = other, one
@@ -86,7 +89,7 @@ def _try_meetings(m, t, px, py, one, other, radius, slack, best):
         for sign in (-up, up):
             x = one.x + 0.5 * dx - sign * dy
             y = one.y + 0.5 * dy + sign * dx
-            _try(m, t, px, py, x, y, radius, slack, best)
+            _try(m, t, px, py, x, y, radius, tolerance, best)
     # A segment and a circle meet half a chord on both sides of the foot of the circle's center.
     elif other.length == 0.0:
         along = dx * one.ux + dy * one.uy
@@ -96,8 +99,8 @@ def _try_meetings(m, t, px, py, one, other, radius, slack, best):
             return
         half = math.sqrt(half2)
         for s in (along - half, along + half):
-            if s >= -slack and s <= one.length + slack:
-                _try(m, t, px, py, one.x + s * one.ux, one.y + s * one.uy, radius, slack, best)
+            if s >= -tolerance and s <= one.length + tolerance:
+                _try(m, t, px, py, one.x + s * one.ux, one.y + s * one.uy, radius, tolerance, best)
     # Two segments meet where p + s u = p2 + s2 u2 (Cramer's rule); parallel ones never do.
     else:
         sine = one.ux * other.uy - one.uy * other.ux
@@ -105,8 +108,8 @@ def _try_meetings(m, t, px, py, one, other, radius, slack, best):
             return
         s = (dx * other.uy - dy * other.ux) / sine
         s2 = (dx * one.uy - dy * one.ux) / sine
-        if s >= -slack and s <= one.length + slack and s2 >= -slack and s2 <= other.length + slack:
-            _try(m, t, px, py, one.x + s * one.ux, one.y + s * one.uy, radius, slack, best)
+        if s >= -tolerance and s <= one.length + tolerance and s2 >= -tolerance and s2 <= other.length + tolerance:
+            _try(m, t, px, py, one.x + s * one.ux, one.y + s * one.uy, radius, tolerance, best)
 
 
 @helper
@@ -227,7 +230,7 @@ def _distance_to_triangle(m, t, px, py):
 
 
 @kernel
-def nearest_free(m, px, py, radius, slack, limit):
+def nearest_free(m, px, py, radius, tolerance, limit):
     """Find the place nearest to p with a clearance of ``radius``; p may be anywhere.
 
     Parameters
@@ -238,7 +241,7 @@ def nearest_free(m, px, py, radius, slack, limit):
         The point p [m].
     radius : float
         Radius of the disc [m].
-    slack : float
+    tolerance : float
         What rounding may take from the clearance of the place [m].
     limit : float
         Greatest distance from p [m].
@@ -253,7 +256,7 @@ def nearest_free(m, px, py, radius, slack, limit):
     best = np.empty(1, _BEST)
     best[0].x = px
     best[0].y = py
-    best[0].distance = limit + slack
+    best[0].distance = limit + tolerance
     seen = np.zeros(frame.triangles, np.uint8)
     triangle_marks = np.zeros(frame.triangles, np.int32)
     vertex_marks = np.zeros(frame.vertices, np.int32)
@@ -264,7 +267,7 @@ def nearest_free(m, px, py, radius, slack, limit):
     root = triangle_near(m, px, py, NONE)
     seen[root] = 1
     heap, waiting = push(heap, np.int64(0), 0.0, np.int64(root))
-    _try(m, root, px, py, px, py, radius, slack, best)
+    _try(m, root, px, py, px, py, radius, tolerance, best)
     # Visit triangles in the order of their distance, as in Dijkstra's search.
     while waiting > 0:
         pop(heap, waiting)
@@ -279,15 +282,15 @@ def nearest_free(m, px, py, radius, slack, limit):
                 seen[g // 3] = 1
                 heap, waiting = push(heap, waiting, _distance_to_triangle(m, g // 3, px, py), g // 3)
         # Blocked, or too small for a center of the disc.
-        if m.cover[t] != 0 or not _roomy(m, t, radius - slack):
+        if m.cover[t] != 0 or not _roomy(m, t, radius - tolerance):
             continue
         outlines, count, stack = _outlines_near(
-            m, t, radius, radius + slack, outlines, stack, triangle_marks, vertex_marks
+            m, t, radius, radius + tolerance, outlines, stack, triangle_marks, vertex_marks
         )
         # Candidates of one outline.
         for i in range(count):
             _, x, y = _nearest_of(outlines[i], px, py, radius)
-            _try(m, t, px, py, x, y, radius, slack, best)
+            _try(m, t, px, py, x, y, radius, tolerance, best)
         # Candidates of two outlines; those that are farther than the best place as a whole cannot give a nearer one.
         kept = 0
         for i in range(count):
@@ -295,6 +298,6 @@ def nearest_free(m, px, py, radius, slack, limit):
             if distance < best[0].distance:
                 outlines[kept] = outlines[i]
                 for k in range(kept):
-                    _try_meetings(m, t, px, py, outlines[k], outlines[kept], radius, slack, best)
+                    _try_meetings(m, t, px, py, outlines[k], outlines[kept], radius, tolerance, best)
                 kept += 1
     return best[0].distance if best[0].distance <= limit else math.inf, best[0].x, best[0].y

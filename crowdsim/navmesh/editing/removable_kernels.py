@@ -88,12 +88,12 @@ def removable(m, w, v):
     y = vertices[v].y
     ux = b.x - a.x
     uy = b.y - a.y
-    slack = 4.0 * m.frame[0].cell * (abs(ux) + abs(uy))
+    tolerance = 4.0 * m.frame[0].cell * (abs(ux) + abs(uy))
     h = first
     for _ in range(sides.size):
         if sides[h].constraints == 0 and m.cover[h // 3] == 0:
             far = vertices[sides[nxt(h)].org]
-            is_foot = far.vref > 0 and abs((far.x - x) * ux + (far.y - y) * uy) <= slack
+            is_foot = far.vref > 0 and abs((far.x - x) * ux + (far.y - y) * uy) <= tolerance
             if is_foot and not _takes_over(m, v, sides[nxt(h)].org, from_one.org, from_other.org):
                 return False
         h = sides[prv(h)].twin

@@ -25,7 +25,7 @@ def _root(parent, h):
 
 @kernel
 def label_sides(m, width, labels):
-    """Fill ``labels`` (3 nt,) with the component of each half-edge for a disc of diameter ``width``.
+    """Fill ``labels`` (3 nt,) with the component of each half-edge for a disc of diameter ``width`` [m].
 
     Return their number.
 
@@ -63,7 +63,11 @@ def label_sides(m, width, labels):
 
 @helper
 def are_joined(m, labels, start, sx, sy, goal, gx, gy, width):
-    """Return True if a disc of diameter ``width`` can go from (sx, sy) in ``start`` to (gx, gy) in another triangle."""
+    """Return True if a disc of diameter ``width`` can go from (sx, sy) in ``start`` to (gx, gy) in another triangle.
+
+    ``labels`` are those of :func:`label_sides` for this ``width`` [m]; ``start`` and ``goal`` are the triangles.
+    """
+    # Sides without a component (-1) are never left: they are constrained, or inside of obstacles.
     for h in range(3 * start, 3 * start + 3):
         if can_leave(m.sides, m.vertices, h, sx, sy, width):
             for g in range(3 * goal, 3 * goal + 3):

@@ -3,6 +3,9 @@
 Each side is cut by the radius at both ends. A way crosses the rest in straight lines from root to root; roots are ends
 of cut sides, where the way bends. The cost of a way is its length with chords in place of arcs. The widths of sides and
 corners decide what can be crossed, as in :mod:`crowdsim.navmesh.paths.search_kernels`.
+
+Arguments of all helpers are those of :func:`find_way`; ``label`` is a record LABEL of the workspace: an interval of a
+side that is seen from a root r, between the ends l (left) and p (right). ``spent`` is the length up to the root [m].
 """
 
 import math

@@ -91,9 +91,10 @@ def _swallowed(one, other):
 
 @helper
 def funnel(m, channel, count, reach, sx, sy, gx, gy):
-    """Pull a string taut through the first ``count`` sides of the channel.
+    """Pull a string taut through the first ``count`` sides of the channel, from (sx, sy) to (gx, gy).
 
-    Return its nodes, with room for more, and their number.
+    ``channel`` holds the half-edges that are crossed, in order. Return the string's nodes (STRING_NODE), in an array
+    with room for more, and their number.
 
     The string keeps reach[v] [m] away from each vertex v (Lee and Preparata 1984, with circles for points).
     """

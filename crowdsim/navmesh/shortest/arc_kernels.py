@@ -1,4 +1,9 @@
-"""Arcs around the corners of a mesh where a disc of one radius stands free, so that a taut string may bend there."""
+"""Arcs around the corners of a mesh where a disc of one radius stands free, so that a taut string may bend there.
+
+Arguments of all helpers: ``radius`` of the disc and ``least``, the clearance that counts as enough, slightly less [m];
+angles are measured from the direction n, up to ``extent`` [rad]; ``sights``, ``found`` and ``spans`` are scratch: a
+stack of views, what is seen, and the intervals of angles that are taken.
+"""
 
 import math
 

@@ -1,4 +1,8 @@
-"""The search for a shortest path that keeps all arrivals at an arc, for the few queries in which one is not enough."""
+"""The search for a shortest path that keeps all arrivals at an arc, for the few queries in which one is not enough.
+
+Arguments are those of :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`; ``arrivals`` are records ARRIVAL, and
+``first`` (nodes,) is the arrival last added at each node, -1 for none.
+"""
 
 import numpy as np
 
@@ -21,6 +25,7 @@ from crowdsim.navmesh.shortest.tangent_search_kernels import (
 def _is_beaten(arrivals, k, first, radius):
     """Return True if another arrival at the node of arrival k is as good, however the string goes on.
 
+    ``first`` is the arrival last added at that node.
     An arrival that has turned by more can go back along the arc; see
     :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`.
     """
@@ -31,7 +36,7 @@ def _is_beaten(arrivals, k, first, radius):
         if i != k:
             # What the other costs more, with the way back along the arc. Of equals the first one stays.
             off = other.cost + 2.0 * radius * max(other.turned - one.turned, 0.0) - one.cost
-            if off < -SAME or (off <= SAME and i < k):  # of equals the first one stays
+            if off < -SAME or (off <= SAME and i < k):
                 return True
         i = other.next
     return False

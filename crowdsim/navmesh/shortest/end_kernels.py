@@ -14,7 +14,7 @@ from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.shortest.shortest_scratch import Stand
 from crowdsim.navmesh.shortest.tangent_graph_kernels import nearest_end, touches, turned_to
 from crowdsim.navmesh.shortest.view_arrays import Viewpoint
-from crowdsim.navmesh.shortest.visibility_kernels import SLACK, see_corners
+from crowdsim.navmesh.shortest.visibility_kernels import TOLERANCE, see_corners
 
 
 @helper
@@ -161,11 +161,11 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
     y = stand.y
     triangle = stand.triangle
     radius = disc.radius
-    margin = SLACK
+    margin = TOLERANCE
     # Off by an angle e, a tangent dips in by radius (1 - cos e), about radius e * e / 2.
     if disc.least > 0.0:
         margin += math.sqrt(2.0 * max(radius - disc.least, 0.0) / radius)
-    eye = Viewpoint(x, y, 0.0, radius, disc.slack, margin, 0.0, 0.0, 0.0, 0.0)
+    eye = Viewpoint(x, y, 0.0, radius, disc.tolerance, margin, 0.0, 0.0, 0.0, 0.0)
     found = _look(m, graph, scratch, eye, triangle, np.int64(0))
     # A stand on a side or a corner also looks through the other triangles that touch it.
     if stand.others:

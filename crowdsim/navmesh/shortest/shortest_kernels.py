@@ -104,8 +104,8 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
         if last < 0:
             return NO_PASSAGE, points, math.nan
         string = string_of_arrival(graph, arrivals, last, start, goal, radius)
-    # Turn the string into points: around discs of the requested radius if they fit, else of the graph's. The latter is
-    # repaired if its turns are right, and only refined if they are not; then the other way round.
+    # Turn the string into points: around discs of the requested radius if they fit, else of the graph's. A string
+    # around the latter is repaired if its turns are right, and only refined if they are not; then the other way round.
     done = False
     if _widen(string, asked):
         done, points = pull(m, scratch.stack, string, string.size, asked, least, start.triangle, np.bool_(True))

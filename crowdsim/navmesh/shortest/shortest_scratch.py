@@ -47,7 +47,7 @@ class Disc(NamedTuple):
 
     radius: float
     least: float
-    slack: float
+    tolerance: float
 
 
 class Stand(NamedTuple):
@@ -79,7 +79,10 @@ class ShortestScratch(NamedTuple):
 
 
 def shortest_scratch(nodes: int, vertices: int, triangles: int) -> ShortestScratch:
-    """Return scratch memory for a graph of so many nodes; the system provides memory only where it is written to."""
+    """Return scratch memory for a graph of so many nodes; the system provides memory only where it is written to.
+
+    Heap and stack are small, as searches replace them by larger ones if they are full.
+    """
     return ShortestScratch(
         np.zeros(nodes, LABEL),
         np.zeros(nodes, END),

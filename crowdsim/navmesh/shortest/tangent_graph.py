@@ -15,7 +15,7 @@ from crowdsim.navmesh.shortest.shortest_scratch import Disc, ShortestScratch, sh
 from crowdsim.navmesh.shortest.tangent_graph_arrays import TangentGraph
 from crowdsim.navmesh.shortest.view_arrays import empty_view
 
-_SLACK_CELLS = 4.0
+_TOLERANCE_CELLS = 4.0
 """Grid cells by which walls may hide what lies along them, as their inner vertices are rounded to the grid."""
 
 
@@ -43,7 +43,7 @@ class RadiusGraph:
 
     def __init__(self, mesh: MeshArrays, radius: float, least: float, workers: int) -> None:
         cell = float(mesh.frame["cell"][0])
-        self.asked, self.disc = radius, Disc(least + _ROUNDING_CELLS * cell, least, _SLACK_CELLS * cell)
+        self.asked, self.disc = radius, Disc(least + _ROUNDING_CELLS * cell, least, _TOLERANCE_CELLS * cell)
         if least <= 0.0:
             self.asked, self.disc = 0.0, Disc(0.0, 0.0, 0.0)
         self._vertices, self._triangles = len(mesh.vertices), int(mesh.frame["triangles"][0])

@@ -12,7 +12,7 @@ from crowdsim.navmesh.mesh.growing_kernels import longer
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_of
 from crowdsim.navmesh.shortest.tangent_graph_arrays import LINK, NODE
 from crowdsim.navmesh.shortest.view_arrays import Viewpoint
-from crowdsim.navmesh.shortest.visibility_kernels import SLACK, see_corners
+from crowdsim.navmesh.shortest.visibility_kernels import TOLERANCE, see_corners
 
 _TANGENT = np.dtype(
     [("i", np.int64), ("j", np.int64)] + [(n, np.float64) for n in ("length", "leave", "arrive")], align=True
@@ -23,16 +23,16 @@ _TANGENT = np.dtype(
 @helper
 def touches(arc, nx, ny):
     """Return True if the place in direction n from the arc's corner is off both walls of the corner."""
-    return nx * arc.ax + ny * arc.ay <= SLACK and nx * arc.bx + ny * arc.by <= SLACK
+    return nx * arc.ax + ny * arc.ay <= TOLERANCE and nx * arc.bx + ny * arc.by <= TOLERANCE
 
 
 @helper
 def turned_to(arc, nx, ny):
     """Return the angle [rad] from the begin of the arc to its place in direction n, or -1.0 if it is not on the arc."""
     angle = atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
-    if angle < -SLACK:
+    if angle < -TOLERANCE:
         angle += 2.0 * math.pi
-    if angle > arc.extent + SLACK:
+    if angle > arc.extent + TOLERANCE:
         return -1.0
     return min(max(angle, 0.0), arc.extent)
 
@@ -93,7 +93,7 @@ def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
 
 
 @kernel
-def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_node):
+def find_tangents(m, arcs, begin, radius, least, tolerance, view, first_node, last_node):
     """Find free tangents from nodes first_node up to last_node, one for each pair of opposite ones.
 
     Parameters
@@ -104,7 +104,7 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
         Vertex v owns arcs[begin[v]:begin[v + 1]].
     radius, least : float
         Radius of the disc, and clearance that counts as enough, slightly less [m].
-    slack : float
+    tolerance : float
         How far corners may be off their places [m].
     view : View
         Scratch memory; its ellipse must be the one that holds all places.
@@ -139,7 +139,7 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
             c, s = cos_sin(angle)
             bx = -q * (arc.ny * c + arc.nx * s)
             by = q * (arc.nx * c - arc.ny * s)
-            eye = Viewpoint(arc.x, arc.y, q * radius, radius, slack, SLACK, ax, ay, bx, by)
+            eye = Viewpoint(arc.x, arc.y, q * radius, radius, tolerance, TOLERANCE, ax, ay, bx, by)
             # Through all free triangles around the corner.
             h = m.vertices[arc.vertex].vhe
             first = h
@@ -185,7 +185,8 @@ def link_arcs(arcs, tangents, radius):
     """
     count = 2 * arcs.size
     nodes = np.zeros(count + 2, NODE)
-    # Counting sort by node, both ways of each tangent: count, add up, put in place.
+    # Counting sort by node, both ways of each tangent: count, add up, put in place. A tangent leads from node i to j,
+    # the other way round from j ^ 1 to i ^ 1: the nodes that go around the same arcs in the other direction.
     for tangent in tangents:
         nodes[tangent.i + 2].begin += 1
         nodes[(tangent.j ^ 1) + 2].begin += 1

@@ -6,6 +6,11 @@ turned by more: its disc can go back along the arc, which is free, for twice the
 way, and once as the cost counts the angle). An arrival that costs more than this leads to no shortest path. One that
 costs less may, but hardly ever does; then all arrivals have to be kept, see
 :mod:`crowdsim.navmesh.shortest.complete_search_kernels`.
+
+Arguments of all helpers: ``graph`` (TangentGraph); ``scratch``, ``disc``, ``start`` and ``goal`` (Stand), labels and
+``goals`` (END, the tangents to the goal) as of :mod:`crowdsim.navmesh.shortest.shortest_scratch`; ``stamp``, the number
+of the query; ``n``, a node: a way around an arc, counter-clockwise if even. ``turned`` is the angle from the begin of
+the arc to the place of arrival [rad], ``straight`` the length of the tangent before it [m].
 """
 
 import math
@@ -53,10 +58,10 @@ def _is_shorter(back, radius, one, other):
 
 @helper
 def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kept_turned, kept_straight):
-    """Return a lower bound of the lengths of strings that are lost with an arrival at node n.
+    """Return a lower bound of the lengths of strings that are lost with an arrival at node n [m].
 
     ``cost`` and ``turned`` are those of the lost arrival; kept_cost, kept_turned and kept_straight (length of its
-    tangent) are those of the cheaper one that is kept. Lost are the strings that only the former leads to.
+    tangent) are those of the cheaper one that is kept. Lost are the strings to which only the lost arrival leads.
     """
     radius = disc.radius
     # Tangents that leave between ``turned`` and ``until`` are cheaper than with the other arrival, which would go back.
@@ -145,6 +150,7 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
     stamp = scratch.stamp[0]
     for k in range(count):
         node = nodes[ends[k].node]
+        # Costs of nodes are counted at the begin of their arcs: less the part of the arc before the place of arrival.
         cost = ends[k].length - radius * ends[k].turned
         heap, size = push(heap, size, cost + distance(goal.x - node.x, goal.y - node.y), 2 * total + k)
     while size > 0:
@@ -174,7 +180,7 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
             end = goals[n]
             if is_free_end(m, scratch.stack, goal, disc, end):
                 return n, key, lost
-            end.stamp = -1
+            end.stamp = -1  # blocked: never tried again
             continue
         # A node, unless it was reached at less cost since.
         else:

@@ -58,10 +58,10 @@ class Viewpoint(NamedTuple):
     y: float
     q: float
     radius: float
-    slack: float
+    tolerance: float
     """Vertices hide only what is behind them by more than this [m]."""
     margin: float
-    """How far headings may be off what other vertices leave [rad], at least ``SLACK`` of visibility_kernels."""
+    """How far headings may be off what other vertices leave [rad], at least ``TOLERANCE`` of visibility_kernels."""
     ax: float
     ay: float
     """Unit vector of the first heading, counter-clockwise; zero for a point from which all headings count."""

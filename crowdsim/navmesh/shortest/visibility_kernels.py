@@ -10,7 +10,7 @@ from crowdsim.jit import helper, inlined
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.paths.tangent_kernels import PINCH
 
-SLACK = 1e-6
+TOLERANCE = 1e-6
 """How far a tangent may miss the end of an arc, or a vertex in its way, by rounding [rad]; exact checks follow."""
 
 LOOKS = np.int64(1024)
@@ -215,12 +215,12 @@ def _clip(sight, eye):
 
 
 @inlined
-def _split(sight, other, zx, zy, aim, slack, reach):
+def _split(sight, other, zx, zy, aim, tolerance, reach):
     """Split a view at the vertex seen at z from the eye: ``sight`` keeps its right part, ``other`` takes the left one.
 
-    Both see past the vertex by ``slack`` [m]. Beside the vertex, headings are bounded for corners more than ``reach``
-    behind it. sight, other: records :data:`~crowdsim.navmesh.shortest.view_arrays.SIGHT`. aim: unit vector (dx, dy) of
-    the view's heading.
+    Both see past the vertex by ``tolerance`` [m]. Beside the vertex, headings are bounded for corners more than
+    ``reach`` behind it. sight, other: records :data:`~crowdsim.navmesh.shortest.view_arrays.SIGHT`. aim: unit vector
+    (dx, dy) of the view's heading.
     """
     # The left part inherits all bounds of the view.
     other.clipped = sight.clipped
@@ -233,13 +233,13 @@ def _split(sight, other, zx, zy, aim, slack, reach):
     other.a_from = sight.a_from
     other.b_from = sight.b_from
     # The left part begins slightly right of the vertex, but not outside of the old view; the right part ends alike.
-    other.rx = zx + slack * aim.dy
-    other.ry = zy - slack * aim.dx
+    other.rx = zx + tolerance * aim.dy
+    other.ry = zy - tolerance * aim.dx
     if sight.rx * other.ry - sight.ry * other.rx < 0.0:
         other.rx = sight.rx
         other.ry = sight.ry
-    zx -= slack * aim.dy
-    zy += slack * aim.dx
+    zx -= tolerance * aim.dy
+    zy += tolerance * aim.dx
     if zx * sight.ly - zy * sight.lx > 0.0:
         sight.lx = zx
         sight.ly = zy
@@ -311,13 +311,13 @@ def see_corners(m, arc_begin, eye, h, view, count):
         is_far = sight.clipped == 0 and point_segment_distance2(eye.x, eye.y, a.x, a.y, b.x, b.y) >= near2
         if is_far and not _clip(sight, eye):
             continue
-        # Is the vertex opposite in view, give or take the slack?
+        # Is the vertex opposite in view, up to the tolerance?
         w = sides[prv(g)].org
         zx = vertices[w].x - eye.x
         zy = vertices[w].y - eye.y
         _aim(aim, zx, zy, eye.q, radius)
-        dx = eye.slack * aim.dx
-        dy = eye.slack * aim.dy
+        dx = eye.tolerance * aim.dx
+        dy = eye.tolerance * aim.dy
         left_of_right = sight.rx * (zy + dx) - sight.ry * (zx - dy) >= 0.0
         right_of_left = (zx + dy) * sight.ly - (zy - dx) * sight.lx >= 0.0
         visible = left_of_right and right_of_left
@@ -327,7 +327,7 @@ def see_corners(m, arc_begin, eye, h, view, count):
         if visible:
             other = sights[top + 1]
             other.side = prv(g)
-            _split(sight, other, zx, zy, aim, eye.slack, reach)
+            _split(sight, other, zx, zy, aim, eye.tolerance, reach)
             sight.side = nxt(g)
             first = _leads_on(sight, nxt(g), vertices, sides, eye, ellipse)
             second = _leads_on(other, prv(g), vertices, sides, eye, ellipse)

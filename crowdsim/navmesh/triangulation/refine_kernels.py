@@ -19,7 +19,7 @@ from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.triangulation.triangulation_kernels import split_edge, split_is_robust
 from crowdsim.navmesh.triangulation.work_kernels import CHANGED, STUCK, dequeue, enqueue, is_spent, touch
 
-_SLACK = 1e-9
+_TOLERANCE = 1e-9
 """Share of a side by which the bounds of a search are widened against rounding.
 
 The exact clearance decides in the end.
@@ -52,17 +52,15 @@ def _nearer(lo, hi, ax, ay, bx, by, wx, wy):
 def set_sight(sight, side, rx, ry, lx, ly):
     """Set the view from a vertex across ``side``, between the ray r on the right and l on the left."""
     sight.side = side
-    sight.rx = rx
-    sight.ry = ry
-    sight.lx = lx
-    sight.ly = ly
+    sight.rx, sight.ry = rx, ry
+    sight.lx, sight.ly = lx, ly
 
 
 @helper
 def _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
     """Return True if a foot seen from vertex v between x and y may lie at least ``least`` along q.
 
-    All are relative to v.
+    All are relative to v; xx, xy, yx and yy are the coordinates of x and y.
 
     The foot is in the hull of v, x, y and the point opposite of v on their circle, so one of these must be far enough.
     """
@@ -104,11 +102,12 @@ def _foot_at(m, s, part, x, y, near):
 def _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1):
     """Return the part of lo..hi of side ab (0 at a, 1 at b) that may hold the foot of the origin; lo > hi if none.
 
-    It is in view from ray r to ray l, and w . foot <= w . w for each vertex w seen (x, y, a, b), or their disc holds w.
+    It is in view from ray r = (r0, r1) to ray l, and w . foot <= w . w for each vertex w seen (x, y, a, b), or their
+    disc holds w.
     """
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, xx, xy)
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, yx, yy)
-    if lo > hi + _SLACK:
+    if lo > hi + _TOLERANCE:
         return lo, hi
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, ax, ay)
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, bx, by)
@@ -134,7 +133,7 @@ def find_bottleneck(m, v, qx, qy, w):
     py = vertices[v].y
     qx -= px
     qy -= py
-    least = (1.0 - _SLACK) * (qx * qx + qy * qy)
+    least = (1.0 - _TOLERANCE) * (qx * qx + qy * qy)
     # Turn around v: one search for each triangle between two spokes x and y.
     first = vertices[v].vhe
     corner = first
@@ -188,7 +187,7 @@ def find_bottleneck(m, v, qx, qy, w):
                 # The part of the side where a foot may be: far enough along q, and in view.
                 lo, hi = _cut(0.0, 1.0, least - ax * qx - ay * qy, least - bx * qx - by * qy)
                 lo, hi = _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1)
-                if lo > hi + _SLACK:
+                if lo > hi + _TOLERANCE:
                     continue
                 # An open side: look on beyond it.
                 if sides[h].constraints == 0:
@@ -201,7 +200,7 @@ def find_bottleneck(m, v, qx, qy, w):
                 ey = by - ay
                 length2 = ex * ex + ey * ey
                 part = -(ax * ex + ay * ey) / length2
-                if part < lo - _SLACK or part > hi + _SLACK:
+                if part < lo - _TOLERANCE or part > hi + _TOLERANCE:
                     continue
                 found, fx, fy = _foot_at(m, h, part, px, py, corner // 3)
                 if found:
@@ -240,7 +239,8 @@ def inside_circle(m, t, ax, ay, bx, by, lo, hi):
     middle = (wx - cx) * ex + (wy - cy) * ey
     first = wx * (wx - 2.0 * cx) + wy * (wy - 2.0 * cy)
     root = middle * middle - length2 * first
-    root += _SLACK * (middle * middle + length2 * abs(first))
+    root += _TOLERANCE * (middle * middle + length2 * abs(first))
+    # The line misses the circle: an empty part.
     if root < 0.0:
         return 1.0, 0.0
     root = math.sqrt(root)
@@ -297,7 +297,7 @@ def _find_foot(m, s, w):
         zy = z.y
         part = ((zx - ax) * ex + (zy - ay) * ey) / length2
         # The far corner z is a corner of an obstacle and its foot falls into that part.
-        if z.vref > 0 and part >= lo - _SLACK and part <= hi + _SLACK:
+        if z.vref > 0 and part >= lo - _TOLERANCE and part <= hi + _TOLERANCE:
             found, fx, fy = _foot_at(m, s, part, zx, zy, g // 3)
             if found:
                 return True, fx, fy

@@ -37,6 +37,7 @@ def flip(sides, vertices, e):
     Half-edge e = u -> w of triangle (u, w, p) and its twin f of (w, u, q) become u -> q of (u, q, p) and w -> p of (w,
     p, q).
     """
+    # n: the half-edge after e or f in its triangle; p: the one before it.
     f = sides[e].twin
     en = nxt(e)
     ep = prv(e)

@@ -98,6 +98,7 @@ def _inside(m, t, piece):
 def _add_span(spans, lasts, count, owner, lo, hi):
     """Record the interval lo..hi for behavior ``owner``, or merge it into its last one; return the new count.
 
+    ``spans`` are the intervals [m] in which behaviors do not fit, the first ``count`` of them in use.
     The caller makes room in ``spans``. Returning the array would make numba count its references in each call.
     """
     # lasts[owner]: index of this behavior's last interval on this layer, or NONE.
@@ -178,7 +179,10 @@ def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece):
 
 @helper
 def _add_inside(m, t, piece, behaviors, spans, lasts, count):
-    """Record where the piece is inside the blocked triangle t, for all behaviors; return the new count."""
+    """Record where the piece is inside the blocked triangle t, for all behaviors; return the new count.
+
+    spans, lasts, count: as of :func:`_add_span`. Spans are measured along the path, of which the piece is a part [m].
+    """
     lo, hi = _inside(m, t, piece)
     lo = max(lo, 0.0)
     hi = min(hi, piece.length)

@@ -26,7 +26,7 @@ def label_path(
 
     A stretch that requires a narrower behavior is lengthened to ``MIN_SECTION`` if it is shorter, as narrower always
     fits; a shorter stretch that would allow a wider behavior keeps the narrower one. Turned sections border on the
-    preferred behavior, with room to turn, or on the ends of the path, where a character may stand at any heading.
+    preferred behavior, with room to turn, or on the ends of the path, where an agent may stand at any heading.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ STATION = 0.12
 """Largest distance between stations [m]."""
 
 MARGIN = 0.1
-"""Clearance beyond the planned one that a path takes where it costs (almost) nothing [m]."""
+"""Clearance beyond the planned one that a path takes if it costs (almost) nothing [m]."""
 
 SHIFTS = MARGIN * np.linspace(-1.0, 1.0, 9)
 """Shifts of a station, to the left [m]."""
@@ -43,7 +43,7 @@ _STAY = len(SHIFTS) // 2
 
 
 def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
-    """Return the route with more clearance where there is room: through the middle of gaps, wide around corners."""
+    """Return the route with more clearance if there is room: through the middle of gaps, wide around corners."""
     if path.length < 2.0 * STATION:
         return path
     # One cheap sweep: if the whole path has the margin already, nothing can be gained.
@@ -96,11 +96,14 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
     for layer, mesh in enumerate(query.meshes):
         clear = mesh.clearances(places[close].reshape(-1, 2), float(reach[layer]))
         room = np.minimum(room, clear.reshape(len(close), -1, 1) - need.radii[:, layer])
+    # A station that stays is on the path, which touches by at most the tolerance; a shifted one must leave room for the
+    # straight line between two stations.
     least = np.where(np.arange(len(SHIFTS)) == _STAY, -2.0 * CONTACT_TOLERANCE, _CHORD)[:, None]
     lack = need.costs[-1] * MARGIN_PRICE * (1.0 - np.clip(room / MARGIN, 0.0, 1.0))
     prices = np.full(places.shape[:2], np.inf)
     prices[:, _STAY] = need.costs[-1]
     prices[close] = np.where(room >= least, need.costs + lack, np.inf).min(axis=2)
+    # The path itself is always possible, at worst with the narrowest behavior. Its ends do not shift.
     stays = prices[:, _STAY]
     stays[np.isinf(stays)] = need.costs[0]
     prices[[0, -1]] = np.where(np.arange(len(SHIFTS)) == _STAY, prices[[0, -1]], np.inf)

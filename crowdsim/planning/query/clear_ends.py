@@ -1,4 +1,4 @@
-"""Free ends of a path for a character that stands closer to obstacles than plans allow."""
+"""Free ends of a path for an agent that stands closer to obstacles than plans allow."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _PROBE = 0.005
 def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return each of ``points`` (n, 2), or a place nearby with planned clearance if the point has only the body's own.
 
-    A motion strays from its path, so a character at rest may be closer to obstacles than planned. The widest behavior
+    A motion strays from its path, so an agent at rest may be closer to obstacles than planned. The widest behavior
     that fits counts; a behavior that turns the body counts only if no other fits.
     """
     upright = need.narrowest_upright  # if a wider behavior fits, this one fits, too
@@ -107,7 +107,10 @@ def _missing(
 
 
 def joined_to(path: AnnotatedPath, ends: NDArray[np.float64], costs: NDArray[np.float64]) -> AnnotatedPath:
-    """Return the path with its first and last section lengthened to start and goal (2, 2)."""
+    """Return the path with its first and last section lengthened to start and goal, ``ends`` (2, 2) [m].
+
+    ``costs`` (n,) are those of a meter with each behavior.
+    """
     before, after = distance(path.points[0], ends[0]), distance(path.points[-1], ends[1])
     if before == after == 0.0:
         return path

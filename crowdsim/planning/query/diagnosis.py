@@ -54,6 +54,7 @@ def _narrowest_place(query: Query, layer: int, points: NDArray[np.float64], radi
     mesh, name = query.meshes[layer], f"layer {layer}" if layer else "legs layer"
     widest = f"; the widest pose is in {query.need.widest[layer]}" if query.need.widest else ""
     arc = arc_lengths(points)
+    # Every 5 cm along the path.
     places = points_at(points, arc, np.linspace(0.0, arc[-1], int(arc[-1] / 0.05) + 2))
     clearances = mesh.clearances(places, radius)
     k = int(np.argmin(clearances))

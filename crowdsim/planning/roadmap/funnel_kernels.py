@@ -181,6 +181,7 @@ def keep_off(nodes, size, corners, filled, low, high):
         a = nodes[i]
         b = nodes[i + 1]
         # The straight piece: the tangent of the circles a and b, from its contact point (ax, ay) in direction (dx, dy).
+        # q is the radius of a node, negative if its circle lies on the right.
         exists, dx, dy = tangent(a, b)
         if not exists:
             return -1

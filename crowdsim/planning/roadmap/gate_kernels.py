@@ -109,8 +109,10 @@ def _is_beside(corner, gate):
 def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
     """Write the taut path through the pins of all pinned gates to ``taut``; return its node count, -1 if it tangles.
 
-    nodes: the taut path without pins. Between gates the path keeps the distance from the gates' corners that the widest
-    behavior needs.
+    nodes: the taut path without pins, ``size`` of them. corners: CORNER[filled]. around: (nv, n) clearance of each
+    vertex for each behavior [m]. gates: GATE[found], in the order of the path.
+
+    Between gates the path keeps the distance from the gates' corners that the widest behavior needs.
     """
     top = around.shape[1] - 1
     taut[0] = nodes[0]

@@ -196,6 +196,7 @@ def choose_landmarks(marks, of_goal, seen, starts, behaviors, telling):
 def costs_from(points, ways, costs, turned, change, source, heap, out):
     """Fill ``out`` (states,) with the least cost from any state of point ``source`` (Dijkstra); return the heap.
 
+    points, ways, costs, turned, change: as of :class:`RoadGraph` and :class:`Prices`. heap: scratch, which may grow.
     Least lengths of sections do not count, so that the costs bound those of a search from below.
     """
     n = costs.size

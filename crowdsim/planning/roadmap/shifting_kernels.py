@@ -114,7 +114,11 @@ def place_stations(points, sections, costs, least, stations):
 
 @helper
 def price_places(layers, hints, radii, costs, stations, spread, prices):
-    """Fill ``prices`` (stations, SHIFTS) with the cost per meter at each place; infinite if no behavior fits."""
+    """Fill ``prices`` (stations, SHIFTS) with the cost per meter at each place; infinite if no behavior fits.
+
+    layers, hints: meshes as of `layers_of`, and the triangles found last in each. radii (n, m) [m], costs (n,) per
+    meter: of the behaviors. stations, spread: as of :func:`choose_shifts`.
+    """
     top = costs.size - 1
     for s in range(stations.size):
         station = stations[s]

@@ -1,1 +1,1 @@
-"""The characters of a scenario: when they come, where they start and go, and their properties."""
+"""The agents of a scenario: when they come, where they start and go, and their properties."""

@@ -1,4 +1,4 @@
-"""Start times of the characters of a group: at a fixed interval, or at the rate of a source; parties start together."""
+"""Start times of the agents of a group: at a fixed interval, or at the rate of a source; parties start together."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from crowdsim.scenario.schema.agents import MAX_COUNT
 from crowdsim.scenario.schema.schema import ScenarioFields
 
 NEVER = 2**40
-"""Start step of characters who come only if a command adds them, and of those who were removed."""
+"""Start step of agents who come only if a command adds them, and of those who were removed."""
 
 _ARRIVAL_STREAM = 2
 _BATCH = 256
 
 
 def first_of_party(keys: ScenarioFields, number: int, count: int) -> NDArray[np.int64]:
-    """Return, for each character of group ``number``, the index within the group of the first member of its party.
+    """Return, for each agent of group ``number``, the index within the group of the first member of its party.
 
-    The result has shape (count,). A party is ``together`` consecutive characters of a group that walk together.
+    The result has shape (count,). A party is ``together`` consecutive agents of a group that walk together.
     """
     together = keys.agents[number].together
     return np.arange(count) // together * together
 
 
 def start_times(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
-    """Return the start times (n,) of the characters of group ``number`` [s], ascending.
+    """Return the start times (n,) of the agents of group ``number`` [s], ascending.
 
     A party starts with its first member. Times of a random source are drawn from the group's own stream of the
     scenario's seed. An unbounded source gives :data:`~crowdsim.scenario.schema.agents.MAX_COUNT` + 1 times at most, so
-    that the check of the count refuses it. The times of characters on call are infinite.
+    that the check of the count refuses it. The times of agents on call are infinite.
     """
     if keys.agents[number].on_call:
         return np.full(keys.agents[number].count or 0, np.inf)
@@ -39,7 +39,7 @@ def start_times(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
 
 
 def start_steps(keys: ScenarioFields, number: int) -> NDArray[np.int64]:
-    """Return the steps (n,) nearest to the times at which the characters of group ``number`` start.
+    """Return the steps (n,) nearest to the times at which the agents of group ``number`` start.
 
     The step of those on call is :data:`NEVER`.
     """
@@ -49,7 +49,7 @@ def start_steps(keys: ScenarioFields, number: int) -> NDArray[np.int64]:
 
 
 def _alone(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
-    """Return the start times (n,) that the characters would have without parties [s]."""
+    """Return the start times (n,) that the agents would have without parties [s]."""
     group = keys.agents[number]
     if group.rate is None:
         return group.start_time + np.arange(group.count or 0, dtype=np.float64) * group.interval

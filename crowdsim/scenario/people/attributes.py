@@ -1,4 +1,4 @@
-"""Draw the attributes of all characters of a scenario from its seed."""
+"""Draw the attributes of all agents of a scenario from its seed."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Values = NDArray[np.float64] | NDArray[np.str_]
 
 
 def draw_attributes(keys: ScenarioFields) -> dict[str, Values]:
-    """Return the attributes of all characters by name: arrays (n,) of numbers or of words, in the order of the groups.
+    """Return the attributes of all agents by name: arrays (n,) of numbers or of words, in the order of the groups.
 
-    Characters of a group that lacks an attribute get nan or an empty word. Each attribute of each group is drawn from
+    Agents of a group that lacks an attribute get nan or an empty word. Each attribute of each group is drawn from
     its own stream of the scenario's seed, so that adding one changes no other.
     """
     counts = [len(start_times(keys, number)) for number in range(len(keys.agents))]
@@ -42,6 +42,7 @@ def draw_attributes(keys: ScenarioFields) -> dict[str, Values]:
 
 
 def _draw(attribute: Attribute, count: int, generator: np.random.Generator) -> Values:
+    """Draw values (count,) of an attribute: words by their shares, or numbers."""
     if attribute.words is None:
         return draw_spread(attribute, count, generator)
     words, shares = list(attribute.words), np.array(list(attribute.words.values()))

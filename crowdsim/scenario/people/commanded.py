@@ -1,4 +1,4 @@
-"""Commands about characters: what is wrong with them."""
+"""Commands about agents: what is wrong with them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from crowdsim.yamlfile.document import Complaint
 
 
 class Called:
-    """The characters on call, and which of them earlier commands have added, or removed for good.
+    """The agents on call, and which of them earlier commands have added, or removed for good.
 
-    ``on_call`` : numbers of the characters of each group on call, by its name
+    ``on_call`` : numbers of the agents of each group on call, by its name
     """
 
     def __init__(self, keys: ScenarioFields) -> None:
@@ -34,11 +34,11 @@ class Called:
         return agent not in self._spent and any(agent in numbers for numbers in self.on_call.values())
 
     def next_of(self, group: str, count: int) -> list[int]:
-        """Return the first ``count`` characters of a group that are still on call, or fewer if there are no more."""
+        """Return the first ``count`` agents of a group that are still on call, or fewer if there are no more."""
         return [agent for agent in self.on_call.get(group, ()) if agent not in self._spent][:count]
 
     def take(self, command: Command) -> None:
-        """Take in a command, which may add or remove characters."""
+        """Take in a command, which may add or remove agents."""
         if isinstance(command.commanded, Added | Removed):
             self._spent.update(command.commanded.agents)
 
@@ -46,7 +46,7 @@ class Called:
 def command_complaint(
     keys: ScenarioFields, environment: Environment, command: Command, called: Called
 ) -> Complaint | None:
-    """Return what is wrong with a command about characters, by its key, or None.
+    """Return what is wrong with a command about agents, by its key, or None.
 
     ``called`` : as the commands before it left it
     """

@@ -1,4 +1,4 @@
-"""Place characters that may be steered, as arrays: there may be a hundred thousand of them."""
+"""Place agents that may be steered, as arrays: there may be a hundred thousand of them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ BODY_DEPTH = 0.25
 """Depth of a body from chest to back [m]."""
 
 SPARE = 0.02
-"""Least gap between two characters that start in one step, and between them and walls [m]."""
+"""Least gap between two agents that start in one step, and between them and walls [m]."""
 
 CAPTURED_APART = 0.9
 """Distance between the centers of two that start in one step if there is room, so that both can begin captured [m]."""
@@ -46,36 +46,36 @@ Floats = NDArray[np.float64]
 
 
 class CrowdPlacement(NamedTuple):
-    """Starts, goals and properties of n characters, in the order of their groups.
+    """Starts, goals and properties of n agents, in the order of their groups.
 
     Attributes
     ----------
     names : tuple of str
         Names of the groups.
     group : (n,) int32
-        Index of each character's group.
+        Index of each agent's group.
     starts : (n, 2) float64
         Start positions [m].
     headings : (n,) float64
         Headings at the start [rad]; nan for the direction of the path.
     start_steps, delay_steps : (n,) int64
-        Step in which a character appears, and number of steps for which it then stands.
+        Step in which an agent appears, and number of steps for which it then stands.
     walkers : Walkers
         Speeds, breadths and delays.
     goals : tuple of Polygon
-        Regions that characters go to, without duplicates.
+        Regions that agents go to, without duplicates.
     itineraries : tuple of Itinerary
         Itineraries of the groups.
     spots : (n, k, 2) float64
-        Place of each character in its k-th goal, if it stands there or walks there in captured motion; else nan [m].
+        Place of each agent in its k-th goal, if it stands there or walks there in captured motion; else nan [m].
     locomotions : tuple of str
         ``captured``, ``steered`` or ``auto``, by group.
     paced : tuple of bool
         Whether the file gives a walking speed, by group.
     first : (n,) int64
-        Index of the first member of each character's party; its own index if it walks alone.
+        Index of the first member of each agent's party; its own index if it walks alone.
     assigned : (n,) int32
-        Index of the goal (exit) assigned to each character; NONE if it has none.
+        Index of the goal (exit) assigned to each agent; NONE if it has none.
     exits : dict of str to int
         Goal index by name of exit; exits that no group uses are missing.
     """
@@ -98,14 +98,14 @@ class CrowdPlacement(NamedTuple):
 
     @property
     def head_count(self) -> int:
-        """Return the number of characters."""
+        """Return the number of agents."""
         return len(self.group)
 
 
 def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple[CrowdPlacement, list[Complaint]]:
-    """Draw when and where each character starts, and where it goes.
+    """Draw when and where each agent starts, and where it goes.
 
-    Characters that start in the same step get places beside each other: at random if there is room (parties together),
+    Agents that start in the same step get places beside each other: at random if there is room (parties together),
     else in rows that face their first goal. Each group draws from its own streams of the scenario's seed.
 
     Returns
@@ -131,7 +131,7 @@ def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple
 
 
 class _Drawing:
-    """Draws the characters group by group."""
+    """Draws the agents group by group."""
 
     def __init__(self, keys: ScenarioFields, environment: Environment) -> None:
         self.keys, self.environment = keys, environment
@@ -149,7 +149,7 @@ class _Drawing:
         self._first: list[NDArray[np.int64]] = []
 
     def add_group(self, number: int) -> None:
-        """Draw the characters of a group; record a complaint instead if they find no place."""
+        """Draw the agents of a group; record a complaint instead if they find no place."""
         group = self.keys.agents[number]
         steps = start_steps(self.keys, number)
         wrong = head_count_complaint(len(steps))
@@ -222,7 +222,7 @@ class _Drawing:
                 together = group.together, broadest + SPARE
                 spots = scatter_parties(region, room, len(rows), *together, taken, generator)
             if len(spots) < len(rows) and (group.rate is not None or group.on_call):
-                # Places may overlap: a character from a source, or on call, waits until its place is free.
+                # Places may overlap: an agent from a source, or on call, waits until its place is free.
                 more = scatter_spots(region, room, len(rows) - len(spots), 0.0, np.empty((0, 2)), generator)
                 spots = np.concatenate([spots, more])
             elif len(spots) < len(rows) and not isinstance(region, Point):
@@ -243,7 +243,7 @@ class _Drawing:
         return starts, headings
 
     def _draw_spots(self, number: int, group: AgentGroup, count: int, walkers: Walkers) -> Floats | None:
-        """Return places (n, k, 2) in the k goals [m], nan if a character needs none; None if there is no room."""
+        """Return places (n, k, 2) in the k goals [m], nan if an agent needs none; None if there is no room."""
         regions = self.keys.regions(number)
         spots = np.full((count, len(regions) + (group.exits is not None), 2), np.nan)
         for exit_number in self.keys.exits_of(group):
@@ -284,7 +284,7 @@ class _Drawing:
     ) -> MultiPolygon | None:
         """Return the floor with ``radius`` of free floor around it, if ``region`` meets it; else complain, return None.
 
-        Captured characters need NOMINAL_RADIUS; ``auto`` ones get it if there is room.
+        Captured agents need NOMINAL_RADIUS; ``auto`` ones get it if there is room.
         """
         radii = {"steered": [radius], "captured": [max(radius, NOMINAL_RADIUS)], "auto": [NOMINAL_RADIUS, radius]}
         for least in radii[self.keys.agents[number].level]:
@@ -301,14 +301,14 @@ class _Drawing:
 
 
 def _rows_by_step(steps: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]]]:
-    """Return each step in which characters start, ascending, with the rows of those characters."""
+    """Return each step in which agents start, ascending, with the rows of those agents."""
     order = np.argsort(steps, kind="stable")
     distinct, firsts = np.unique(steps[order], return_index=True)
     return list(zip(distinct.tolist(), np.split(order, firsts[1:]), strict=True))
 
 
 def captured_placement(cast: CrowdPlacement) -> Placement:
-    """Return the placement of the same characters for captured motion; each goes to its own places in its goals."""
+    """Return the placement of the same agents for captured motion; each goes to its own places in its goals."""
     # Groups that are never steered walk at the speed of their clips, unless the file gives a speed.
     own = np.array(cast.paced) | (np.array(cast.locomotions) != "captured")
     itineraries = [cast.itineraries[number] for number in cast.group.tolist()]

@@ -28,7 +28,7 @@ EXIT_REACH = 0.25
 """Distance by which an exit is enlarged if no center fits into it [m]."""
 
 END_DEPTH = 0.5
-"""Depth of the region at the far end of an endless way [m]. Characters head for it and never arrive."""
+"""Depth of the region at the far end of an endless way [m]. Agents head for it and never arrive."""
 
 Floats = NDArray[np.float64]
 
@@ -45,11 +45,11 @@ class Itinerary(NamedTuple):
     wait : float
         Time to stand at each goal except the last [s].
     stays : bool
-        Whether the characters stay at the last goal, instead of leaving.
+        Whether the agents stay at the last goal, instead of leaving.
     headings : (k,) float64
         Heading to take at each goal [rad]; nan for any.
     stand_within : float
-        Distance from its place within which a character comes to stand [m].
+        Distance from its place within which an agent comes to stand [m].
     exits : (e,) int32
         Indices of the exits to choose from, of which the last goal is the first; empty if there is no choice.
     choice : str
@@ -148,7 +148,7 @@ class Destinations:
     def assign(
         self, group: AgentGroup, itinerary: Itinerary, count: int, generator: np.random.Generator
     ) -> NDArray[np.int32]:
-        """Return the exit (count,) of each character if exits are assigned by shares, else NONE.
+        """Return the exit (count,) of each agent if exits are assigned by shares, else NONE.
 
         The order is random; all members of a party get the same exit.
         """

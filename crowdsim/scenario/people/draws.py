@@ -57,6 +57,8 @@ def _ends(spread: Spread, count: int) -> tuple[float, float]:
 
     A long tail has most of its variance in the last stratum, which a single random draw represents badly.
     """
+    # Means over a stratum, as sums over equal steps of depth, where its share beyond a value is exp(-depth): so far
+    # values in a long tail count by their small shares.
     depths = (np.arange(_NODES) + 0.5) * (_DEEPEST / _NODES)
     shares = exp(-depths)
     whole = math.fsum(shares.tolist())
@@ -65,8 +67,10 @@ def _ends(spread: Spread, count: int) -> tuple[float, float]:
         return math.fsum((values * shares).tolist()) / whole
 
     middle = 0.5 * (mean(quantiles(spread, 0.5 * shares)) + mean(quantiles(spread, 1.0 - 0.5 * shares)))
+    # Values in the first and the last stratum, each a share 1 / count of all, off the mean.
     far = [quantiles(spread, inside) - middle for inside in (shares / count, 1.0 - shares / count)]
     low, high = (math.sqrt(mean(off * off)) for off in far)
+    # Neither leaves its stratum inwards, nor the range of the spread.
     inner = quantiles(spread, np.array([1.0 / count, 1.0 - 1.0 / count]))
     least, most = quantiles(spread, np.array([0.0, 1.0])).tolist()
     return max(min(middle - low, float(inner[0])), least), min(max(middle + high, float(inner[1])), most)

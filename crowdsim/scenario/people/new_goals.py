@@ -1,4 +1,4 @@
-"""Regions that commands name while a scenario runs: what is wrong with them, and where characters stand there."""
+"""Regions that commands name while a scenario runs: what is wrong with them, and where agents stand there."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def places_in(environment: Environment, region: Region, count: int) -> GoalPlace
 
 
 def region_complaint(environment: Environment, region: Region) -> str | None:
-    """Return why no character can stand in a region, or None."""
+    """Return why no agent can stand in a region, or None."""
     shape = region.shape()
     if room_in(environment.fixed_layers[0].free, NOMINAL_RADIUS).intersects(shape):
         return None

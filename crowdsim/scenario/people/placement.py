@@ -1,4 +1,4 @@
-"""Place captured characters: where and when each starts, and where it goes."""
+"""Place captured agents: where and when each starts, and where it goes."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from crowdsim.scenario.schema.schema import ScenarioFields
 from crowdsim.yamlfile.document import Complaint
 
 NOMINAL_RADIUS = 0.30
-"""Free floor around a character that the check of a scenario requires [m], before the clips and their width are
+"""Free floor around an agent that the check of a scenario requires [m], before the clips and their width are
 known."""
 
 STAND_ROOM = 0.4
-"""Extra distance between two characters that stay, beyond both radii [m]: room to turn on the spot and to stand off
+"""Extra distance between two agents that stay, beyond both radii [m]: room to turn on the spot and to stand off
 it."""
 
 _START_STREAM, _GOAL_STREAM = 0, 1
 
 
 class Placement(NamedTuple):
-    """Starts and goals of n characters, in the order of their groups.
+    """Starts and goals of n agents, in the order of their groups.
 
     Attributes
     ----------
@@ -48,13 +48,13 @@ class Placement(NamedTuple):
     start_steps : (n,) int64
         Simulation step nearest to the start time.
     stays : (n,) bool
-        Whether the character stays at the last place, instead of leaving.
+        Whether the agent stays at the last place, instead of leaving.
     headings : n arrays (k,) float64
         Heading to take at each place [rad]; nan for any.
     stand_within : (n,) float64
-        Distance from a place within which the character comes to stand [m].
+        Distance from a place within which the agent comes to stand [m].
     groups : tuple of str
-        Name of each character's group.
+        Name of each agent's group.
     speeds : (n,) float64
         Free walking speed [m/s]; nan for the speed of the clips.
     """
@@ -91,16 +91,16 @@ class Placement(NamedTuple):
 
 
 def try_placement(keys: ScenarioFields, environment: Environment, radius: float) -> tuple[Placement, list[Complaint]]:
-    """Draw start and goals of every character, with ``radius`` meters of free floor around each.
+    """Draw start and goals of every agent, with ``radius`` meters of free floor around each.
 
-    Characters that start in the same step, of any group, start at least two radii apart; the goals of those that stay
+    Agents that start in the same step, of any group, start at least two radii apart; the goals of those that stay
     are STAND_ROOM farther apart. Each group draws from its own streams of the scenario's seed, so that a change to one
     group leaves the draws of the others alone.
 
     Returns
     -------
     placement : Placement
-        Without the characters that found no place.
+        Without the agents that found no place.
     complaints : list of Complaint
         Every region that is off the floor, blocked, or too full.
     """
@@ -122,7 +122,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
         regions = keys.regions(number)
         places = np.full((count, len(regions), 2), np.nan)
         start = ("agents", number, "start")
-        # Characters on call come one by one, so that their starts may lie beside each other.
+        # Agents on call come one by one, so that their starts may lie beside each other.
         beside = [None if group.on_call else starts_by_step[step] for step in group_steps]
         wanted: list[_Wanted] = [(start, group.start.shape(), (_START_STREAM,), beside)]
         for k, (path, region) in enumerate(regions):
@@ -183,7 +183,7 @@ def _heading(goal: Goal) -> float:
 
 
 def head_count_complaint(count: int) -> str | None:
-    """Return what is wrong with the number of characters in a group; None if nothing is."""
+    """Return what is wrong with the number of agents in a group; None if nothing is."""
     if 1 <= count <= MAX_COUNT:
         return None
     how_many = "no character comes" if count == 0 else f"more than {MAX_COUNT} characters come"
@@ -213,7 +213,7 @@ def rooms_around(keys: ScenarioFields, environment: Environment, radius: float) 
 
 
 def unusable(environment: Environment, region: Polygon | Point, radius: float) -> str:
-    """Return why no character can ever stand in ``region``."""
+    """Return why no agent can ever stand in ``region``."""
     if not meets(region, environment.floor):
         return "lies off the floor"
     if not meets(region, environment.fixed_layers[0].free):
@@ -223,7 +223,7 @@ def unusable(environment: Environment, region: Polygon | Point, radius: float) -
 
 
 def too_full(key: tuple[str | int, ...], region: Polygon | Point, placed: int, count: int, radius: float) -> str:
-    """Return the message for a region with places for only ``placed`` of ``count`` characters.
+    """Return the message for a region with places for only ``placed`` of ``count`` agents.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Draw the properties of steered characters: speed, breadth, and delay before the first step."""
+"""Draw the properties of steered agents: speed, breadth, and delay before the first step."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 class Walkers(NamedTuple):
-    """Properties of the n characters of a group, each (n,) float64."""
+    """Properties of the n agents of a group, each (n,) float64."""
 
     speeds: Floats
     """Free walking speed, with nothing in the way [m/s]."""
@@ -26,11 +26,11 @@ class Walkers(NamedTuple):
     delays: Floats
     """Time between appearing and the first step [s]."""
     shares: Floats
-    """Random number in [0, 1) that breaks ties between characters."""
+    """Random number in [0, 1) that breaks ties between agents."""
 
 
 def draw_walkers(keys: ScenarioFields, number: int, count: int) -> Walkers:
-    """Draw the characters of group ``number``; each quantity has its own stream of the scenario's seed.
+    """Draw the agents of group ``number``; each quantity has its own stream of the scenario's seed.
 
     All members of a party walk at the speed of the slowest, and set out with the first.
     """

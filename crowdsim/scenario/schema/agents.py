@@ -1,4 +1,4 @@
-"""Keys of a scenario file for groups of characters: starts, goals, numbers, and how they move."""
+"""Keys of a scenario file for groups of agents: starts, goals, numbers, and how they move."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_COUNT = 100_000
 MOST_TOGETHER = 8
 
 STAND_WITHIN = 0.1
-"""Default distance from its goal within which a character comes to stand [m]."""
+"""Default distance from its goal within which an agent comes to stand [m]."""
 
 
 class Motion(Part):
@@ -97,21 +97,21 @@ class Goal(Region):
 
 
 class AgentGroup(Part):
-    """Characters with one start region and the same goals.
+    """Agents with one start region and the same goals.
 
     ``count`` of them start ``interval`` seconds after each other; or a source lets in ``rate`` per second until
-    ``until`` (``count`` at most). Each ``together`` consecutive characters form a party that walks together, such as a
+    ``until`` (``count`` at most). Each ``together`` consecutive agents form a party that walks together, such as a
     pair or a family. ``on_call``: they come only if a command adds them; ``count`` is how many there can be.
 
     They go to their ``goal``, or to each of ``goals`` in turn, ``repeat`` times over, and stand ``wait`` seconds at all
     but the last, within ``stand_within`` meters of them; or they leave through one of ``exits``, by ``choice`` or by
     assigned shares. A ``route`` gives places to pass on the way to a goal or an exit.
 
-    ``locomotion``: captured characters play motion that is searched for each of them; steered ones decide on a velocity
+    ``locomotion``: captured agents play motion that is searched for each of them; steered ones decide on a velocity
     ten times a second, and their bodies follow; ``auto`` ones are captured while they have room, and steered where they
     meet others. They walk at ``speed`` [m/s] if nothing is in the way; captured motion is played at 0.6 to 1.15 times
     its own speed. Steered ones are ``breadth`` [m] broad, and take their first step ``delay`` seconds after they
-    appear. ``attributes`` describe them for statistics, recordings and pictures; they do not change how characters
+    appear. ``attributes`` describe them for statistics, recordings and pictures; they do not change how agents
     walk.
     """
 
@@ -243,7 +243,7 @@ class AgentGroup(Part):
             raise ValueError("characters do not wait on a 'route'; list its places as 'goals', or drop 'wait'")
 
     def _check_stands(self) -> None:
-        """Refuse headings and ``stand_within`` for goals at which no character stands."""
+        """Refuse headings and ``stand_within`` for goals at which no agent stands."""
         regions = self.regions()
         if not regions:
             return

@@ -1,4 +1,4 @@
-"""Attributes of the characters of a group beside how they walk: numbers, which may be drawn, and words."""
+"""Attributes of the agents of a group beside how they walk: numbers, which may be drawn, and words."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 
 class Attribute(Spread):
-    """A number, a distribution of numbers, or ``words`` with the share of the characters that each is given to."""
+    """A number, a distribution of numbers, or ``words`` with the share of the agents that each is given to."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in (*KINDS, "words")]})
     words: Annotated[

@@ -11,13 +11,13 @@ from crowdsim.scenario.schema.spreads import LEAST_SPEED, MOST_SPEED
 from crowdsim.scenario.schema.values import Part, Region, one_of
 
 AGENT_ACTIONS = ("set_goal", "add", "remove_agents", "set_speed")
-"""Commands that are about characters."""
+"""Commands that are about agents."""
 
 AgentNumber = Annotated[int, Field(ge=0, lt=2**31)]
 
 
 class Commanded(Part):
-    """A command to some characters: ``agents`` are their numbers, counted through all groups from 0 on."""
+    """A command to some agents: ``agents`` are their numbers, counted through all groups from 0 on."""
 
     agents: Annotated[
         tuple[AgentNumber, ...],
@@ -31,7 +31,7 @@ class Commanded(Part):
 
 
 class NewGoal(Commanded):
-    """Send characters elsewhere, instead of all places that they were to go to; there they leave, or stay."""
+    """Send agents elsewhere, instead of all places that they were to go to; there they leave, or stay."""
 
     goal: Annotated[Region, Field(description="region to go to")]
     on_arrival: Annotated[Literal["leave", "stay"], Field(description="leave the world at the goal, or stay there")] = (
@@ -40,17 +40,17 @@ class NewGoal(Commanded):
 
 
 class Added(Commanded):
-    """Let characters on call come, at ``start`` or where their group starts."""
+    """Let agents on call come, at ``start`` or where their group starts."""
 
     start: Annotated[Region | None, Field(description="region to come in; where their group starts if absent")] = None
 
 
 class Removed(Commanded):
-    """Take characters out of the world; those who are yet to come never come."""
+    """Take agents out of the world; those who are yet to come never come."""
 
 
 class NewSpeed(Commanded):
-    """Let characters walk at ``speed`` [m/s] if nothing is in their way."""
+    """Let agents walk at ``speed`` [m/s] if nothing is in their way."""
 
     speed: Annotated[float, Field(allow_inf_nan=False, ge=LEAST_SPEED, le=MOST_SPEED, description="meters a second")]
 
@@ -76,5 +76,5 @@ class Command(Event):
 
     @property
     def commanded(self) -> Commanded | None:
-        """Return the part of the command that is about characters, or None."""
+        """Return the part of the command that is about agents, or None."""
         return self.set_goal or self.add or self.remove_agents or self.set_speed

@@ -53,13 +53,13 @@ Density = Annotated[
 
 
 LEAST_SPAN = 10.0
-"""Least length of a periodic floor [m], so that no character sees itself ahead."""
+"""Least length of a periodic floor [m], so that no agent sees itself ahead."""
 
 
 class Floor(Part):
     """The whole floor, without obstacles: drawn, read from a file, or derived from the obstacles.
 
-    ``periodic``: a character that leaves the floor at one end of this axis comes in at the other end.
+    ``periodic``: an agent that leaves the floor at one end of this axis comes in at the other end.
     """
 
     model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("polygon",), ("file",), ("derive",)))
@@ -121,6 +121,7 @@ class Box(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Box:
+        """Refuse a box that is given by anything else than two corners, or center and size."""
         corners, centered = (self.min, self.max), (self.center, self.size)
         given = sum(value is not None for value in (*corners, *centered))
         if given != 2 or not (None not in corners or None not in centered):

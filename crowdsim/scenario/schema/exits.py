@@ -1,4 +1,4 @@
-"""Keys of a scenario file for exits that characters choose from."""
+"""Keys of a scenario file for exits that agents choose from."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Choice = Literal["nearest", "quickest"]
 
 
 class Exit(Region):
-    """A named region through which characters leave; it may be shallower than a body."""
+    """A named region through which agents leave; it may be shallower than a body."""
 
     model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("circle",), ("polygon",)))
     name: Annotated[Name, Field(description="unique among exits")]

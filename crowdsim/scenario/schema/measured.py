@@ -44,7 +44,7 @@ def _checked_points(points: tuple[tuple[float, float], ...]) -> tuple[tuple[floa
 
 
 class Line(Part):
-    """A named line through ``points``; characters that cross it between ``start_time`` and ``until`` are counted."""
+    """A named line through ``points``; agents that cross it between ``start_time`` and ``until`` are counted."""
 
     name: Annotated[Name, Field(description="unique among lines")]
     points: Annotated[

@@ -1,4 +1,4 @@
-"""Keys of a scenario file for routes: places that characters pass on the way to their goal."""
+"""Keys of a scenario file for routes: places that agents pass on the way to their goal."""
 
 from __future__ import annotations
 

@@ -26,13 +26,13 @@ SCHEMA_ID = f"urn:crowdsim:scenario:{FORMAT_VERSION}"
 """Name of the JSON schema: a name only, nothing is fetched from it."""
 
 CAPTURED_RATE = 30
-"""Default steps per second if all characters are captured [1/s]."""
+"""Default steps per second if all agents are captured [1/s]."""
 
 DEFAULT_BEHAVIORS = ("lateral", "arm_constrained", "frontal")
 
 
 class Neighborhood(Part):
-    """A disc, such as the view of a camera, in which ``auto`` characters stay captured as long as they can."""
+    """A disc, such as the view of a camera, in which ``auto`` agents stay captured as long as they can."""
 
     point: Annotated[Pair, Field(description="x, y [m]")]
     radius: Annotated[Extent, Field(description="meters")]
@@ -94,7 +94,7 @@ class ScenarioFields(Part):
     @model_validator(mode="before")
     @classmethod
     def _take_their_rate(cls, keys: Any) -> Any:
-        """Default to CAPTURED_RATE steps per second if all characters are captured."""
+        """Default to CAPTURED_RATE steps per second if all agents are captured."""
         if not isinstance(keys, dict) or "steps_per_second" in keys:
             return keys
         groups = keys.get("agents")
@@ -165,7 +165,7 @@ class ScenarioFields(Part):
 
     @property
     def steers(self) -> bool:
-        """Return whether some character may be steered."""
+        """Return whether some agent may be steered."""
         return self.locomotions() != {"captured"}
 
 

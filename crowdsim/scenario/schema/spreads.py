@@ -1,4 +1,4 @@
-"""Quantities that differ between characters: a number, a distribution within bounds, or a mix of distributions."""
+"""Quantities that differ between agents: a number, a distribution within bounds, or a mix of distributions."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ class Shaped(Part):
 
 
 class Spread(Part):
-    """The distribution of a quantity among characters.
+    """The distribution of a quantity among agents.
 
     Normal with ``mean`` and standard deviation ``sd``; or ``uniform`` between two values, ``lognormal``, ``gamma`` or
     ``weibull``; or a ``mix`` of such distributions, each with its ``share``; or a built-in ``table`` by age and sex.
     The distribution is truncated to [``min``, ``max``]. ``stratified``: one value from each of as many equally probable
-    intervals as there are characters, so that even a few characters have the distribution.
+    intervals as there are agents, so that even a few agents have the distribution.
     """
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in KINDS]})
@@ -170,7 +170,7 @@ def _number_or_spread(least: float, most: float) -> Any:
 
 
 LEAST_SPEED, MOST_SPEED = 0.1, 3.0
-"""Bounds of the speeds at which characters walk alone [m/s]."""
+"""Bounds of the speeds at which agents walk alone [m/s]."""
 
 WalkingSpeed = Annotated[
     Spread,

@@ -2,6 +2,7 @@
 
 import math
 
+from crowdsim.geometry.cell_kernels import cells_between
 from crowdsim.jit import helper, kernel
 from crowdsim.steering.guidance.field_kernels import anchor_place
 from crowdsim.steering.guidance.ground_kernels import STEPS, box_at, line_cost, pin_of
@@ -32,10 +33,8 @@ def add_agents(places, left, bottom, cell, weights):
         if not (math.isfinite(x) and math.isfinite(y)):
             continue
         # Cells whose center may be within the radius.
-        first_row = max(math.floor((y - SMOOTHING - bottom) / cell), 0)
-        last_row = min(math.floor((y + SMOOTHING - bottom) / cell), rows - 1)
-        first_column = max(math.floor((x - SMOOTHING - left) / cell), 0)
-        last_column = min(math.floor((x + SMOOTHING - left) / cell), columns - 1)
+        first_row, last_row = cells_between(y - SMOOTHING, y + SMOOTHING, bottom, cell, rows)
+        first_column, last_column = cells_between(x - SMOOTHING, x + SMOOTHING, left, cell, columns)
         for row in range(first_row, last_row + 1):
             dy = bottom + (row + 0.5) * cell - y
             for column in range(first_column, last_column + 1):

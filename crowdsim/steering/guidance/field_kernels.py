@@ -5,6 +5,9 @@ Each box stores its *anchor* (the parent of Theta*): the pin at which its path b
 was tested. So in the open, paths are as short as the shortest ones, whatever the size of boxes. Costs fall strictly
 along anchors, so there are no local minima. The cost of a line is integrated along it: a line through places that need
 narrow behaviors, or through a crowd, costs more than its length, and paths go around them if that is cheaper.
+
+Arguments of all helpers are those of :func:`solve`; ``box`` is the number of a box, row by row, and an anchor is the
+number of a box, or of a point of the goal plus the number of boxes.
 """
 
 import math
@@ -136,6 +139,7 @@ def _test_box(ground, crowding, points, field, state, box):
     Return its cost, its anchor, and whether the widest behavior fits on the whole line to the anchor.
     """
     boxes = len(ground.widest)
+    # Cost of a meter with the widest behavior, the least there is.
     top = ground.costs[-1]
     row = box // ground.columns
     column = box - row * ground.columns
@@ -143,6 +147,7 @@ def _test_box(ground, crowding, points, field, state, box):
     best = math.inf
     anchor = -1
     is_pure = False
+    # The anchor tried last without success: adjacent boxes often share one.
     dropped = -1
     # Path 2 of Theta*: straight to the anchors of the boxes around. The guessed one comes first (turn -1), as it is
     # the cheapest as a rule and prunes the others.

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.cell_kernels import cells_between, count_or_list, counts_to_starts
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 
@@ -62,13 +63,11 @@ def list_segments(segments, reach, frame, starts, lists):
         Number of entries that ``lists`` needs.
     """
     left, bottom, columns, rows = frame
-    filling = len(lists) > 0
-    if not filling:
+    if len(lists) == 0:
         starts[:] = 0
     for number in range(len(segments)):
         ax, ay, bx, by = segments[number]
-        low_row = max(math.floor((min(ay, by) - reach - bottom) / BOX), 0)
-        high_row = min(math.floor((max(ay, by) + reach - bottom) / BOX), rows - 1)
+        low_row, high_row = cells_between(min(ay, by) - reach, max(ay, by) + reach, bottom, BOX, rows)
         for row in range(low_row, high_row + 1):
             y = bottom + (row + 0.5) * BOX
             # Clip a long oblique segment to the part that can be within reach of this row of boxes.
@@ -79,25 +78,12 @@ def list_segments(segments, reach, frame, starts, lists):
                 s = ax + s * (bx - ax)
                 t = ax + t * (bx - ax)
                 low, high = min(s, t), max(s, t)
-            low_column = max(math.floor((low - reach - left) / BOX), 0)
-            high_column = min(math.floor((high + reach - left) / BOX), columns - 1)
+            low_column, high_column = cells_between(low - reach, high + reach, left, BOX, columns)
             for column in range(low_column, high_column + 1):
                 x = left + (column + 0.5) * BOX
                 if point_segment_distance2(x, y, ax, ay, bx, by) < reach * reach:
-                    box = row * columns + column
-                    if filling:
-                        lists[starts[box + 1]] = number
-                    starts[box + 1] += 1
-    if filling:
-        return len(lists)
-    # Prefix sums: starts[b + 1] becomes the index at which box b begins. Filling moves it to the end of box b, which is
-    # where box b + 1 begins.
-    total = 0
-    for box in range(1, len(starts)):
-        count = starts[box]
-        starts[box] = total
-        total += count
-    return total
+                    count_or_list(starts, lists, row * columns + column, number)
+    return counts_to_starts(starts) if len(lists) == 0 else len(lists)
 
 
 @kernel

@@ -1,4 +1,8 @@
-"""Pins, the points that represent boxes, and the straight lines between pins of adjacent boxes."""
+"""Pins, the points that represent boxes, and the straight lines between pins of adjacent boxes.
+
+Arguments of all helpers: ``ground`` (Ground), ``crowding`` (Crowding) or ``nobody``, that of an empty place; a window
+of boxes from ``first_row`` to before ``last_row``, and likewise the columns.
+"""
 
 import math
 

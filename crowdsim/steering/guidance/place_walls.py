@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.errors import GeometryError
-from crowdsim.steering.wall_kernels import FARTHEST, SPACING, WALL_CELL, count_near, measure_distances
+from crowdsim.steering.wall_kernels import FARTHEST, SPACING, WALL_CELL, list_walls, measure_distances
 from crowdsim.steering.walls import Walls, build_walls
 
 Floats = NDArray[np.float64]
@@ -171,10 +171,10 @@ def _lists(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the lists of segments near cells: starts and lists."""
     starts = np.zeros(columns * rows + 1, np.int64)
-    count = count_near(segments, left, bottom, columns, rows, starts, np.zeros(0, np.int64))
+    count = list_walls(segments, left, bottom, columns, rows, starts, np.zeros(0, np.int64))
     lists = np.zeros(count, np.int64)
     if count:
-        count_near(segments, left, bottom, columns, rows, starts, lists)
+        list_walls(segments, left, bottom, columns, rows, starts, lists)
     return starts, lists
 
 

@@ -323,7 +323,7 @@ def sample(ground, nobody, field, asked, agents, state):
     ground, nobody, field : Ground, Crowding, Field
         The place, an empty crowd (the field already contains the crowd's costs) and the field.
     asked : (n, 2) float64
-        Turn and held half length that each behavior prescribes, -1 for none.
+        Turn [rad] and held half length [m] that each behavior prescribes, -1 for none.
     agents : (k,) int64
         Rows of ``state`` to write.
     state : ROW[m]

@@ -65,6 +65,14 @@ def test_figures_of_the_same_commit_are_replaced(repository):
     assert [(row["figure"], row["value"]) for row in lines(file)] == [("path_us", "17")]
 
 
+def test_the_load_of_the_machine_is_kept_and_files_without_it_are_read(repository):
+    file = repository / f"{machine_name(RESULT)}.csv"
+    file.write_text(",".join(COLUMNS[:-1]) + "\nnavmesh,path_us,2025-01-01,abc,14,3.11.9,0.61.0\n")
+    keep_figures(replace(RESULT, figures={"path_us": 15.25}, load=1.25), repository)
+    assert [(row["commit"], row["load"]) for row in lines(file)][:1] == [("abc", "")]
+    assert [row["load"] for row in lines(file)][1:] == ["1.2"]
+
+
 def test_a_changed_checkout_is_marked(repository):
     (repository / "code.py").write_text("x = 2\n")
     file = keep_figures(RESULT, repository)

@@ -103,12 +103,12 @@ def test_the_measured_places_are_valid():
 
 
 def test_every_key_of_a_group_is_described():
-    table = TEXT[TEXT.index("## Characters") : TEXT.index("## Doors")]
+    table = TEXT[TEXT.index("## Agents") : TEXT.index("## Doors")]
     assert set(re.findall(r"^\| `(\w+)` \|", table, re.M)) == set(AgentGroup.model_fields)
 
 
 def test_every_kind_of_obstacle_and_every_key_of_the_place_is_described():
-    place = TEXT[TEXT.index("## The place") : TEXT.index("## Characters")]
+    place = TEXT[TEXT.index("## The place") : TEXT.index("## Agents")]
     table = set(re.findall(r"^\| `(\w+)` \|", place, re.M))
     assert table | {"name", "bottom", "top", "movable"} == set(Obstacle.model_fields)
     assert "`movable: true`" in place

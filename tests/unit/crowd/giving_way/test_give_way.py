@@ -60,7 +60,7 @@ def room(side: float) -> Obstacles:
 
 
 def asking(standing: Standing, tries: int = 500) -> Asking:
-    trail = Trail.room(8, SLOTS, max(int(np.diff(MOVES.begin).max()), 1))
+    trail = Trail.empty(8, SLOTS, max(int(np.diff(MOVES.begin).max()), 1))
     trail.tries[0] = tries
     return Asking(MOVES, standing, trail)
 
@@ -89,7 +89,7 @@ def test_moves_lead_from_a_stand_to_a_stand() -> None:
     begin, end = MOVES.begin[0], MOVES.begin[1]
     assert end > begin
     assert MOVES.begin[-1] == end, "only the idle node has moves"
-    chain = Chain.room(MOVE_NODES + 1)
+    chain = Chain.empty(MOVE_NODES + 1)
     for move in range(begin, end):
         start = np.array([1.0, 2.0, 0.7])
         count = lay_move(GRAPH, MOVES, move, 0, start, chain)
@@ -111,7 +111,7 @@ def test_either_all_give_way_and_meet_nobody_or_nothing_changes(seed: int) -> No
     before = [column.copy() for column in everyone[:-1]]
     ask = asking(standing, int(rng.integers(0, 60)))
     want = through(0.0, float(rng.uniform(0.5, 2.5)))
-    count = clear_way(GRAPH, room(3.0), everyone, 0, want, FOREVER, NOW, Chain.room(20), ask)
+    count = clear_way(GRAPH, room(3.0), everyone, 0, want, FOREVER, NOW, Chain.empty(20), ask)
     if count < 0:
         for column, old in zip(everyone[:-1], before, strict=True):
             np.testing.assert_array_equal(column, old)
@@ -128,7 +128,7 @@ def test_either_all_give_way_and_meet_nobody_or_nothing_changes(seed: int) -> No
 
 def test_who_stands_in_the_way_walks_on_and_nobody_gives_way_to_who_ranks_behind() -> None:
     everyone, standing, _ = standing_crowd(np.array([[0.0, 0.0], [1.4, 0.0]]), np.array([0.0, 1.5]))
-    want, draft = through(0.0, 0.75), Chain.room(20)
+    want, draft = through(0.0, 0.75), Chain.empty(20)
     assert clear_way(GRAPH, room(4.0), everyone, 0, want, FOREVER, NOW, draft, asking(standing)) == 1
     everyone, standing, _ = standing_crowd(np.array([[0.0, 0.0], [1.4, 0.0]]), np.array([0.0, 1.5]))
     standing.rank[:] = [1, 0]
@@ -144,7 +144,7 @@ def test_who_is_asked_early_leaves_the_way_or_stays() -> None:
         assert found == 1
         assert next_in_way(standing.way, standing.rank, standing.may_move, 0, pose, 2 * RADIUS, 2, everyone.near) == -1
         ask = asking(standing)
-        count = step_aside(GRAPH, room(4.0), everyone, 0, 1, NOW, Chain.room(20), ask)
+        count = step_aside(GRAPH, room(4.0), everyone, 0, 1, NOW, Chain.empty(20), ask)
         # The toy graph walks ahead only.
         assert (count == 1) == leaves
         assert (abs(everyone.timeline[1, -1, 1]) >= 2 * RADIUS) == leaves
@@ -152,13 +152,13 @@ def test_who_is_asked_early_leaves_the_way_or_stays() -> None:
 
 def test_reserving_by_asking_clears_what_reserving_alone_does_not() -> None:
     everyone, standing, origin = standing_crowd(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0.0, np.pi / 2]))
-    chain = Chain.room(20)
+    chain = Chain.empty(20)
     chain.origins[0] = origin[0]
     lay_move(GRAPH, MOVES, int(MOVES.begin[0]), 0, origin[0], chain)
     ask, timeline = asking(standing), np.zeros((SLOTS, SAMPLE))
     frame = int(GRAPH.node_frames[0])
     found = reserve_by_asking(
-        GRAPH, room(5.0), everyone, 0, frame, NOW, chain, Chain.room(20), 1, 1, False, timeline, ask
+        GRAPH, room(5.0), everyone, 0, frame, NOW, chain, Chain.empty(20), 1, 1, False, timeline, ask
     )
     assert found == (1, FOREVER, 1)
     np.testing.assert_array_equal(everyone.timeline[0], timeline)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from crowdsim.crowd.ranks.company import ALONE
 from crowdsim.crowd.ranks.messages import GHOST, RowMessage, migrant_type
 from crowdsim.crowd.ranks.partition import cells_of, divide, halo_of
+from crowdsim.crowd.ranks.protocol import ONE_RANK
 from crowdsim.crowd.steered.components import COLUMNS
 from crowdsim.ecs.world import World
 from crowdsim.errors import CrowdSimError
@@ -62,7 +62,7 @@ def test_messages_hold_migrants_once_and_ghosts_where_they_matter() -> None:
 
 def test_alone_there_is_nobody_to_tell() -> None:
     rows = np.zeros(3, ROW)
-    found, mine = ALONE.together(rows)
+    found, mine = ONE_RANK.together(rows)
     assert found is rows
     assert len(rows[mine]) == 3
-    assert ALONE.holds(np.zeros((2, 2))).all()
+    assert ONE_RANK.holds(np.zeros((2, 2))).all()

@@ -192,7 +192,7 @@ def test_a_chain_longer_than_its_timeline_is_refused() -> None:
 
 
 def test_the_stop_behind_a_chain_follows_the_stop_edges() -> None:
-    chain = Chain.room(4)
+    chain = Chain.empty(4)
     chain.nodes[:2] = 1, 2
     chain.origins[:2], chain.blend_offsets[:2] = chain_of(GRAPH, [1, 2], START)
     assert append_stop(GRAPH, chain, 2) == 3
@@ -248,7 +248,7 @@ def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, ke
     Returns (nodes taken, gone slot, timeline).
     """
     plan = [1, 2, 2, 2]
-    chain = Chain.room(12)
+    chain = Chain.empty(12)
     chain.nodes[:4] = plan
     chain.origins[:4], chain.blend_offsets[:4] = chain_of(GRAPH, plan, START)
     mesh = NavMesh(room or shapely.box(-5, -5, 10, 10)).arrays
@@ -260,7 +260,7 @@ def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, ke
     obstacles = Obstacles((mesh, mesh), radii, breadths, kept_free, 0.35, NO_BODIES, 0, 0.3)
     starts, gones, radii = np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3)
     everyone = timelines_of(timelines, starts, gones, radii)
-    draft = Chain.room(12)
+    draft = Chain.empty(12)
     taken, gone = reserve(GRAPH, obstacles, everyone, 0, 0, natural(0), chain, draft, 1, 3, False, out)
     return taken, gone, out[:, :2]
 

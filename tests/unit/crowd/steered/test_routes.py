@@ -42,9 +42,9 @@ def test_places_of_a_route_are_visited_in_order(tmp_path: Path, locomotion: str)
         assert recording.summary["arrived"] == 3
         for agent in range(3):
             # Tracks of captured ones turn off a little before a place that they walk through.
-            slack = 0.1 if locomotion == "steered" else 0.6
-            at_point = first_within(recording, agent, Point(POINT), 0.25 + slack)
-            in_region = first_within(recording, agent, REGION, slack)
+            tolerance = 0.1 if locomotion == "steered" else 0.6
+            at_point = first_within(recording, agent, Point(POINT), 0.25 + tolerance)
+            in_region = first_within(recording, agent, REGION, tolerance)
             assert at_point < in_region < recording.steps
 
 

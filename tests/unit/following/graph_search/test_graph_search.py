@@ -58,8 +58,8 @@ def check(graph, result: SearchResult | FollowResult, goal: Floats) -> Floats:
     end = compose(result.origins[-1], graph.node_motion[result.nodes[-1]])
     if isinstance(result, SearchResult):
         assert result.gap == pytest.approx(np.hypot(*(end[:2] - goal[:2])), abs=1e-12)
-        seams = compose(result.origins[:-1], graph.node_motion[result.nodes[:-1]]) - result.origins[1:]
-        walked = graph.node_length[result.nodes].sum() + np.hypot(*seams.T[:2]).sum()
+        blend_offsets = compose(result.origins[:-1], graph.node_motion[result.nodes[:-1]]) - result.origins[1:]
+        walked = graph.node_length[result.nodes].sum() + np.hypot(*blend_offsets.T[:2]).sum()
         assert result.length == pytest.approx(walked)
     return track_of(graph, result)[0]
 

@@ -48,8 +48,8 @@ def test_every_entry_ends_where_its_branch_leads(maps: MotionMaps) -> None:
             assert GRAPH.edge_start[a.node[above]] <= a.edge[row] < GRAPH.edge_start[a.node[above] + 1]
             end = compose(starts[a.parent[row]], GRAPH.node_motion[a.node[above]])
             starts.append(pose_after(GRAPH, int(a.edge[row]), 0.0, end))
-            seam = np.hypot(*(starts[-1] - end)[:2])
-            walked.append(walked[a.parent[row]] + GRAPH.node_length[a.node[above]] + 2.0 * seam)
+            blend_offset = np.hypot(*(starts[-1] - end)[:2])
+            walked.append(walked[a.parent[row]] + GRAPH.node_length[a.node[above]] + 2.0 * blend_offset)
         assert a.average[root] == pytest.approx(np.mean(walked), abs=1e-5)
         for row in range(rows.start, rows.stop):
             entry = a.order[row]

@@ -76,8 +76,8 @@ def test_stepped_rotation_range_brackets_the_closed_form(threshold: float) -> No
     )
     points = a.shape[1]
     arm = points * np.sum((a[0, :, :2].mean(axis=0) - pivot_a[0]) ** 2)
-    slack = points * (threshold**2 - alignments.distance[0, 0] ** 2)
-    limit = np.arccos(np.clip(1.0 - slack / (2.0 * (inertia + arm)), -1.0, 1.0))
+    spare = points * (threshold**2 - alignments.distance[0, 0] ** 2)
+    limit = np.arccos(np.clip(1.0 - spare / (2.0 * (inertia + arm)), -1.0, 1.0))
     expected = min(np.floor(limit / RANGE_STEP + 1e-9), RANGE_CAP) * RANGE_STEP
     assert high[0] == pytest.approx(expected, abs=1e-9)
     assert low[0] == pytest.approx(-expected, abs=1e-9)

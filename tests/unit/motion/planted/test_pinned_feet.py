@@ -141,20 +141,20 @@ def test_rows_tell_when_feet_stand_and_land(graph: MotionGraph, feet: FootTable)
 def chain(graph: MotionGraph, length: int, twist: float) -> list[tuple[int, int, int, np.ndarray]]:
     """(node, node before, frame, track) of a body that plays some nodes, frame by frame; each seam is met once."""
     arrays, rng = graph.arrays, np.random.default_rng(5)
-    node, previous, origin, seam = 0, -1, np.zeros(3), np.zeros(3)
+    node, previous, origin, blend_offset = 0, -1, np.zeros(3), np.zeros(3)
     played = []
     for _ in range(length):
         first = 0 if previous < 0 else 1
         played += [
-            (node, previous, frame, np.array(track_pose_between(arrays, node, frame, 0.0, *origin, *seam)))
+            (node, previous, frame, np.array(track_pose_between(arrays, node, frame, 0.0, *origin, *blend_offset)))
             for frame in range(first, int(arrays.node_frames[node]) + 1)
         ]
         end = np.array(node_end(arrays, node, *origin))
         edge = int(rng.integers(arrays.edge_start[node], arrays.edge_start[node + 1]))
         turn = float(np.clip(twist, arrays.edge_low[edge], arrays.edge_high[edge]))
         origin = np.array(next_origin(arrays, edge, turn, *end))
-        seam = end - origin
-        seam[2] = wrap_angle(seam[2])
+        blend_offset = end - origin
+        blend_offset[2] = wrap_angle(blend_offset[2])
         node, previous = int(arrays.edge_target[edge]), node
     return played
 

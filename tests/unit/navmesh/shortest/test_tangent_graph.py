@@ -16,7 +16,7 @@ from crowdsim.navmesh.shortest.shortest_kernels import shortest_paths
 from crowdsim.navmesh.shortest.tangent_graph import RadiusGraph
 from crowdsim.navmesh.shortest.tangent_graph_kernels import find_tangents, link_arcs
 from crowdsim.navmesh.shortest.view_arrays import empty_view
-from crowdsim.navmesh.shortest.visibility_kernels import SLACK
+from crowdsim.navmesh.shortest.visibility_kernels import TOLERANCE
 from tests.reference.navmesh_reference import random_area
 
 NEAR = 1e-4
@@ -79,9 +79,9 @@ def test_tangents_are_those_of_brute_force(radius):
     room = area.buffer(1e-6)
     shapely.prepare(room)
 
-    def is_clear(ends, slack):
+    def is_clear(ends, tolerance):
         line = shapely.LineString(ends)
-        return room.covers(line) and area.boundary.distance(line) >= radius - slack
+        return room.covers(line) and area.boundary.distance(line) >= radius - tolerance
 
     wanted = 0
     for i in range(0, 2 * len(arcs), 3):
@@ -115,7 +115,7 @@ def test_tangents_are_those_of_brute_force(radius):
 def test_a_box_has_four_arcs_and_eight_links():
     mesh = NavMesh(shapely.box(0, 0, 10, 10).difference(shapely.box(4, 4, 6, 6)))
     arcs, begin, least = arcs_of(mesh, 0.5)
-    np.testing.assert_allclose(arcs["extent"], 0.5 * math.pi, atol=SLACK)
+    np.testing.assert_allclose(arcs["extent"], 0.5 * math.pi, atol=TOLERANCE)
     view = empty_view(len(mesh.arrays.vertices), int(mesh.arrays.frame["triangles"][0]))
     tangents = find_tangents(mesh.arrays, arcs, begin, 0.5, least, 0.0, view, 0, 8)
     np.testing.assert_allclose(tangents["length"], 2.0)

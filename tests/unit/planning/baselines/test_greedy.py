@@ -68,7 +68,7 @@ def test_plans_do_not_depend_on_plans_before():
 
     def cost(seed):
         try:
-            return shared.plan(*ends_in(meshes, seed), slack=False).cost
+            return shared.plan(*ends_in(meshes, seed), margin=False).cost
         except PathNotFound:
             return np.inf
 

@@ -67,7 +67,7 @@ def test_a_path_stays_where_there_is_no_room_beside_it(behaviors):
 
 def test_plans_ask_for_room_to_turn(behaviors):
     query = query_in(behaviors, BELOW)
-    path = Planner(query.meshes, turning(behaviors, REACH)).plan(*ENDS, slack=False)
+    path = Planner(query.meshes, turning(behaviors, REACH)).plan(*ENDS, margin=False)
     assert turn_clearances(query, path).min() > REACH - SPARED - 1e-3
 
 

@@ -117,7 +117,7 @@ def test_who_follows_arrives_and_walks_hardly_farther_than_planned(seed):
     shares = []
     for place, walked in zip(places[reached][:60], length[:60], strict=True):
         try:
-            plan = planner.plan(place, goal, slack=False)
+            plan = planner.plan(place, goal, margin=False)
         except PathNotFound:
             continue
         if plan.length > 2.0:

@@ -12,7 +12,7 @@ from crowdsim.steering.row_kernels import ROW
 
 
 class Ghosts(NamedTuple):
-    """Characters of other ranks near the own region, as they were before the step."""
+    """Agents of other ranks near the own region, as they were before the step."""
 
     ids: NDArray[np.int64]
     """(g,) their ids in the world of all."""
@@ -25,16 +25,16 @@ class Ghosts(NamedTuple):
 
 
 NO_GHOSTS = Ghosts(np.zeros(0, np.int64), np.zeros(0, ROW), np.zeros(0, np.bool_), np.zeros(0, np.bool_))
-"""No characters of other ranks."""
+"""No agents of other ranks."""
 
 SELF = slice(None)
 """Rows that one process has gathered from itself."""
 
 
-class Company(Protocol):
+class Ranks(Protocol):
     """The processes (ranks) that share one run.
 
-    All of them take the same steps and call the same methods in the same order. Each holds the characters of its
+    All of them take the same steps and call the same methods in the same order. Each holds the agents of its
     region; everything else, as walls, fields and the times of entry, is the same in all of them.
     """
 
@@ -59,23 +59,23 @@ class Company(Protocol):
         """Return which places (k, 2) [m] are in the region of this process."""
 
     def around(self, rows: NDArray[Any], places: NDArray[np.float64], reach: float) -> NDArray[Any]:
-        """Return ROW of all characters within ``reach`` [m] of one of ``places`` (k, 2), and maybe of more.
+        """Return ROW of all agents within ``reach`` [m] of one of ``places`` (k, 2), and maybe of more.
 
-        ``rows`` are the characters of this process. The order of the result is open.
+        ``rows`` are the agents of this process. The order of the result is open.
         """
 
     def exchange(
         self, world: World, exits: NDArray[np.int32], came: NDArray[np.bool_], leaves: NDArray[np.bool_]
     ) -> Ghosts:
-        """Hand over the characters that have left the region, take in others, and return those near the region.
+        """Hand over the agents that have left the region, take in others, and return those near the region.
 
-        ``exits`` (n,) holds the exit of each character of the run; it moves with them. ``came`` and ``leaves`` mark
+        ``exits`` (n,) holds the exit of each agent of the run; it moves with them. ``came`` and ``leaves`` mark
         the rows of ``world`` that have entered in this step and that leave in it.
         """
 
 
-class Alone:
-    """The company of a run in one process."""
+class OneRank:
+    """A run in one process: nothing to exchange."""
 
     rank = 0
     size = 1
@@ -111,5 +111,5 @@ class Alone:
         return NO_GHOSTS
 
 
-ALONE = Alone()
+ONE_RANK = OneRank()
 """One process."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.crowd.steered.seam import AHEAD
+from crowdsim.crowd.steered.periodic_boundary import AHEAD
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.errors import ScenarioError
 from crowdsim.recording.header import AgentState
@@ -101,7 +101,7 @@ def test_copies_are_those_within_sight_of_an_end_as_a_slow_count_has_it() -> Non
         crowd = simulation.crowd
         assert isinstance(crowd, SteeredCrowd)
         rows = crowd.world.column("row").copy()
-        found = crowd.seam.with_copies(rows)
+        found = crowd.boundary.with_copies(rows)
         np.testing.assert_array_equal(found[: len(rows)], rows)
         wanted = [
             (row["x"] + by, row["y"], row["vx"], row["togo"] - (by if row["gx"] > 0 else -by))

@@ -1,6 +1,6 @@
-"""Periodic floors: characters that leave at one end enter at the other, and both ends see each other.
+"""Periodic floors: agents that leave at one end enter at the other, and both ends see each other.
 
-The place is laid out three times side by side; characters are on the middle copy. In each step, those near an end are
+The place is laid out three times side by side; agents are on the middle copy. In each step, those near an end are
 copied beyond the other end, and the copies are dropped afterwards. All agents read the rows from before the step only,
 so they step as if the floor had no ends, and do not touch each other across them.
 """
@@ -23,7 +23,7 @@ from crowdsim.scenario.scenario import Scenario
 from crowdsim.steering.guidance.guidance import PLAIN, Guidance
 
 AHEAD = 4.0
-"""Distance from an end within which characters are copied beyond the other end [m]: more than any agent sees."""
+"""Distance from an end within which agents are copied beyond the other end [m]: more than any agent sees."""
 
 _SNAPPED = 1e-9
 """Grid to which the edges of two copies of the floor are snapped, so that they meet [m]."""
@@ -43,7 +43,7 @@ def laid_three_times(environment: Environment, span: tuple[float, float]) -> Env
     )
 
 
-class Seam:
+class PeriodicBoundary:
     """Line at which both ends of a periodic floor meet; without effect on other floors."""
 
     def __init__(self, scenario: Scenario, guidance: Guidance) -> None:
@@ -71,7 +71,7 @@ class Seam:
         return joined(rows, copies)
 
     def wrap(self, view: View) -> None:
-        """Move the characters that have left at one end to the other end."""
+        """Move the agents that have left at one end to the other end."""
         if self._name is None:
             return
         at = view.row[self._name]
