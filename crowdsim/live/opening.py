@@ -13,7 +13,7 @@ from crowdsim.export.page.packed_place import density_cells, pack_scenery
 from crowdsim.export.page.packed_poses import pack_gaits, pack_nodes, pack_stretches, skeleton_facts
 from crowdsim.export.page.packing import Block
 from crowdsim.export.page.page import group_facts, page_units
-from crowdsim.export.page.track_chunks import Events, pack_events
+from crowdsim.export.page.tracks.track_chunks import Events, pack_events
 from crowdsim.live.pictures import TURN, picture_columns
 
 LONGEST_KEPT = 60.0
