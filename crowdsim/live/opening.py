@@ -64,7 +64,6 @@ def pack_opening(simulation: Simulation) -> bytes:
     block.add("switch_flags", none.astype(np.uint8))
     for name in ("moving_corners", "moving_spans", "moving_lines", "moving_line_spans"):
         block.add(name, np.zeros(0, np.float32))
-    block.add("chunk_sizes", none.astype(np.uint32))
     block.add("density", np.zeros(0, np.float32))
     pack_looks(block, motion.skeleton, agents)
     return block.packed(facts)
