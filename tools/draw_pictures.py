@@ -47,12 +47,14 @@ TIMES = {
     "plaza": 22.0,
 }
 """Busy times of scenarios [s]; the others are drawn at the time that ``crowdsim play --shot`` chooses."""
+BY_GROUP = ("counterflow", "crossing")
+"""Scenarios whose flows are told apart by colors of groups; in the others, colors show behaviors."""
 RADIUS = 0.25
 
 NECK = ROOT / "tools" / "studies" / "neck.yaml"
 NECK_WIDTH = "obstacles.0.wall.openings.0.width"
 
-WALKING_TIMES, WALKING_RATE, WALKING_SIZE = (44.0, 52.0), 15, (800, 450)
+WALKING_TIMES, WALKING_RATE, WALKING_SIZE = (46.0, 53.8), 15, (800, 450)
 """Start and end [s], pictures per second, and pixels of the moving picture."""
 
 STREET = """\
@@ -132,7 +134,8 @@ def thumbnail(name: str) -> Callable[[Path, Recordings], None]:
     """Return a function that draws the thumbnail of a scenario."""
 
     def draw(file: Path, recordings: Recordings) -> None:
-        shot(recordings.of(name), file, TIMES.get(name), size=THUMBNAIL)
+        color_by = "group" if name in BY_GROUP else "behavior"
+        shot(recordings.of(name), file, TIMES.get(name), size=THUMBNAIL, color_by=color_by)
         write_small(file)
 
     return draw
@@ -176,18 +179,18 @@ def apartment_layers(file: Path, recordings: Recordings) -> None:
 
 def counterflow(file: Path, recordings: Recordings) -> None:
     """Draw lanes in a corridor walked both ways."""
-    shot(recordings.of("counterflow"), file, TIMES["counterflow"])
+    shot(recordings.of("counterflow"), file, TIMES["counterflow"], color_by="group")
     write_small(file)
 
 
 def street(file: Path, recordings: Recordings) -> None:
     """Draw a view from the middle of ten thousand people."""
-    shot(recordings.of_text(STREET), file, 20.0, "follow", agent=4200)
+    shot(recordings.of_text(STREET), file, 20.0, "follow", agent=4200, color_by="group")
 
 
 def four_ways(file: Path, recordings: Recordings) -> None:
     """Draw the crossing of four flows."""
-    shot(recordings.of_text(FOUR_WAYS), file, 14.0)
+    shot(recordings.of_text(FOUR_WAYS), file, 14.0, color_by="group")
     write_small(file)
 
 

@@ -13,7 +13,7 @@ from crowdsim.export.page.packed_place import density_cells, pack_scenery
 from crowdsim.export.page.packed_poses import pack_gaits, pack_nodes, pack_stretches, skeleton_facts
 from crowdsim.export.page.packing import Block
 from crowdsim.export.page.page import group_facts, page_units
-from crowdsim.export.page.track_chunks import Events, pack_events
+from crowdsim.export.page.tracks.track_chunks import Events, pack_events
 from crowdsim.live.pictures import TURN, picture_columns
 
 LONGEST_KEPT = 60.0
@@ -64,7 +64,6 @@ def pack_opening(simulation: Simulation) -> bytes:
     block.add("switch_flags", none.astype(np.uint8))
     for name in ("moving_corners", "moving_spans", "moving_lines", "moving_line_spans"):
         block.add(name, np.zeros(0, np.float32))
-    block.add("chunk_sizes", none.astype(np.uint32))
     block.add("density", np.zeros(0, np.float32))
     pack_looks(block, motion.skeleton, agents)
     return block.packed(facts)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.playback.bodies.builds import builds_of
 from crowdsim.playback.bodies.sculptor import build_body
 from crowdsim.playback.body_mesh import BodyMesh, Tissue
-from crowdsim.recording.header import AgentState
+from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.levels import Level
 from crowdsim.recording.reader import Recording
 
@@ -45,6 +46,8 @@ _NO_SHADOW = 0.25
 _SIDES = ((40, 16), (300, 10), (1500, 6), (10**9, 5))
 _SMALL, _SMALL_SIDES = 240.0, 10
 """Height in pixels below which a body has no more corners than these: more of them are not seen."""
+_MANY, _NEAR = 300, 150
+"""Number of characters in the picture beyond which those nearest to the eye have bodies of their own, and how many."""
 _FLESH = 0.13
 """How far a body reaches beyond its joints, and a soft shadow beyond the body [m]."""
 
@@ -82,19 +85,56 @@ def _hex(color: NDArray[Any]) -> str:
     return "#" + "".join(f"{int(channel):02x}" for channel in color)
 
 
-class CrowdMesh:
-    """Points, normals and colors of all bodies, and soft shadows on the floor.
+def crowd_meshes(recording: Recording, color_by: str, tallest: float = np.inf) -> list[CrowdMesh]:
+    """Return the mesh of all characters; if they are many, that of the nearest ones, and that of the others.
 
-    There are as many bodies as characters are present at once at most; the first ones are those present, in order.
-    Unused bodies shrink to a point, which draws nothing. ``triangles`` (F, 3) and ``shadow_triangles`` never change;
-    :meth:`update` rewrites the rest. ``tallest`` is how tall a body is in the picture at most [pixels].
+    ``tallest`` is how tall a body is in the picture at most [pixels].
     """
-
-    def __init__(self, recording: Recording, color_by: str, tallest: float = np.inf) -> None:
-        count = recording.most_present
+    counts = [recording.most_present]
+    if counts[0] > _MANY:
+        counts.insert(0, _NEAR)
+    meshes = []
+    for count in counts:
         sides = next(sides for limit, sides in _SIDES if count <= limit)
         if tallest < _SMALL:
             sides = min(sides, _SMALL_SIDES)
+        meshes.append(CrowdMesh(recording, color_by, sides, count))
+    return meshes
+
+
+def shown_by(
+    meshes: Sequence[CrowdMesh], recording: Recording, time: float, eye: ArrayLike, target: ArrayLike
+) -> list[NDArray[np.int64]]:
+    """Return the characters that each of ``meshes`` shows at ``time`` [s] to a camera.
+
+    ``eye`` and ``target`` are (x, y, z) of the camera, and of a point in the middle of the picture [m].
+    """
+    frame = recording.at_time(time)
+    here = shown_agents(frame)
+    if len(meshes) == 1:
+        return [here]
+    x, y = frame.x[here] - np.asarray(eye)[0], frame.y[here] - np.asarray(eye)[1]
+    ahead = np.subtract(target, eye)
+    # First those before the camera, from near to far, then those behind it.
+    order = np.lexsort((x * x + y * y, x * ahead[0] + y * ahead[1] < 0.0))
+    return [np.sort(here[order[:_NEAR]]), np.sort(here[order[_NEAR:]])]
+
+
+def shown_agents(frame: RecordedFrame) -> NDArray[np.int64]:
+    """Return the characters that have a body in a frame."""
+    return np.flatnonzero((frame.state != AgentState.ABSENT) & ((frame.node >= 0) | frame.steered))
+
+
+class CrowdMesh:
+    """Points, normals and colors of ``count`` bodies, and soft shadows on the floor.
+
+    By default there are as many bodies as characters are present at once at most. The first ones are those shown, in
+    order. Unused bodies shrink to a point, which draws nothing. ``triangles`` (F, 3) and ``shadow_triangles`` never
+    change; :meth:`update` rewrites the rest. ``sides`` is the number of corners of a body's cross-sections.
+    """
+
+    def __init__(self, recording: Recording, color_by: str, sides: int = 16, count: int | None = None) -> None:
+        count = recording.most_present if count is None else count
         self._recording = recording
         self._body: BodyMesh = build_body(recording.header.motion.skeleton, sides)
         size = self._body.vertex_count
@@ -130,10 +170,10 @@ class CrowdMesh:
         skeleton = recording.header.motion.skeleton
         self._feet = [(skeleton.joint(f"{side}_ankle"), skeleton.joint(f"{side}_toe")) for side in ("left", "right")]
 
-    def update(self, time: float) -> None:
-        """Move all characters to where they are at ``time`` [s]."""
+    def update(self, time: float, some: NDArray[np.int64] | None = None) -> None:
+        """Move characters to where they are at ``time`` [s]: all that are present, or ``some`` (n,) of them."""
         frame = self._recording.at_time(time)
-        here = np.flatnonzero((frame.state != AgentState.ABSENT) & ((frame.node >= 0) | frame.steered))
+        here = shown_agents(frame) if some is None else some
         count = len(here)
         self.points[count:] = 0.0
         self.shadow_points[count:] = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import CrowdSimError
 from crowdsim.playback.backdrop import Backdrop
 from crowdsim.playback.camera import FIELD_OF_VIEW, Camera, place_camera
-from crowdsim.playback.crowd_mesh import LEVEL_COLORS, CrowdMesh, hex_color
+from crowdsim.playback.crowd_mesh import LEVEL_COLORS, CrowdMesh, crowd_meshes, hex_color, shown_by
 from crowdsim.playback.drawing_backend import load_pyvista
 from crowdsim.playback.lamps import Lamps, Look, lit_colors
 from crowdsim.playback.scenery import (
@@ -30,6 +30,15 @@ from crowdsim.recording.reader import Recording
 
 TALL = 1.1
 """Height above which solids are drawn as glass, so that they do not hide characters behind them [m]."""
+
+
+class _Drawn(NamedTuple):
+    """Meshes and actor of a crowd."""
+
+    bodies: Any
+    shadows: Any
+    actor: Any
+
 
 COLORINGS = ("behavior", "group", "agent", "level")
 
@@ -99,7 +108,7 @@ class Scene:
         # less of the time of a picture than weighing it by depth.
         self.plotter.renderer.SetUseOIT(False)
         self._scale = pixels[1] / 900.0
-        self._crowd = CrowdMesh(recording, color_by, tallest)
+        self._crowds = crowd_meshes(recording, color_by, tallest)
         self._backdrop: Backdrop | None = None
         self._still: list[Any] = []
         self._lamps: Lamps | None = None
@@ -108,7 +117,9 @@ class Scene:
         self._movable_actors: list[Any] = []
         self._light()
         self._build_place()
-        self._build_crowd()
+        low_x, high_x, low_y, high_y, low_z, high_z = self.plotter.bounds
+        self._bounds = low_x - 1.0, high_x + 1.0, low_y - 1.0, high_y + 1.0, min(low_z, 0.0), max(high_z, 2.5)
+        self._drawn = [self._build_crowd(crowd) for crowd in self._crowds]
         self._write_legend(color_by)
 
     def close(self) -> None:
@@ -130,25 +141,17 @@ class Scene:
         places = np.array([*(place for place, _ in _LAMPS), beside_eye])
         powers = np.array([*(power for _, power in _LAMPS), _EYE_LAMP[1]])
         self._lamps = Lamps(unit(places), powers, np.array(camera.position), _LOOK)
-        self._body_actor.prop.lighting = False
-        self._body_actor.prop.ambient, self._body_actor.prop.diffuse = 1.0, 0.0
+        for drawn in self._drawn:
+            drawn.actor.prop.lighting = False
+            drawn.actor.prop.ambient, drawn.actor.prop.diffuse = 1.0, 0.0
 
     def show_time(self, time: float) -> None:
-        """Move characters, paths and the clock to ``time`` [s]."""
-        self._crowd.update(time)
-        for mesh, points in ((self._bodies, self._crowd.points), (self._shadows, self._crowd.shadow_points)):
-            mesh.points[:] = points.reshape(-1, 3)
-        if self._lamps is None:
-            self._bodies.point_data["normals"][:] = self._crowd.normals.reshape(-1, 3)
-            self._bodies.GetPointData().GetArray("normals").Modified()
-            colors = self._crowd.colors
-        else:
-            colors = lit_colors(self._crowd.colors, self._crowd.points, self._crowd.normals, self._lamps)
-        self._bodies.point_data["colors"][:] = colors.reshape(-1, 3)
-        self._bodies.GetPointData().GetArray("colors").Modified()
-        for mesh in (self._bodies, self._shadows):
-            mesh.GetPoints().Modified()
-            mesh.Modified()
+        """Move characters, paths and the clock to ``time`` [s]. Place the camera before: near bodies are finer."""
+        camera = self.plotter.camera
+        shown = shown_by(self._crowds, self.recording, time, camera.position, camera.focal_point)
+        for crowd, drawn, agents in zip(self._crowds, self._drawn, shown, strict=True):
+            crowd.update(time, agents)
+            self._move(crowd, drawn)
         frame = self.recording.at_time(time)
         going = (frame.state == AgentState.MOVING) | (frame.state == AgentState.WAITING)
         places = (np.where(going, each, np.nan) for each in (frame.x, frame.y))
@@ -157,6 +160,22 @@ class Scene:
         if movables != self._movables:
             self._draw_movables(movables)
         self._clock.input = f"{time:.2f} s"
+
+    def _move(self, crowd: CrowdMesh, drawn: _Drawn) -> None:
+        """Rewrite the drawn bodies and shadows of a crowd."""
+        for mesh, points in ((drawn.bodies, crowd.points), (drawn.shadows, crowd.shadow_points)):
+            mesh.points[:] = points.reshape(-1, 3)
+        if self._lamps is None:
+            drawn.bodies.point_data["normals"][:] = crowd.normals.reshape(-1, 3)
+            drawn.bodies.GetPointData().GetArray("normals").Modified()
+            colors = crowd.colors
+        else:
+            colors = lit_colors(crowd.colors, crowd.points, crowd.normals, self._lamps)
+        drawn.bodies.point_data["colors"][:] = colors.reshape(-1, 3)
+        drawn.bodies.GetPointData().GetArray("colors").Modified()
+        for mesh in (drawn.bodies, drawn.shadows):
+            mesh.GetPoints().Modified()
+            mesh.Modified()
 
     def look(self, view: str, time: float, agent: int | None = None) -> None:
         """Place the camera of ``view`` at ``time`` [s]."""
@@ -169,7 +188,8 @@ class Scene:
         self.plotter.camera.parallel_projection = camera.half_height is not None
         if camera.half_height is not None:
             self.plotter.camera.parallel_scale = camera.half_height
-        self.plotter.reset_camera_clipping_range()
+        # How far the camera sees depends on the place alone: so pictures of a time are equal whatever was drawn before.
+        self.plotter.renderer.ResetCameraClippingRange(self._bounds)
 
     def drawn_rows(self) -> NDArray[np.uint8]:
         """Draw; return all pixels (height, width, 4) uint8, ``supersample`` for one along each side.
@@ -248,18 +268,17 @@ class Scene:
         ]
         return [actor for actor in actors if actor is not None]
 
-    def _build_crowd(self) -> None:
-        """Add the meshes of all bodies and their shadows, whose points and colors :meth:`show_time` rewrites."""
-        crowd = self._crowd
-        self._shadows = self._poly(crowd.shadow_points.reshape(-1, 3), crowd.shadow_triangles)
-        self._shadows.point_data["colors"] = crowd.shadow_colors
-        self.plotter.add_mesh(self._shadows, scalars="colors", rgb=True, lighting=False, show_scalar_bar=False)
-        self._bodies = self._poly(crowd.points.reshape(-1, 3), crowd.triangles)
-        self._bodies.point_data["colors"] = crowd.colors.reshape(-1, 3)
-        self._bodies.point_data["normals"] = crowd.normals.reshape(-1, 3)
-        self._bodies.GetPointData().SetActiveNormals("normals")
-        self._body_actor = self.plotter.add_mesh(
-            self._bodies,
+    def _build_crowd(self, crowd: CrowdMesh) -> _Drawn:
+        """Add the meshes of bodies and their shadows, whose points and colors :meth:`show_time` rewrites."""
+        shadows = self._poly(crowd.shadow_points.reshape(-1, 3), crowd.shadow_triangles)
+        shadows.point_data["colors"] = crowd.shadow_colors
+        self.plotter.add_mesh(shadows, scalars="colors", rgb=True, lighting=False, show_scalar_bar=False)
+        bodies = self._poly(crowd.points.reshape(-1, 3), crowd.triangles)
+        bodies.point_data["colors"] = crowd.colors.reshape(-1, 3)
+        bodies.point_data["normals"] = crowd.normals.reshape(-1, 3)
+        bodies.GetPointData().SetActiveNormals("normals")
+        actor = self.plotter.add_mesh(
+            bodies,
             scalars="colors",
             rgb=True,
             ambient=_LOOK.ambient,
@@ -269,7 +288,8 @@ class Scene:
             culling="back",
             show_scalar_bar=False,
         )
-        self._body_actor.prop.interpolation = "Phong"
+        actor.prop.interpolation = "Phong"
+        return _Drawn(bodies, shadows, actor)
 
     def _draw_paths(self, paths: Sequence[PlannedPath]) -> None:
         """Replace the ribbons of planned paths, in the colors of their behaviors."""
@@ -292,16 +312,22 @@ class Scene:
         """Write what the colors mean below left, and the scenario's name and the clock above left."""
         size = round(11 * self._scale)
         left, line = 18.0 * self._scale, 26.0 * self._scale
-        legend = self._crowd.legend
+        legend = self._crowds[0].legend
         if color_by == "behavior":
-            legend = [(behavior.name.replace("_", " "), behavior.color) for behavior in self.recording.header.behaviors]
+            legend = [(behavior.name, behavior.color) for behavior in self.recording.header.behaviors]
         elif color_by == "level":
             legend = [(level.name.lower(), color) for level, color in LEVEL_COLORS.items()]
         for row, (words, color) in enumerate(legend):
-            self.plotter.add_text(words, position=(left, 14.0 * self._scale + row * line), font_size=size, color=color)
+            self._write(words.replace("_", " "), (left, 14.0 * self._scale + row * line), size, color)
         top = self.size[1] * self._supersample - 40.0 * self._scale
-        self.plotter.add_text(self.recording.header.scenario_name, position=(left, top), font_size=size, color=_INK)
-        self._clock = self.plotter.add_text("", position=(left, top - line), font_size=size, color=_INK)
+        self._write(self.recording.header.scenario_name, (left, top), size, _INK)
+        self._clock = self._write("", (left, top - line), size, _INK)
+
+    def _write(self, words: str, position: tuple[float, float], size: int, color: str) -> Any:
+        """Write words on a plate that keeps them legible in front of anything."""
+        text = self.plotter.add_text(words, position=position, font_size=size, color=color)
+        text.prop.background_color, text.prop.background_opacity = _SKY[1], 0.7
+        return text
 
     def _poly(self, points: Floats | NDArray[np.float32], triangles: NDArray[np.int64]) -> Any:
         return self._pv.PolyData.from_regular_faces(np.ascontiguousarray(points, np.float32), triangles)

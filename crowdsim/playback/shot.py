@@ -100,8 +100,8 @@ def _draw(
     scene = Scene(recording, size, color_by, supersample=_SUPERSAMPLE)
     try:
         for written, time in pictures:
-            scene.show_time(time)
             scene.look(view, time, agent)
+            scene.show_time(time)
             Image.fromarray(scene.picture()).save(written)
     finally:
         scene.close()

@@ -61,8 +61,8 @@ def window(
 def _play(scene: Scene, player: Player, view: str, agent: int | None) -> None:
     """Show the scene, with a slider for the time, space to pause, and arrows to go back and on by a second."""
     plotter = scene.plotter
-    scene.show_time(0.0)
     scene.look(view, 0.0, agent)
+    scene.show_time(0.0)
     slider = plotter.add_slider_widget(
         player.seek,
         (0.0, max(player.duration, 1e-3)),
@@ -84,9 +84,9 @@ def _play(scene: Scene, player: Player, view: str, agent: int | None) -> None:
         if player.time == shown:
             return
         shown = player.time
-        scene.show_time(shown)
         if view == "follow":
             scene.look(view, shown, agent)
+        scene.show_time(shown)
         slider.GetRepresentation().SetValue(shown)
         plotter.render()
 

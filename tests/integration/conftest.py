@@ -3,11 +3,13 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from tests.support.browser import Visit, chromium
 from tests.support.recorded import Recorded
 
 ROOT = Path(__file__).parents[2]
@@ -41,3 +43,24 @@ def crowdsim(tmp_path: Path, environment: dict[str, str]) -> Crowdsim:
         )
 
     return call
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A headless Chromium."""
+    with chromium() as opened:
+        yield opened
+
+
+@pytest.fixture
+def visit(browser: Any) -> Iterator[Callable[..., Visit]]:
+    """``visit(file, link, **options)`` opens a page, which is closed when the test ends."""
+    opened: list[Visit] = []
+
+    def to(file: Path, link: str = "", **options: object) -> Visit:
+        opened.append(Visit(browser, file, link, **options))
+        return opened[-1].ready()
+
+    yield to
+    for each in opened:
+        each.page.close()

@@ -7,34 +7,11 @@ import numpy as np
 import pytest
 
 from crowdsim.export.page.page import PageOptions, write_page
-from crowdsim.recording.levels import Level
 from crowdsim.recording.reader import Recording
-from tests.support.browser import Visit, chromium
 from tests.support.changing_recording import CLOSES, MOVES, NAME, write_changing_recording
+from tests.support.shown_bodies import compare
 
 PHONE = {"width": 380, "height": 740}
-AFTER_A_SWITCH = 5.5
-"""Seconds after a switch between levels within which something may be left of the motion before."""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as opened:
-        yield opened
-
-
-@pytest.fixture
-def visit(browser):
-    """``visit(file, link, **options)`` opens a page, which is closed when the test ends."""
-    opened: list[Visit] = []
-
-    def to(file: Path, link: str = "", **options: object) -> Visit:
-        opened.append(Visit(browser, file, link, **options))
-        return opened[-1].ready()
-
-    yield to
-    for each in opened:
-        each.page.close()
 
 
 @pytest.fixture(scope="module")
@@ -52,31 +29,6 @@ def pages(recorded, tmp_path_factory):
         return made[name]
 
     return of
-
-
-def compare(recording, visit, times):
-    """Errors in meters of places, of joints, of those of bodies that have just switched, and in frames."""
-    places, joints, switched, frames = [0.0], [0.0], [0.0], [0.0]
-    for time in times:
-        shown, frame = visit.ask("time => crowdsim.at(time)", time), recording.at_time(time)
-        step = recording.shown_step(time)
-        levels = recording.shown_levels(step)
-        here = np.flatnonzero(levels != Level.NOBODY)
-        assert [row["agent"] for row in shown] == here.tolist()
-        poses = recording.poses_at(time, here)[0]
-        last = recording.switches.last(here, step)
-        for row, pose, switch in zip(shown, poses, last, strict=True):
-            agent = row["agent"]
-            places.append(max(abs(row["x"] - frame.x[agent]), abs(row["y"] - frame.y[agent])))
-            assert row["state"] == frame.state[agent]
-            assert row["behavior"] == frame.behavior[agent]
-            if levels[agent] == Level.CAPTURED and frame.node[agent] >= 0:
-                assert row["node"] == recording.header.motion.node_names[frame.node[agent]]
-                frames.append(abs(row["frame"] - frame.frame[agent]))
-            off = np.linalg.norm(np.reshape(row["joints"], (-1, 3)) - pose, axis=1).max()
-            since = time - recording.switches.shown[switch] / recording.steps_per_second if switch >= 0 else np.inf
-            (switched if since < AFTER_A_SWITCH else joints).append(off)
-    return max(places), joints, switched, max(frames)
 
 
 @pytest.mark.parametrize("name", ["corridor", "plaza", "doors"])

@@ -49,6 +49,13 @@ BOUNDED = {
         "navmesh/triangulation/use_kernels.py without",
         "steering/guidance/ask_kernels.py ask",
     ),
+    "each round goes on by a run of steps, a byte, or a bit, up to an end that stays": (
+        "export/page/tracks/range_kernels.py put_bit",
+        "export/page/tracks/range_kernels.py put_plain",
+        "export/page/tracks/range_kernels.py put_whole",
+        "export/page/tracks/track_kernels.py code_chunk",
+        "export/page/tracks/track_kernels.py code_chunk",
+    ),
     "the same way as a loop before it, which is bounded": (
         "navmesh/paths/search_kernels.py find_channel",
         "planning/roadmap/search_kernels.py _road_to",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 import gzip
 import json
 import re
 from pathlib import Path
 
 import numpy as np
+
+from tests.reference.track_decoding import TrackReader, runs
 
 
 def unzigzag(values: np.ndarray) -> np.ndarray:
@@ -20,7 +21,16 @@ def read_page(file: Path) -> PageData:
     """Return the data of a page."""
     text = file.read_text(encoding="utf-8")
     data = re.search(r'<script type="application/octet-stream" id="data">([^<]*)</script>', text)[1]
-    return PageData(gzip.decompress(base64.b64decode(data)))
+    return PageData(gzip.decompress(bytes_of(data)))
+
+
+def bytes_of(text: str) -> bytes:
+    """Return the bytes that a text of a page holds: after their number, 13 bits in two letters each."""
+    count, letters = text.split(" ")
+    known = [chr(code) for code in range(33, 127) if chr(code) not in "<&\\"]
+    digits = [known.index(letter) for letter in letters]
+    bits = "".join(f"{len(known) * a + b:013b}" for a, b in zip(digits[::2], digits[1::2], strict=True))
+    return bytes(int(bits[8 * k : 8 * k + 8], 2) for k in range(int(count)))
 
 
 class PageData:
@@ -48,8 +58,8 @@ class PageData:
                 value, bits = 0, 0
         return np.array(found, np.int64)
 
-    def present(self) -> np.ndarray:
-        """Return (steps, N) whether each character is present."""
+    def present(self, bits: int = 3) -> np.ndarray:
+        """Return (steps, N) whether each character is present; with the bits 4, whether it is steered."""
         counts, since = (self.numbers(self.array(f"event_{name}")) for name in ("counts", "steps"))
         states = self.array("event_states")
         here = np.zeros((self.facts["steps"], len(counts)), bool)
@@ -58,9 +68,22 @@ class PageData:
             step = 0
             for _ in range(count):
                 step += int(since[row])
-                here[step:, agent] = states[row] % 4 > 0
+                here[step:, agent] = states[row] & bits > 0
                 row += 1
         return here
+
+    def nodes(self) -> np.ndarray:
+        """Return (steps, N) the node that each character plays plus one, 0 for none."""
+        counts, since, nodes = (self.numbers(self.array(f"event_{name}")) for name in ("counts", "steps", "nodes"))
+        out = np.zeros((self.facts["steps"], len(counts)), np.int64)
+        row = 0
+        for agent, count in enumerate(counts.tolist()):
+            step = 0
+            for _ in range(count):
+                step += int(since[row])
+                out[step:, agent] = nodes[row]
+                row += 1
+        return out
 
     def tracks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return x, y [m], heading [rad] and presence, each (steps, N)."""
@@ -68,28 +91,18 @@ class PageData:
         out = [np.full(here.shape, np.nan) for _ in range(3)]
         units = self.facts["units"]
         scales = (1 / units["place"], 1 / units["place"], 2 * np.pi / units["turn"])
-        sizes = self.array("chunk_sizes").reshape(-1, 4)
-        for number, size in enumerate(sizes.tolist()):
+        steered = self.present(4)
+        for number in range(-(-len(here) // self.facts["chunk"])):
             low = max(number * self.facts["chunk"] - self.facts["margin"], 0)
-            high = min((number + 1) * self.facts["chunk"] + self.facts["margin"], self.facts["steps"])
-            cut = np.split(self.array(f"chunk_{number}"), np.cumsum(size)[:-1])
-            for column in range(3):
-                values = iter(unzigzag(self.numbers(cut[column])).tolist())
-                for agent in range(here.shape[1]):
-                    _read_column(values, here[low:high, agent], out[column][low:high, agent], scales[column])
+            high = min((number + 1) * self.facts["chunk"] + self.facts["margin"], len(here))
+            reader = TrackReader(self.array(f"chunk_{number}").tobytes(), self.facts["coding"])
+            for agent in range(here.shape[1]):
+                for there, first, end in runs(here[low:high, agent]):
+                    if there:
+                        read = reader.track(steered[low + first : low + end, agent].astype(int).tolist())
+                        for column in range(3):
+                            out[column][low + first : low + end, agent] = np.array(read[column]) * scales[column]
+                for node, first, end in runs(self.nodes()[low:high, agent]):
+                    if node:
+                        reader.frames(end - first)
         return (*out, here)
-
-
-def _read_column(values, here, out, scale) -> None:
-    value = once = since = 0
-    for row, there in enumerate(here.tolist()):
-        since = since + 1 if there else 0
-        if not since:
-            continue
-        read = next(values)
-        if since == 1:
-            value = read
-        else:
-            once = read if since == 2 else once + read
-            value += once
-        out[row] = value * scale

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from crowdsim.export.page.choice import Chosen
 from crowdsim.export.page.packing import Block, Ints, zigzag
-from crowdsim.export.page.track_chunks import PLACES
+from crowdsim.export.page.tracks.track_chunks import PLACES
 from crowdsim.playback.scene import TALL
 from crowdsim.playback.scenery import FlatMesh, floor_mesh, grid_lines, meshes_mesh, solids_mesh
 from crowdsim.recording.header import RecordingHeader, SolidRecord

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.export.page.choice import Chosen
-from crowdsim.export.page.packing import Block, Ints, first_differences, second_differences, zigzag
+from crowdsim.export.page.packing import Block, Ints, first_differences, zigzag
+from crowdsim.export.page.tracks.track_chunks import PHASES, PackedStretches
 from crowdsim.motion.clips.kinematics import rotation_vectors
 from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, on_legs_of
@@ -22,9 +23,6 @@ ROTATIONS = 10_000
 """Integer units per radian for rotation vectors: half a unit moves a wrist by 0.03 mm."""
 ROOTS = 10_000
 """Integer units per meter for positions of the root."""
-PHASES = 5000
-"""Integer units per cycle for gait phases. The phase of a body at rest, 0.06 cycles after a foot lands, is a whole
-number of them: otherwise a page takes a body at rest as walking, and plans other steps than playback does."""
 
 _SWITCH_SECONDS = 5
 _FEET = 10_000
@@ -78,12 +76,12 @@ def pack_gaits(block: Block, motion: MotionRecord) -> list[dict[str, Any]]:
     return facts
 
 
-def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> None:
-    """Add the stretches in which characters are steered to the block, with the phases that their bodies show.
+def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> PackedStretches:
+    """Add the stretches in which characters are steered to the block; return them with the phases of their bodies.
 
     ``parts`` holds characters (A,) and their stretches, whose columns are indices into these characters. A stretch's
-    four rows ascend (begin, first, end, stop), so each is written as its difference from the one before; phases are
-    written as second differences, small as they hardly accelerate.
+    four rows ascend (begin, first, end, stop), so each is written as its difference from the one before. Phases are
+    coded with the tracks.
     """
     columns: list[list[Ints]] = [[], [], [], [], []]
     phases: list[Ints] = []
@@ -91,17 +89,16 @@ def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> None:
         found = agents[stretches.columns], stretches.begins, stretches.firsts, stretches.ends, stretches.stops
         for column, values in zip(columns, found, strict=True):
             column.append(values.astype(np.int64))
-        whole = np.rint(stretches.phases * PHASES).astype(np.int64)
-        begins = np.zeros(len(whole), bool)
-        begins[stretches.starts] = True
-        phases.append(second_differences(whole, begins))
-    agent, begin, first, end, stop = (np.concatenate([np.zeros(0, np.int64), *column]) for column in columns)
+        phases.append(np.rint(stretches.phases * PHASES).astype(np.int64))
+    none = np.zeros(0, np.int64)
+    agent, begin, first, end, stop = (np.concatenate([none, *column]) for column in columns)
     block.add_varints("stretch_agents", agent)
     block.add_varints("stretch_begins", begin)
     block.add_varints("stretch_firsts", first - begin)
     block.add_varints("stretch_ends", end - first)
     block.add_varints("stretch_stops", stop - end)
-    block.add_varints("stretch_phases", zigzag(np.concatenate([np.zeros(0, np.int64), *phases])))
+    counts = stop - begin
+    return PackedStretches(agent, begin, stop, np.cumsum(counts) - counts, np.concatenate([none, *phases]))
 
 
 def pack_switches(block: Block, recording: Recording, chosen: Chosen) -> None:

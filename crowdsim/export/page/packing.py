@@ -19,6 +19,20 @@ _MEMORY = 4
 
 Ints = NDArray[np.int64]
 
+_LETTERS = np.array([code for code in range(33, 127) if chr(code) not in "<&\\"], np.uint8)
+"""Printable characters of ASCII that mean nothing to HTML, and no backslash: 91 of them."""
+_PAIR_BITS = 13
+"""Bits that two letters hold: 91 * 91 >= 2**13. Base64 takes 8 % more letters."""
+
+
+def text_of(data: bytes) -> str:
+    """Return bytes as text for a page: their number, a space, and two letters for each 13 bits, the highest first."""
+    bits = np.unpackbits(np.frombuffer(data, np.uint8))
+    pairs = np.pad(bits, (0, -len(bits) % _PAIR_BITS)).reshape(-1, _PAIR_BITS)
+    values = pairs @ (1 << np.arange(_PAIR_BITS)[::-1])
+    letters = _LETTERS[np.stack(np.divmod(values, len(_LETTERS)), axis=1)]
+    return f"{len(data)} {letters.tobytes().decode('ascii')}"
+
 
 def zigzag(values: Ints) -> Ints:
     """Map integers of both signs to 0, 1, 2, ...: 0, -1, 1, ... become 0, 1, 2, ..."""
@@ -49,30 +63,6 @@ def varints(values: Ints) -> NDArray[np.uint8]:
 def first_differences(values: Ints) -> Ints:
     """Return each of the rows (R, ...) minus the one before; the first row unchanged."""
     return np.diff(values, axis=0, prepend=np.zeros_like(values[:1]))
-
-
-def second_differences(values: Ints, begins: NDArray[np.bool_], usual: int = 0, around: int = 0) -> Ints:
-    """Return second differences (n,) of values (n,) that consist of stretches.
-
-    Parameters
-    ----------
-    values : (n,) int64
-        Values.
-    begins : (n,) bool
-        Whether a stretch begins. It begins with its first value, then the first difference minus ``usual``.
-    usual : int
-        Expected first difference.
-    around : int
-        Period of the values, as of angles; 0 if they are not periodic.
-    """
-    if not len(values):
-        return values.astype(np.int64)
-    once = np.diff(values, prepend=0)
-    if around:
-        once = np.where(begins, once, np.mod(once + around // 2, around) - around // 2)
-    twice = np.diff(once, prepend=0)
-    second = np.append(False, begins[:-1]) & ~begins
-    return np.where(begins, values, np.where(second, once - usual, twice))
 
 
 class Block:

@@ -20,7 +20,6 @@ from crowdsim.export.page.packed_bodies import LEVELS, pack_bodies, pack_looks
 from crowdsim.export.page.packed_feet import pack_feet
 from crowdsim.export.page.packed_place import pack_density, pack_paths, pack_place
 from crowdsim.export.page.packed_poses import (
-    PHASES,
     ROOTS,
     ROTATIONS,
     pack_gaits,
@@ -29,8 +28,16 @@ from crowdsim.export.page.packed_poses import (
     pack_switches,
     skeleton_facts,
 )
-from crowdsim.export.page.packing import Block, Ints
-from crowdsim.export.page.track_chunks import PLACES, pack_events, pack_tracks, plan_chunks, turn_units
+from crowdsim.export.page.packing import Block, Ints, text_of
+from crowdsim.export.page.tracks.track_chunks import (
+    PHASES,
+    PLACES,
+    coding_units,
+    pack_events,
+    pack_tracks,
+    plan_chunks,
+    turn_units,
+)
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.playback.crowd_mesh import group_colors
 from crowdsim.playback.moments import telling_time
@@ -96,8 +103,8 @@ def make_page(recording: Recording, choice: Choice, options: ExportOptions) -> b
         raise CrowdSimError(f"a page draws paths of {', '.join(PATHS)}, not '{options.paths}'; choose one of them")
     chosen = shown_of(recording, choice)
     title = recording.header.scenario_name if options.title is None else options.title
-    data = base64.b64encode(pack_recording(recording, chosen, options.paths, title))
-    return fill_page(title, data.decode("ascii"), [shared_text("viewer.min.js")], shared_text("page.css"))
+    data = text_of(pack_recording(recording, chosen, options.paths, title))
+    return fill_page(title, data, [shared_text("viewer.min.js")], shared_text("page.css"))
 
 
 def shared_text(name: str) -> str:
@@ -115,7 +122,8 @@ def fill_page(
     title : str
         Title.
     data : str
-        Base64 of what it shows; empty if its scripts get that elsewhere.
+        Text of what it shows, see :func:`~crowdsim.export.page.packing.text_of`; empty if its scripts get it
+        elsewhere.
     scripts : sequence of str
         Scripts, which run in turn.
     style : str
@@ -155,7 +163,8 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
     header, block = recording.header, Block()
     motion = header.motion
     plan = plan_chunks(len(chosen.agents))
-    events, played = pack_tracks(block, recording, chosen, plan)
+    stretches = pack_stretches(block, list(_stretches(recording, chosen)))
+    events, played = pack_tracks(block, recording, chosen, plan, stretches)
     pack_events(block, events)
     present, moving, waiting = activity(recording, chosen)
     most = int(present.max(initial=0))
@@ -177,6 +186,7 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
         "chunk": plan.steps,
         "margin": plan.margin,
         "units": page_units(motion),
+        "coding": coding_units(recording).tolist(),
         "bounds": bounds,
         "ends": None if header.ends is None else [header.ends.axis, header.ends.low, header.ends.high],
         "most": most,
@@ -186,7 +196,6 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
         **group_facts(recording.header.agents, chosen.agents),
     }
     pack_feet(block, recording, chosen, played)
-    pack_stretches(block, list(_stretches(recording, chosen)))
     pack_switches(block, recording, chosen)
     facts["paths"] = paths = paths or ("all" if most <= _PATHS_OF_ALL else "selected")
     facts["path_count"] = 0 if paths == "none" else pack_paths(block, recording, chosen)

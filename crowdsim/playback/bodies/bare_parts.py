@@ -15,6 +15,12 @@ _LEG_LENGTH = 0.84
 _OUTWARD, _AHEAD = 0.156, 0.03
 """Parts of the direction of a hanging upper arm that point aside and ahead."""
 
+_HAIRLINE = (-1.0, -0.55, -0.2, 0.02, 0.16, 0.3, 0.6, 1.0), (-0.72, -0.66, -0.42, -0.36, 0.06, 0.32, 0.5, 0.64)
+"""Height of the hairline, by the place from the back of the skull to its front: nape, behind the ear, temple, forehead.
+Both in half axes of the skull."""
+_HAIR_SLOPE, _HAIR_THICK, _HAIR_DEEP = 0.05, 0.013, 0.005
+"""How much thicker hair is a half axis above the hairline, its thickness, and how deep it hides below the skin [m]."""
+
 X, Y, Z = np.eye(3)
 
 
@@ -104,10 +110,7 @@ class BodyParts:
             surface.points - jaw * 0.30 * local[:, 1:2] * axes[1] - jaw * 0.22 * np.minimum(local[:, :1], 0.0) * axes[0]
         )
         self.add(Surface(shaped, surface.triangles), Tissue.SKIN, head)
-        # Hair lies around the skull, shifted back and up: where both surfaces cross is the hairline.
-        hair = np.array([0.094 * k * unit(ahead + 0.25 * up), 0.084 * k * left, 0.112 * k * unit(up - 0.25 * ahead)])
-        middle = center + 0.022 * k * up - 0.014 * k * ahead
-        self.add(ellipsoid(middle, hair, self.sides + 2), Tissue.HAIR, head)
+        self.hair(Surface(shaped, surface.triangles), local, head)
         if self.sides <= COARSE:
             return
         nose = center + 0.092 * k * ahead - 0.014 * k * up
@@ -121,10 +124,31 @@ class BodyParts:
             ear = center + 0.074 * sign * k * left - 0.008 * k * up - 0.012 * k * ahead
             shape = np.array([0.018 * ahead, 0.009 * left, 0.031 * up]) * k
             self.add(ellipsoid(ear, shape, 8), Tissue.SKIN, head)
-            eye = center + 0.030 * sign * k * left + 0.010 * k * up + 0.0855 * k * ahead
-            self.add(ellipsoid(eye, np.array([0.006 * ahead, 0.011 * left, 0.0055 * up]) * k, 6), Tissue.HAIR, head)
-            brow = eye + 0.021 * k * up - 0.001 * k * ahead
-            self.add(ellipsoid(brow, np.array([0.006 * ahead, 0.017 * left, 0.0038 * up]) * k, 6), Tissue.HAIR, head)
+            for height, thick, half in ((0.010, 0.0055, 0.011), (0.031, 0.0038, 0.017)):
+                self.on_face(center, axes, (0.030 * sign * k, height * k), np.array([half, thick]) * k, head)
+
+    def hair(self, skull: Surface, local: Floats, head: int) -> None:
+        """Add hair: the skull, thicker above the hairline and hidden below it, so that the hairline is smooth.
+
+        ``local`` (V, 3) are the places of its vertices ahead, to the left and up, in half axes of the skull.
+        """
+        above = local[:, 2] - np.interp(local[:, 0], *_HAIRLINE)
+        thick = self.scale * np.clip(_HAIR_SLOPE * above, -_HAIR_DEEP, _HAIR_THICK)
+        around = vertex_normals(skull.points, skull.triangles)
+        self.add(Surface(skull.points + thick[:, None] * around, skull.triangles), Tissue.HAIR, head)
+
+    def on_face(self, center: Floats, axes: Floats, place: tuple[float, float], half: Floats, head: int) -> None:
+        """Add an eye or a brow, flat on the front of a skull, at ``place`` to its left and up of its center [m].
+
+        ``half`` is half of its width and of its height [m].
+        """
+        lengths = np.linalg.norm(axes, axis=1)
+        aside, up = place[0] / lengths[1], place[1] / lengths[2]
+        local = np.array([np.sqrt(1.0 - aside * aside - up * up), aside, up])
+        out = unit((local / lengths) @ unit(axes))
+        across = unit(np.cross(unit(axes[2]), out))
+        shape = np.array([0.004 * self.scale * out, half[0] * across, half[1] * np.cross(out, across)])
+        self.add(ellipsoid(center + local @ axes, shape, 6), Tissue.HAIR, head)
 
     def hand(self, side: str) -> None:
         """Add a hand: palm, bent fingers and thumb."""

@@ -74,11 +74,11 @@ def encoded_pictures(recording: Recording, shooting: Shooting, pictures: range) 
         scene.set_camera(camera)
         for number in pictures:
             time = shooting.start + number / shooting.fps
-            scene.show_time(time)
             if shooting.view == "follow":
                 scene.look(shooting.view, time, shooting.agent)
             elif number == pictures.start:
                 scene.keep_still()
+            scene.show_time(time)
             picture = reduction.frame(scene.drawn_rows())
             picture.pts = number - pictures.start
             yield _packets(encoder.encode(picture), pictures.start)

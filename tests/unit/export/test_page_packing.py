@@ -9,13 +9,13 @@ import pytest
 
 from crowdsim.errors import CrowdSimError
 from crowdsim.export.page.far_body import MOST_VERTICES, build_far_body
-from crowdsim.export.page.packed_poses import PHASES
-from crowdsim.export.page.packing import MAGIC, Block, second_differences, varints, zigzag
+from crowdsim.export.page.packing import MAGIC, Block, text_of, varints, zigzag
 from crowdsim.export.page.page import PageOptions, write_page
+from crowdsim.export.page.tracks.track_chunks import PHASES
 from crowdsim.motion.deformed.phase_kernels import STAND
 from crowdsim.recording.reader import Recording
 from tests.support.odd_recording import odd_header, write_recording
-from tests.support.page_data import PageData, read_page, unzigzag
+from tests.support.page_data import PageData, bytes_of, read_page, unzigzag
 from tests.support.small_recording import small_skeleton, write_small_recording
 
 
@@ -52,12 +52,15 @@ def test_zigzag_gives_small_numbers_for_small_ones_of_either_sign():
     assert unzigzag(zigzag(values)).tolist() == values.tolist()
 
 
-def test_second_differences_begin_anew_and_know_whole_turns():
-    values = np.array([5, 7, 9, 12, 100, 101, 103, 40])
-    begins = np.array([True, False, False, False, True, False, False, True])
-    assert second_differences(values, begins, usual=1).tolist() == [5, 1, 0, 1, 100, 0, 1, 40]
-    angles = np.array([8190, 1, 4])  # of 8192 in a turn
-    assert second_differences(angles, np.array([True, False, False]), around=8192).tolist() == [8190, 3, 0]
+@pytest.mark.parametrize("count", [0, 1, 12, 13, 14, 1000])
+def test_text_holds_bytes_in_letters_that_mean_nothing_to_html(count):
+    data = np.random.default_rng(count).integers(0, 256, count, np.uint8).tobytes()
+    text = text_of(data)
+    assert bytes_of(text) == data
+    assert len(text) <= 1.231 * count + 8
+    assert text.isascii()
+    assert text.isprintable()
+    assert not set(text) & set("<&")
 
 
 def test_a_block_names_its_arrays_and_is_the_same_twice():

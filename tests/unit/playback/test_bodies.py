@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from crowdsim.motion.clips.kinematics import about_axis, forward_kinematics, rotate
+from crowdsim.playback import crowd_mesh
 from crowdsim.playback.bodies.bare_parts import sculpted_pose
 from crowdsim.playback.bodies.builds import builds_of
 from crowdsim.playback.bodies.sculptor import build_body
@@ -13,11 +14,13 @@ from crowdsim.playback.body_mesh import Tissue
 from crowdsim.playback.crowd_mesh import (
     CrowdMesh,
     attribute_colors,
+    crowd_meshes,
     distinct_colors,
     group_colors,
     hex_color,
     shaded,
     shades_of,
+    shown_by,
 )
 from crowdsim.playback.surfaces import ellipsoid, limb, loft, vertex_normals
 from tests.support.small_recording import small_skeleton
@@ -190,3 +193,49 @@ def test_groups_have_the_colors_of_pages_and_a_legend(recording):
     names = sorted(set(recording.header.agents.groups))
     assert [name for name, _ in crowd.legend] == names
     assert [tuple(hex_color(color)) for _, color in crowd.legend] == group_colors(len(names))
+
+
+def test_of_many_those_before_the_eye_have_finer_bodies(recording, monkeypatch):
+    monkeypatch.setattr(crowd_mesh, "_MANY", 2)
+    monkeypatch.setattr(crowd_mesh, "_NEAR", 1)
+    monkeypatch.setattr(crowd_mesh, "_SIDES", ((1, 10), (10**9, 5)))
+    near, far = meshes = crowd_meshes(recording, "behavior")
+    assert near.points.shape[1] > 2 * far.points.shape[1]
+    frame = recording.at_time(2.0)
+    for agent in range(3):
+        for behind in (False, True):
+            x, y = frame.x[agent], frame.y[agent]
+            eye, target = (x, y, 2.0), (2.0 * x, 2.0 * y, 1.0)
+            if behind:
+                # The camera stands beside this one, but looks away from it and at the others.
+                away = np.array([np.delete(frame.x, agent).mean() - x, np.delete(frame.y, agent).mean() - y])
+                eye = (*(np.array([x, y]) + 0.01 * away), 2.0)
+                target = (*(np.array([x, y]) + away), 1.0)
+            shown = shown_by(meshes, recording, 2.0, eye, target)
+            assert [len(agents) for agents in shown] == [1, 2]
+            assert sorted(np.concatenate(shown).tolist()) == [0, 1, 2]
+            assert (shown[0][0] == agent) != behind
+    for mesh, agents in zip(meshes, shown, strict=True):
+        mesh.update(2.0, agents)
+        middle = 0.5 * (mesh.points.min(axis=1) + mesh.points.max(axis=1))[: len(agents)]
+        np.testing.assert_allclose(middle[:, 0], frame.x[agents], atol=0.35)
+        assert np.ptp(mesh.points[len(agents) :], axis=1).max(initial=0.0) == 0.0
+
+
+def test_hair_leaves_the_face_free_and_covers_the_rest_of_the_head():
+    body = build_body(small_skeleton(), 16)
+    head = small_skeleton().joint("head")
+    follows = body.joints[:, 0] == head
+    hair = body.places[follows & (body.tissue == Tissue.HAIR), 0]
+    skin = body.places[follows & (body.tissue == Tissue.SKIN), 0]
+    # Skull and hair have the same corners in the same order, before nose, eyes and ears.
+    count = next(n for n in range(len(hair), 0, -1) if np.abs(hair[:n] - skin[:n]).max() < 0.02)
+    middle = skin[:count].mean(axis=0)
+    outward = np.sum((hair[:count] - skin[:count]) * (skin[:count] - middle), axis=1)
+    ahead, up = (skin[:count] - middle)[:, 0], (skin[:count] - middle)[:, 2]
+    face = (ahead > 0.06) & (up < 0.02)
+    back = (ahead < -0.04) & (up > -0.04)
+    assert face.sum() > 10
+    assert back.sum() > 10
+    assert (outward[face] < 0.0).all()
+    assert (outward[back] > 0.0).all()

@@ -58,6 +58,17 @@ def test_what_stands_still_is_drawn_once_and_it_shows_in_nothing(recording, view
 
 
 @pytest.mark.usefixtures("can_draw")
+@pytest.mark.parametrize("view", ["overview", "follow"])
+def test_the_first_picture_is_lit_as_those_after_it(recording, tmp_path, view):
+    pictures = pictures_of(
+        film(recording, tmp_path / "out.mp4", fps=60, size=(480, 270), start=2.0, end=2.1, view=view, agent=0)
+    )
+    shirts = [picture[np.ptp(picture, axis=-1) > 70] for picture in pictures]
+    assert min(map(len, shirts)) > 50
+    assert abs(shirts[0].mean() - shirts[1].mean()) < 4.0
+
+
+@pytest.mark.usefixtures("can_draw")
 def test_two_processes_make_the_film_that_one_makes(recording, tmp_path):
     calls = []
     one = film(recording, tmp_path / "one.mp4", fps=FAST, size=SMALL)

@@ -1,13 +1,14 @@
 // Tracks out of the page itself. A track source has: facts `rate`, `steps`, `agents`, and what others call here:
 // `frameAt(time, frame)`, `valueAt(agent, step)`, `eventAt(agent, step)`, `stretches`. A server can be another one.
 
-import { Varints, varints } from "./unpack.js";
+import { TrackDecoder } from "./track_decoder.js";
+import { varints } from "./unpack.js";
 import { wrapAngle } from "./quaternions.js";
 
 export const ABSENT = 0, MOVING = 1, WAITING = 2, ARRIVED = 3;
 const STEERED = 4; // added to a state
 const CAPTURE_RATE = 60;
-const CHUNKS_KEPT = 3;
+const CHUNKS_KEPT = 8; // of at most a million samples: 130 MB
 
 /** What all characters do at one time, in arrays. */
 export function newFrame(count) {
@@ -30,7 +31,6 @@ export class FileSource {
     this.count = facts.agents.length;
     this.nodeFrames = varints(block.array("node_frames"));
     this.chunks = new Map();
-    this.sizes = block.array("chunk_sizes");
     this.readEvents();
     this.stretches = readStretches(block, this.count);
   }
@@ -92,35 +92,38 @@ export class FileSource {
     return chunk;
   }
 
+  /** Tracks of a chunk; the phases of its steps go to their stretches. */
   unpackChunk(number) {
-    const { chunk: length, margin, units } = this.facts;
+    const { chunk: length, margin, units, coding } = this.facts;
     const low = Math.max(number * length - margin, 0);
     const high = Math.min((number + 1) * length + margin, this.steps);
-    const bytes = this.block.array(`chunk_${number}`);
-    const readers = [];
-    for (let column = 0, at = 0; column < 4; column++) {
-      readers.push(new Varints(bytes, at));
-      at += this.sizes[4 * number + column];
-    }
     const span = high - low, size = this.count * span;
-    const chunk = { low, high, span };
-    const whole = [0, 1, 2].map(() => new Float32Array(size).fill(NaN));
-    [chunk.x, chunk.y, chunk.heading] = whole;
-    chunk.frame = new Float32Array(size);
-    const scale = [1 / units.place, 1 / units.place, (2 * Math.PI) / units.turn];
-    const natural = (CAPTURE_RATE / this.rate) * units.frame;
+    const [x, y, heading, frame] = [0, 1, 2, 3].map((k) => new Float32Array(size).fill(k < 3 ? NaN : 0));
+    const decoder = new TrackDecoder(this.block.array(`chunk_${number}`), coding, span);
+    const steered = new Uint8Array(span), turn = (2 * Math.PI) / units.turn;
     for (let agent = 0; agent < this.count; agent++) {
-      const base = agent * span - low;
+      const base = agent * span;
+      steered.fill(0);
+      for (const [first, end] of this.runs(agent, low, high, (e) => (this.eventState[e] & STEERED ? 1 : -1))) {
+        steered.fill(1, first - low, end - low);
+      }
       for (const [first, end] of this.runs(agent, low, high, (e) => (this.eventState[e] & 3 ? 1 : -1))) {
-        for (let column = 0; column < 3; column++) {
-          readStretch(readers[column], whole[column], base + first, base + end, 0, scale[column]);
+        decoder.track(steered, first - low, end - low);
+        for (let t = first - low; t < end - low; t++) {
+          x[base + t] = decoder.x[t] / units.place;
+          y[base + t] = decoder.y[t] / units.place;
+          heading[base + t] = decoder.heading[t] * turn;
         }
       }
       for (const [first, end] of this.runs(agent, low, high, (e) => this.eventNode[e])) {
-        readStretch(readers[3], chunk.frame, base + first, base + end, natural, 1 / units.frame);
+        decoder.frames(frame, base + first - low, end - first, 1 / units.frame);
+      }
+      for (const { begin, stop, phases } of this.stretches[agent]) {
+        const first = Math.max(begin, low), end = Math.min(stop, high);
+        if (first < end) decoder.phases(phases, first - begin, first - low, end - low);
       }
     }
-    return chunk;
+    return { low, high, span, x, y, heading, frame };
   }
 
   /** Stretches of steps [first, end) in which `key` of the events stays the same and is not -1. */
@@ -231,32 +234,16 @@ export function shorterWay(way, span) {
   return way - span * Math.round(way / span);
 }
 
-function readStretch(reader, out, first, end, usual, scale) {
-  let value = 0, once = 0;
-  for (let i = first; i < end; i++) {
-    const read = reader.signed();
-    if (i === first) value = read;
-    else {
-      once = i === first + 1 ? read + usual : once + read;
-      value += once;
-    }
-    out[i] = value * scale;
-  }
-}
-
-/** Stretches of steps in which agents steer: rows by agent, with the phases that their bodies show. */
+/** Stretches of steps in which agents steer, by agent. Their phases are known where their chunks are unpacked. */
 function readStretches(block, count) {
   const agents = varints(block.array("stretch_agents"));
   const [begins, firsts, ends, stops] = ["begins", "firsts", "ends", "stops"].map(
     (name) => varints(block.array(`stretch_${name}`)),
   );
-  const reader = new Varints(block.array("stretch_phases"));
   const byAgent = Array.from({ length: count }, () => []);
   for (let k = 0; k < agents.length; k++) {
     const begin = begins[k], first = begin + firsts[k], end = first + ends[k], stop = end + stops[k];
-    const phases = new Float64Array(stop - begin);
-    readStretch(reader, phases, 0, stop - begin, 0, 1 / block.facts.units.phase);
-    byAgent[agents[k]].push({ begin, first, end, stop, phases });
+    byAgent[agents[k]].push({ begin, first, end, stop, phases: new Float64Array(stop - begin).fill(NaN) });
   }
   return byAgent;
 }

@@ -6,9 +6,24 @@ const KINDS = {
   int16: Int16Array, uint16: Uint16Array, int32: Int32Array, uint32: Uint32Array,
 };
 
-/** Facts and arrays of the base64 text of a page. */
+const LETTERS = 91; // printable characters of ASCII that mean nothing to HTML, and no backslash
+const LETTER = new Uint8Array(128);
+for (let code = 33, letter = 0; code < 127; code++) if (!"<&\\".includes(String.fromCharCode(code))) LETTER[code] = letter++;
+
+/** Facts and arrays of the text of a page: two letters hold 13 bits, the first number is that of the bytes. */
 export async function unpack(text) {
-  return unpackBytes(Uint8Array.from(atob(text.trim()), (character) => character.charCodeAt(0)));
+  const first = text.indexOf(" ") + 1, bytes = new Uint8Array(Number(text.slice(0, first)));
+  let held = 0, bits = 0, at = 0;
+  for (let k = first; at < bytes.length; k += 2) {
+    held = (held << 13) | (LETTER[text.charCodeAt(k)] * LETTERS + LETTER[text.charCodeAt(k + 1)]);
+    bits += 13;
+    while (bits >= 8 && at < bytes.length) {
+      bits -= 8;
+      bytes[at++] = (held >> bits) & 255;
+    }
+    held &= (1 << bits) - 1;
+  }
+  return unpackBytes(bytes);
 }
 
 /** Facts and arrays of a compressed block. */

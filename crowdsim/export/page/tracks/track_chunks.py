@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.constants import CAPTURE_RATE
+from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.export.page.choice import Chosen
-from crowdsim.export.page.packing import Block, Ints, second_differences, varints, zigzag
+from crowdsim.export.page.packing import Block, Ints
+from crowdsim.export.page.tracks.range_kernels import EVEN, new_state
+from crowdsim.export.page.tracks.track_kernels import MODELS, code_chunk
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.recording.header import AgentState, MotionRecord
 from crowdsim.recording.reader import Recording
 
 PLACES = 1000
 """Integer units per meter for positions of tracks."""
+PHASES = 5000
+"""Integer units per cycle for gait phases. The phase of a body at rest, 0.06 cycles after a foot lands, is a whole
+number of them: otherwise a page takes a body at rest as walking, and plans other steps than playback does."""
 _TURN, _STEERED_TURN = 8192, 2048
 """Integer units per turn for headings: if there are captured nodes, whose feet turn with the track, and if not."""
 _SAMPLES = 1 << 20
@@ -24,7 +29,10 @@ _SAMPLES = 1 << 20
 _SHORTEST, _LONGEST = 64, 1024
 """Least and greatest number of steps of a chunk."""
 
-COLUMNS = ("x", "y", "heading", "frame")
+_TURN_RATE = 2.5
+"""Largest turn rate of steered characters that is expected [rad/s]; other turns take more bytes."""
+_LARGEST = 24
+"""Bytes that a value takes at most."""
 
 
 class ChunkPlan(NamedTuple):
@@ -70,6 +78,36 @@ def plan_chunks(agents: int) -> ChunkPlan:
     return ChunkPlan(steps, 1)
 
 
+class PackedStretches(NamedTuple):
+    """Stretches of steps in which characters are steered, with the phases that their bodies show.
+
+    Attributes
+    ----------
+    agents, begins, stops : (S,) int64
+        Character, first step, and step after the last, sorted by character, then by time.
+    starts : (S,) int64
+        Index in ``phases`` of each stretch's first step.
+    phases : (P,) int64
+        Phases of all these steps, in units of a page.
+    """
+
+    agents: Ints
+    begins: Ints
+    stops: Ints
+    starts: Ints
+    phases: Ints
+
+    def within(self, low: int, high: int) -> Ints:
+        """Return (S', 4) what of the stretches lies in steps ``low`` to before ``high``, counted from ``low``.
+
+        Columns: character, first step, step after the last, index in ``phases``.
+        """
+        first, end = np.maximum(self.begins, low), np.minimum(self.stops, high)
+        some = first < end
+        columns = self.agents, first - low, end - low, self.starts + first - self.begins
+        return np.ascontiguousarray(np.stack([column[some] for column in columns], axis=1))
+
+
 class _Rows(NamedTuple):
     """Columns (steps, N) of some steps."""
 
@@ -96,23 +134,29 @@ def read_rows(recording: Recording, chosen: Chosen, first: int, end: int) -> _Ro
     return _Rows(*(getattr(recording, name)[rows][:, chosen.agents] for name in _Rows._fields))
 
 
-def pack_tracks(block: Block, recording: Recording, chosen: Chosen, plan: ChunkPlan) -> tuple[Events, Ints]:
+def pack_tracks(
+    block: Block, recording: Recording, chosen: Chosen, plan: ChunkPlan, stretches: PackedStretches
+) -> tuple[Events, Ints]:
     """Add all chunks to the block; return the changes, and the nodes that are played, ascending.
 
-    Chunk ``c`` is an array ``chunk_c``: the columns one after another, each character by character. ``chunk_sizes``
-    holds the number of bytes of each column.
+    Chunk ``c`` is an array ``chunk_c``, coded by :mod:`crowdsim.export.page.tracks.track_kernels`. It holds tracks,
+    frames of nodes, and the phases of ``stretches``.
     """
     found = _Changes(len(chosen.agents))
-    sizes = []
     for number, (low, high) in enumerate(chunk_spans(chosen.steps, plan)):
         rows = read_rows(recording, chosen, low, high)
         first = min(number * plan.steps - low, len(rows.x))
         found.take(rows, low + first, slice(first, first + plan.steps))
-        packed = _packed_columns(rows, recording.steps_per_second, turn_units(recording.header.motion))
-        sizes.append([len(part) for part in packed])
-        block.add(f"chunk_{number}", np.concatenate(packed))
-    block.add("chunk_sizes", np.array(sizes, np.uint32).reshape(-1, len(COLUMNS)))
+        units = coding_units(recording)
+        block.add(f"chunk_{number}", _coded(rows, units, stretches.within(low, high), stretches.phases))
     return found.events()
+
+
+def coding_units(recording: Recording) -> Ints:
+    """Return the units by which tracks are coded, see :func:`~crowdsim.export.page.tracks.track_kernels.code_chunk`."""
+    rate, turn = recording.steps_per_second, turn_units(recording.header.motion)
+    most = round(_TURN_RATE / rate * turn / (2.0 * np.pi))
+    return np.array([PLACES, turn, rate, PHASES, most, CAPTURE_RATE // rate * FRAME_TICKS], np.int64)
 
 
 def chunk_spans(steps: int, plan: ChunkPlan) -> Iterator[tuple[int, int]]:
@@ -121,37 +165,28 @@ def chunk_spans(steps: int, plan: ChunkPlan) -> Iterator[tuple[int, int]]:
         yield max(first - plan.margin, 0), min(first + plan.steps + plan.margin, steps)
 
 
-def _packed_columns(rows: _Rows, rate: int, turn: int) -> list[NDArray[np.uint8]]:
-    """Return the bytes of each of COLUMNS."""
+def _coded(rows: _Rows, units: Ints, stretches: Ints, phases: Ints) -> NDArray[np.uint8]:
+    """Return the bytes of a chunk."""
     here = (rows.state != AgentState.ABSENT).T
-    captured = here & (rows.node >= 0).T
-    every = _begins(here)
-    node = rows.node.T
-    again = np.zeros_like(captured)
-    again[:, 1:] = node[:, 1:] != node[:, :-1]
-    turns = np.asarray(rows.heading.T, np.float64) * (turn / (2.0 * np.pi))
-    natural = CAPTURE_RATE // rate * FRAME_TICKS
-    parts = [
-        (_whole(rows.x.T, here, PLACES), every[here], 0, 0),
-        (_whole(rows.y.T, here, PLACES), every[here], 0, 0),
-        (_whole(turns, here, 1), every[here], 0, turn),
-        (_whole(rows.frame.T, captured, FRAME_TICKS), (_begins(captured) | again)[captured], natural, 0),
-    ]
-    return [
-        varints(zigzag(second_differences(values, begins, usual, around))) for values, begins, usual, around in parts
-    ]
+    node = np.where(here, rows.node.T, NONE).astype(np.int32)
+    columns = (
+        (rows.x.T, here, units[0]),
+        (rows.y.T, here, units[0]),
+        (rows.heading.T, here, units[1] / (2.0 * np.pi)),
+        (rows.frame.T, node != NONE, FRAME_TICKS),
+    )
+    tracks = np.stack([_whole(values, some, float(per)) for values, some, per in columns])
+    models = np.full((MODELS, 2), EVEN, np.uint16)
+    out = np.zeros(_LARGEST * (tracks.size + len(phases)) + 64, np.uint8)
+    steered = np.ascontiguousarray(rows.steered.T).astype(np.uint8)
+    state = new_state()
+    size = code_chunk(tracks, here.astype(np.uint8), steered, node, stretches, phases, units, models, state, out)
+    return out[:size]
 
 
-def _whole(values: NDArray[np.float64] | NDArray[np.float32], some: NDArray[np.bool_], units: int) -> Ints:
-    chosen = np.asarray(values[some], np.float64)
-    return np.rint(chosen * units).astype(np.int64)
-
-
-def _begins(here: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return (N, steps) whether a stretch of steps begins."""
-    before = np.zeros_like(here)
-    before[:, 1:] = here[:, :-1]
-    return here & ~before
+def _whole(values: NDArray[np.floating[Any]], some: NDArray[np.bool_], units: float) -> Ints:
+    """Return values times ``units``, rounded to integers; 0 where they do not count."""
+    return np.rint(np.where(some, values, 0.0).astype(np.float64) * units).astype(np.int64)
 
 
 class _Changes:

@@ -1,0 +1,134 @@
+"""An adaptive binary range coder: few bytes for decisions whose outcome is likely.
+
+Each decision has a model, two estimates of the probability that it comes out 0: one that adapts within some 16
+decisions, and one within some 128. Their mean is what is coded with. Coding follows Martin (1979), with the carry
+of LZMA. The viewer's twin is ``source/range_decoder.js``; both hold all numbers exactly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowdsim.jit import helper
+
+LOW, RANGE, HELD, RUN, SIZE = range(5)
+"""Entries of a coder's state: low end of its interval, its width, the byte that waits for a carry, how many bytes wait
+(it and those of 255 after it), and bytes written."""
+
+EVEN = 1 << 15
+"""Probability one half, in units of 1 / 65536."""
+FAST, SLOW = 4, 7
+"""Binary logarithms of the decisions within which the estimates adapt."""
+
+WHOLE_BITS = 6
+WHOLE = 1 << WHOLE_BITS
+"""Decisions for length and sign of an integer of any size, and the number of their models."""
+
+_TOP = 1 << 24
+
+
+def new_state() -> np.ndarray:
+    """Return the state (5,) int64 of a coder that has written nothing."""
+    return np.array([0, 0xFFFFFFFF, 0, 1, 0], np.int64)
+
+
+@helper
+def _carry_out(state, out):
+    """Write what of the low end can no longer change, and shift it by a byte."""
+    low = state[LOW]
+    if low < 0xFF000000 or low > 0xFFFFFFFF:
+        # Either no carry can come any more, or it has come: it runs through all bytes that wait.
+        carry = low >> 32
+        out[state[SIZE]] = (state[HELD] + carry) & 0xFF
+        state[SIZE] += 1
+        for _ in range(state[RUN] - 1):
+            out[state[SIZE]] = (0xFF + carry) & 0xFF
+            state[SIZE] += 1
+        state[RUN] = 0
+        state[HELD] = (low >> 24) & 0xFF
+    state[RUN] += 1
+    state[LOW] = (low & 0x00FFFFFF) << 8
+
+
+@helper
+def put_bit(state, out, models, model, bit):
+    """Code a decision with ``models[model]`` (uint16, uint16), which adapts."""
+    fast = np.int64(models[model, 0])
+    slow = np.int64(models[model, 1])
+    bound = (state[RANGE] >> 16) * ((fast + slow) >> 1)
+    if bit == 0:
+        state[RANGE] = bound
+        fast += (65536 - fast) >> FAST
+        slow += (65536 - slow) >> SLOW
+    else:
+        state[LOW] += bound
+        state[RANGE] -= bound
+        fast -= fast >> FAST
+        slow -= slow >> SLOW
+    models[model, 0] = fast
+    models[model, 1] = slow
+    while state[RANGE] < _TOP:
+        state[RANGE] = (state[RANGE] << 8) & 0xFFFFFFFF
+        _carry_out(state, out)
+
+
+@helper
+def put_plain(state, out, value, bits):
+    """Code the lowest ``bits`` of a value, each as likely 0 as 1."""
+    for place in range(bits - 1, -1, -1):
+        state[RANGE] >>= 1
+        if (value >> place) & 1:
+            state[LOW] += state[RANGE]
+        while state[RANGE] < _TOP:
+            state[RANGE] = (state[RANGE] << 8) & 0xFFFFFFFF
+            _carry_out(state, out)
+
+
+@helper
+def _put_leaf(state, out, models, first, bits, leaf):
+    """Code a number of ``bits`` bits by the decisions of a binary tree, whose models begin at ``first``.
+
+    The decisions are its bits from the highest to the lowest; those above tell which model is used. Node 0 is not used.
+    """
+    node = 1
+    for place in range(bits - 1, -1, -1):
+        bit = (leaf >> place) & 1
+        put_bit(state, out, models, first + node, bit)
+        node = 2 * node + bit
+
+
+@helper
+def put_whole(state, out, models, first, value):
+    """Code an integer of any size below 2**31: its length in bits and its sign by a tree of models, its bits without.
+
+    The tree has WHOLE models, which begin at ``first``.
+    """
+    size = abs(value)
+    length = 0
+    while size >> length:
+        length += 1
+    _put_leaf(state, out, models, first, WHOLE_BITS, 2 * length + (1 if value < 0 else 0))
+    # The highest bit is 1.
+    if length > 1:
+        put_plain(state, out, size, length - 1)
+
+
+@helper
+def put_number(state, out, models, first, bits, value):
+    """Code an integer near 0 by ``bits`` decisions, the models of which begin at ``first``; others after an escape.
+
+    Integers from 1 - 2**(bits - 1) to 2**(bits - 1) - 1 are near. The first WHOLE models are those of all escapes.
+    """
+    half = 1 << (bits - 1)
+    near = -half < value < half
+    _put_leaf(state, out, models, first, bits, value + half if near else 0)
+    if not near:
+        put_whole(state, out, models, 0, value)
+
+
+@helper
+def finish(state, out):
+    """Write what is left; return the number of bytes."""
+    for _ in range(5):
+        _carry_out(state, out)
+    return state[SIZE]
