@@ -188,9 +188,10 @@ def recover(
     from crowdsim.whole_files import whole_file
 
     with recover_part(part, output) as recording:
-        typer.echo(
-            f"{recording.path}: {recording.steps} steps, the first {recording.duration:g} s of a run that was killed"
+        what = (
+            "all of its run" if recording.complete else f"the first {recording.duration:g} s of a run that was killed"
         )
+        typer.echo(f"{recording.path}: {recording.steps} steps, {what}")
         beside = recording.path.with_suffix(".yaml")
         if recording.commands and not beside.exists():
             with whole_file(beside, (".yaml",), "scenarios") as written:
