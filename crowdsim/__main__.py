@@ -1,5 +1,17 @@
-"""Entry point of ``python -m crowdsim``, the same as the ``crowdsim`` command."""
+"""Entry point of the ``crowdsim`` command, and of ``python -m crowdsim``."""
 
-from crowdsim.cli.app import main
+import sys
 
-main()
+
+def main() -> None:
+    """Run the command line; say so if it is interrupted before it can do so itself."""
+    try:
+        from crowdsim.cli.app import main as run
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted\n")
+        sys.exit(130)
+    run()
+
+
+if __name__ == "__main__":
+    main()

@@ -11,6 +11,8 @@ import signal
 import sys
 import threading
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any, TextIO
 
@@ -32,12 +34,21 @@ class Terminated(KeyboardInterrupt):
     """Raised on SIGTERM: commands end as on Ctrl-C, with another exit code."""
 
 
-def _terminate_as_interrupted() -> None:
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """Raise Terminated on SIGTERM inside the block; afterwards, as Python ends, the signal does what it did before."""
+
     def terminate(number: int, frame: FrameType | None) -> None:
         raise Terminated
 
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, terminate)
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, terminate)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _show_warning(
@@ -70,10 +81,10 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command; turn its exceptions into a message and an exit code."""
-        _terminate_as_interrupted()
         warnings.showwarning = _show_warning
         try:
-            result = super().invoke(ctx)
+            with _terminated_as_interrupted():
+                result = super().invoke(ctx)
             sys.stdout.flush()
             return result
         except BrokenPipeError:
@@ -94,6 +105,7 @@ class Commands(TyperGroup):
 
 def describe(error: BaseException) -> tuple[str, int]:
     """Return the message and the exit code of an error."""
+    error = _interruption_behind(error) or error
     if isinstance(error, Terminated):
         return str(error) or "terminated", TERMINATED
     if isinstance(error, KeyboardInterrupt):
@@ -101,11 +113,30 @@ def describe(error: BaseException) -> tuple[str, int]:
     if isinstance(error, CrowdSimError):
         return "\n".join(f"error: {line}" for line in str(error).splitlines()), error.exit_code
     if isinstance(error, OSError):
+        if isinstance(error, FileNotFoundError) and _is_nowhere():
+            return "error: the folder in which this was started does not exist any more; change to another", BAD_INPUT
         place = f"{error.filename}: " if error.filename else ""
         remedy = "; make room on the disk, or choose another place" if error.errno in NO_ROOM else ""
         return f"error: {place}{error.strerror or error}{remedy}", BAD_INPUT
     what = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
     return f"internal error: {what}; run again with --debug to see where", BUG
+
+
+def _interruption_behind(error: BaseException) -> KeyboardInterrupt | None:
+    """Return the interruption that made an import fail: numpy and others turn it into an ImportError."""
+    cause: BaseException | None = error if isinstance(error, ImportError) else None
+    while cause is not None and not isinstance(cause, KeyboardInterrupt):
+        cause = cause.__cause__ or cause.__context__
+    return cause
+
+
+def _is_nowhere() -> bool:
+    """Return whether the working folder was deleted."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def _discard_stdout() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 import time
 from importlib.resources import files
 from types import FrameType
@@ -18,17 +19,25 @@ if TYPE_CHECKING:
 LOOK_SECONDS = 0.3
 """Time between counts of compiled kernels [s]."""
 
+WHOLE_RUN = 1e9
+"""Time over which the pace of whole runs is measured [s]: longer than any study, as a single run may take minutes."""
+
+QUIET_SECONDS = 60.0
+"""Time without a new kernel after which other processes no longer count as compiling [s]: the slowest takes 13 s of
+CPU, and processes share the machine."""
+
 
 def progress_bar(remembered: float = 30.0) -> Progress:
     """Return a bar that vanishes when it is done; the time left follows the pace of the last ``remembered`` seconds."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+    from rich.table import Column
 
     console = Console(stderr=True)
     return Progress(
         SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
+        TextColumn("{task.description}", markup=False, table_column=Column()),  # wrapped, not cut off, in 80 columns
+        BarColumn(bar_width=16),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
         console=console,
@@ -108,6 +117,56 @@ class FirstRun:
             self._looked = now
         return self._state
 
+    def sentence(self) -> str:
+        """Return what is said where no bar is shown."""
+        _, count, left = self.state()
+        return "compiling kernels, once for this machine: " + (f"{count} kernels, {left}" if left else "about a minute")
+
+
+class FirstRunElsewhere:
+    """Context manager that shows what other processes compile, by what appears in the cache.
+
+    A line below those of ``bar`` while kernels appear; where the bar is not shown, one line on stderr.
+    """
+
+    def __init__(self, bar: Progress) -> None:
+        from crowdsim.jit import compiled_kernels
+
+        self._bar = bar
+        self._first_run = FirstRun()
+        self._done = self._first_run.state()[0]
+        # An empty cache is filled for sure; one that lacks some kernels may never need them.
+        self._grew_at = -QUIET_SECONDS if compiled_kernels() else time.monotonic()
+        self._task: TaskID = bar.add_task("", total=None, visible=False)
+        self._is_said = False
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+        self._bar.remove_task(self._task)
+
+    def _watch(self) -> None:
+        while not self._over.wait(LOOK_SECONDS):
+            self.look()
+
+    def look(self) -> None:
+        """Count the kernels in the cache, and show the line, or hide it."""
+        done, total, left = self._first_run.state()
+        if done != self._done:
+            self._done, self._grew_at = done, time.monotonic()
+        is_compiling = bool(left) and time.monotonic() - self._grew_at < QUIET_SECONDS
+        words = f"compiling kernels, once for this machine, {left}"
+        self._bar.update(self._task, description=words, completed=done, total=total, visible=is_compiling)
+        if is_compiling and not self._is_said and not self._bar.console.is_terminal:
+            typer.echo(self._first_run.sentence(), err=True)
+            self._is_said = True
+
 
 class RunProgress:
     """A progress bar on a terminal; elsewhere only one line if kernels have to be compiled.
@@ -170,10 +229,8 @@ class RunProgress:
         self._compiled.append(event.data["dispatcher"].py_func.__name__)
         if self._first_run is None:
             self._first_run = FirstRun()
-            _, count, left = self._first_run.state()
             if not self._is_terminal:
-                how_much = f"{count} kernels, {left}" if left else "about a minute"
-                typer.echo(f"compiling kernels, once for this machine: {how_much}", err=True)
+                typer.echo(self._first_run.sentence(), err=True)
         self._show()
 
     def _compiling_ended(self, event: Any) -> None:

@@ -132,8 +132,12 @@ def check(
 
     try:
         with progress_bar() as bar:
-            bar.add_task(f"{scenario}: reading", total=None)  # meshes of thousands of parts take a while
-            loaded = load_scenario(scenario, overrides or [])
+            task = bar.add_task(f"{scenario}: reading", total=None)  # meshes of thousands of parts take a while
+
+            def parts(done: int, total: int) -> None:
+                bar.update(task, completed=done, total=total, description=f"{scenario}: parts on the layers")
+
+            loaded = load_scenario(scenario, overrides or [], parts)
             warnings, notes = check_scenario(loaded), [*loaded.environment.report, *_notes_on_captures(loaded)]
     except CrowdSimError as error:
         if not as_json:
@@ -184,9 +188,10 @@ def recover(
     from crowdsim.whole_files import whole_file
 
     with recover_part(part, output) as recording:
-        typer.echo(
-            f"{recording.path}: {recording.steps} steps, the first {recording.duration:g} s of a run that was killed"
+        what = (
+            "all of its run" if recording.complete else f"the first {recording.duration:g} s of a run that was killed"
         )
+        typer.echo(f"{recording.path}: {recording.steps} steps, {what}")
         beside = recording.path.with_suffix(".yaml")
         if recording.commands and not beside.exists():
             with whole_file(beside, (".yaml",), "scenarios") as written:

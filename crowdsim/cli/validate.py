@@ -39,6 +39,7 @@ def validate(
     debug: Debug = False,
 ) -> None:
     """Run tests of evacuation guidelines and measured diagrams; the exit code is 4 if any fails."""
+    from crowdsim.cli.progress import WHOLE_RUN, FirstRunElsewhere, progress_bar
     from crowdsim.cli.tables import print_rows, print_table
     from crowdsim.errors import CrowdSimError
     from crowdsim.validate import report
@@ -67,18 +68,23 @@ def validate(
             if file.suffix != suffix:
                 raise CrowdSimError(f"cannot write {file}: its name has to end with {suffix}")
 
+    bar = progress_bar(WHOLE_RUN)
+    task = bar.add_task("validating", total=None)
+
     def progress(done: int, total: int, what: str) -> None:
-        typer.echo(f"{done} of {total}: {what}", err=True)
+        bar.update(task, completed=done, total=total)
+        bar.console.print(f"{done} of {total}: {what}", markup=False, highlight=False, soft_wrap=True)
 
     with tempfile.TemporaryDirectory() as folder:
-        outcomes = run_tests(
-            find_tests(names or []),
-            range(1, seeds + 1),
-            locomotion,
-            jobs=jobs,
-            pictures=None if page is None and markdown is None else Path(folder),
-            progress=progress,
-        )
+        with bar, FirstRunElsewhere(bar):
+            outcomes = run_tests(
+                find_tests(names or []),
+                range(1, seeds + 1),
+                locomotion,
+                jobs=jobs,
+                pictures=None if page is None and markdown is None else Path(folder),
+                progress=progress,
+            )
         if page is not None:
             with whole_file(page, (".html",), "reports") as written:
                 written.write_text(report.as_html(outcomes, locomotion, Path(folder)), encoding="utf-8")

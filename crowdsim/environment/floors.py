@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from crowdsim.environment.footprints import GRID
 from crowdsim.environment.layers import AnySolid, polygons_only
 from crowdsim.environment.levels import (
     LEAST_LEVEL,
@@ -24,7 +25,6 @@ from crowdsim.environment.levels import (
     one_storey,
     rounded_height,
 )
-from crowdsim.environment.mesh_solid import GRID
 from crowdsim.environment.sections import snapped_union
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import GeometryError, PlaceError
@@ -122,9 +122,10 @@ def place_on_floor(
     base = found.height if found else height or 0.0
     polygon = floor if floor is not None or found is None else clean_polygon(found.polygon, "floor")
     assert polygon is not None
-    dropped = {role: [solid for solid in solids if _role(solid, base) == role] for role in _ROLES}
+    roles = [_role(solid, base) for solid in solids]
+    dropped = {role: [solid for solid, its in zip(solids, roles, strict=True) if its == role] for role in _ROLES}
     report += [f"dropped {_ROLES[role]}: {_names(parts)}" for role, parts in dropped.items() if parts]
-    kept = [number for number, solid in enumerate(solids) if _role(solid, base) is None]
+    kept = [number for number, role in enumerate(roles) if role is None]
     moved = [solids[number].lifted(-base) if base else solids[number] for number in kept]
     return SolidsOnFloor(tuple(moved), tuple(kept), polygon, tuple(report))
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from shapely import MultiPolygon, Polygon, union_all
 from shapely.geometry.base import BaseGeometry
 
-from crowdsim.environment.mesh_solid import MeshSolid
+from crowdsim.environment.mesh_solid import MeshSolid, footprints_between
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import GeometryError
 from crowdsim.geometry.polygons import clean_polygon
@@ -78,7 +79,10 @@ class ClearanceLayer:
 
 
 def clearance_layers(
-    floor: Polygon | MultiPolygon, solids: Sequence[AnySolid], bands: Sequence[AnyLayer]
+    floor: Polygon | MultiPolygon,
+    solids: Sequence[AnySolid],
+    bands: Sequence[AnyLayer],
+    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ClearanceLayer, ...]:
     """Project the parts of solids in each band onto the floor, or cut the solids at each plane.
 
@@ -95,6 +99,8 @@ def clearance_layers(
         The obstacles.
     bands
         The layers to make.
+    progress
+        Called as ``progress(done, all)`` if there are thousands of triangles; a solid counts once for each layer.
 
     Returns
     -------
@@ -111,7 +117,10 @@ def clearance_layers(
         raise GeometryError(f"clearance layers need distinct names, got {names}")
     walkable = clean_polygon(floor, "floor")
     ordered = sorted(bands, key=lambda band: (band.low, -band.high, band.name))
-    obstacles = [union_all([taken_between(solid, layer.low, layer.high) for solid in solids]) for layer in ordered]
+    obstacles = []
+    for number, layer in enumerate(ordered):
+        told = None if progress is None else partial(_tell, progress, number * len(solids), len(ordered) * len(solids))
+        obstacles.append(union_all(areas_between(solids, layer.low, layer.high, told)))
     obstacles[0] = union_all(obstacles)
     return tuple(
         ClearanceLayer(
@@ -129,6 +138,24 @@ def dropped_solids(solids: Sequence[AnySolid], bands: Sequence[AnyLayer]) -> tup
 def taken_between(solid: AnySolid, low: float, high: float) -> BaseGeometry:
     """Return the area that a solid takes between two heights [m], or at a plane if they are equal; it may be empty."""
     return solid.section(low) if low == high else solid.footprint_in(low, high)
+
+
+def _tell(progress: Callable[[int, int], None], before: int, total: int, done: int) -> None:
+    progress(before + done, total)
+
+
+def areas_between(
+    solids: Sequence[AnySolid], low: float, high: float, progress: Callable[[int], None] | None = None
+) -> list[BaseGeometry]:
+    """Return what :func:`taken_between` gives for each solid; those of triangles together take less time.
+
+    ``progress`` is called with the number of solids of triangles that are done, if they are many.
+    """
+    if low == high:
+        return [taken_between(solid, low, high) for solid in solids]
+    meshes = [solid for solid in solids if isinstance(solid, MeshSolid)]
+    together = iter(footprints_between(meshes, low, high, progress))
+    return [next(together) if isinstance(solid, MeshSolid) else solid.footprint_in(low, high) for solid in solids]
 
 
 def _meets(solid: AnySolid, layer: AnyLayer) -> bool:

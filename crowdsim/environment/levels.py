@@ -10,8 +10,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from crowdsim.environment.layers import AnySolid, polygons_only
-from crowdsim.environment.mesh_solid import GRID
+from crowdsim.environment.footprints import GRID
+from crowdsim.environment.layers import AnySolid, areas_between, polygons_only
 from crowdsim.environment.sections import snapped_union
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import PlaceError
@@ -139,7 +139,7 @@ def one_storey(levels: list[Level], solids: Sequence[AnySolid], report: list[str
 
 def _blocked(level: Level, solids: Sequence[AnySolid]) -> BaseGeometry:
     """Return the area within the headroom over ``level`` that solids take, so that people cannot stand there."""
-    return shapely.union_all([solid.footprint_in(level.height + STEP, level.height + HEADROOM) for solid in solids])
+    return shapely.union_all(areas_between(solids, level.height + STEP, level.height + HEADROOM))
 
 
 def _is_ceiling(level: Level, lower: Level, solids: Sequence[AnySolid]) -> bool:
@@ -150,14 +150,11 @@ def _is_ceiling(level: Level, lower: Level, solids: Sequence[AnySolid]) -> bool:
     """
     if shapely.intersection(level.surface, lower.surface).area < 0.8 * lower.surface.area:
         return False
-    on_top = [
-        solid.footprint_in(level.height + STEP, level.height + HEADROOM)
-        for solid in solids
-        if solid.top > level.height + 1.0
-    ]
+    tall = [solid for solid in solids if solid.top > level.height + 1.0]
+    on_top = areas_between(tall, level.height + STEP, level.height + HEADROOM)
     if any(shapely.intersects(level.surface, shape) for shape in on_top):
         return False
     # Walls are what reaches above furniture, between 1 m and head height.
-    walls = shapely.union_all([solid.footprint_in(lower.height + 1.0, lower.height + HEADROOM) for solid in solids])
+    walls = shapely.union_all(areas_between(solids, lower.height + 1.0, lower.height + HEADROOM))
     outline = lower.surface.boundary
     return bool(outline.intersection(buffered(walls, 0.3)).length >= _LINED * outline.length)

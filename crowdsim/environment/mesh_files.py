@@ -259,7 +259,7 @@ def _solid(file: Path, name: str, mesh: Any, matrix: Floats, report: list[str]) 
     # Not by a matrix product, which may round equal points of different rows differently.
     with np.errstate(all="ignore"):
         placed = np.column_stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]])
-    if dot(matrix[0, :3], np.cross(matrix[1, :3], matrix[2, :3])) < 0.0:
+    if _volume(matrix) < 0.0:
         # Mirrored: without this, outside would be inside.
         triangles = triangles[:, ::-1]
     try:
@@ -267,6 +267,12 @@ def _solid(file: Path, name: str, mesh: Any, matrix: Floats, report: list[str]) 
     except GeometryError as error:
         report.append(f"{file.name}: dropped: {error}")
         return None
+
+
+def _volume(matrix: Floats) -> float:
+    """Return the volume of what a matrix makes of the unit cube, negative if it mirrors it."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = matrix[:3, :3].tolist()
+    return float(ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx))
 
 
 def _without_far_parts(solids: list[MeshSolid], report: list[str]) -> list[MeshSolid]:

@@ -66,6 +66,13 @@ def snapped_union(shapes: ArrayLike, grid: float) -> BaseGeometry:
         return shapely.union_all(np.asarray(shapes, dtype=object), grid_size=grid)
 
 
+def snapped_unions(rows: NDArray[np.object_], grid: float) -> NDArray[np.object_]:
+    """Return the union (n,) of each row of shapes (n, k) on a grid of ``grid`` [m]; None are left out."""
+    with np.errstate(all="ignore"):
+        unions: NDArray[np.object_] = shapely.union_all(rows, grid_size=grid, axis=1)
+    return unions
+
+
 def enclosed(segments: Floats) -> BaseGeometry:
     """Return the area inside a solid whose section is ``segments`` (k, 2, 2), with the solid on their left.
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.errors import RecordingError
 from crowdsim.recording.header import AgentState, MotionRecord, RecordedFrame, RecordingHeader
-from crowdsim.recording.string_heaps import require_sound_heaps
+from crowdsim.recording.storage.string_heaps import require_sound_heaps
 
 AGAIN = "run the scenario again to the end"
 

@@ -24,6 +24,7 @@ from crowdsim.recording.header import (
     ShapeRecord,
     SolidRecord,
 )
+from crowdsim.recording.storage.values import PACKED, values_of
 from crowdsim.version import __version__
 
 _STRINGS = h5py.string_dtype("utf-8")
@@ -40,12 +41,12 @@ def _write_strings(group: h5py.Group, name: str, values: Sequence[str]) -> None:
 
 
 def _read_strings(group: h5py.Group, name: str) -> list[str]:
-    return list(group[name].asstr()[:])
+    return list(values_of(group, name))
 
 
 def _write_array(group: h5py.Group, name: str, values: object, dtype: str) -> None:
     data = np.asarray(values, dtype=dtype)
-    packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if data.size > 256 else {}
+    packing = PACKED if data.size > 256 else {}
     group.create_dataset(name, data=data, **packing)
 
 
@@ -165,37 +166,40 @@ def read_versions(file: h5py.File) -> dict[str, str]:
 def read_header(file: h5py.File) -> RecordingHeader:
     """Return the header of ``file``; raise KeyError if a part of it is missing."""
     scenario, layers, behaviors, environment = file["scenario"], file["layers"], file["behaviors"], file["place"]
-    layer_rows = zip(_read_strings(layers, "names"), layers["low"][:], layers["high"][:], strict=True)
+    layer_rows = zip(_read_strings(layers, "names"), values_of(layers, "low"), values_of(layers, "high"), strict=True)
     behavior_rows = zip(
-        _read_strings(behaviors, "names"), _read_strings(behaviors, "colors"), behaviors["radii"][:], strict=True
+        _read_strings(behaviors, "names"),
+        _read_strings(behaviors, "colors"),
+        values_of(behaviors, "radii"),
+        strict=True,
     )
     agents = file["agents"]
     return RecordingHeader(
         scenario_name=str(scenario.attrs["name"]),
-        scenario_text=scenario["text"].asstr()[()],
+        scenario_text=values_of(scenario, "text"),
         seed=int(scenario.attrs["seed"]),
         steps_per_second=int(scenario.attrs["steps_per_second"]),
         behaviors=tuple(BehaviorRecord(name, color, tuple(map(float, radii))) for name, color, radii in behavior_rows),
         layers=tuple(LayerRecord(name, float(low), float(high)) for name, low, high in layer_rows),
-        floor=environment["floor"].asstr()[()],
+        floor=values_of(environment, "floor"),
         solids=_read_solids(environment, "solid"),
         # Files from before movables and meshes were introduced have no such groups.
         movables=_read_solids(environment, "movable") if "movable_names" in environment else (),
         meshes=_read_meshes(environment) if "mesh_names" in environment else (),
         agents=AgentsRecord(
             groups=tuple(_read_strings(agents, "groups")),
-            **{name: agents[name][:] for name in _AGENT_ARRAYS},
+            **{name: values_of(agents, name) for name in _AGENT_ARRAYS},
             # The group is missing if no agent has attributes.
             attributes=_read_attributes(agents["attributes"]) if "attributes" in agents else {},
             # Older files hold only the first goal of each agent.
-            **{name: agents[name][:] for name in ("routes", "route_ends") if name in agents},
+            **{name: values_of(agents, name) for name in ("routes", "route_ends") if name in agents},
         ),
         motion=_read_motion(file["motion"]),
         ends=_read_ends(scenario.attrs["ends"]) if "ends" in scenario.attrs else None,
         walkable=tuple(_read_strings(environment, "walkable")) if "walkable" in environment else (),
         areas=_read_shapes(environment, "area"),
         lines=_read_shapes(environment, "line"),
-        scenario_keys=scenario["keys"].asstr()[()] if "keys" in scenario else "",
+        scenario_keys=values_of(scenario, "keys") if "keys" in scenario else "",
     )
 
 
@@ -219,7 +223,9 @@ def _read_ends(ends: NDArray[np.float64]) -> Ends:
 
 def _read_attributes(group: h5py.Group) -> dict[str, NDArray[Any]]:
     return {
-        name: np.array(_read_strings(group, name), np.str_) if h5py.check_string_dtype(values.dtype) else values[:]
+        name: np.array(_read_strings(group, name), np.str_)
+        if h5py.check_string_dtype(values.dtype)
+        else values_of(group, name)
         for name, values in group.items()
     }
 
@@ -229,16 +235,16 @@ def _read_solids(environment: h5py.Group, kind: str) -> tuple[SolidRecord, ...]:
     rows = zip(
         _read_strings(environment, f"{kind}_names"),
         _read_strings(environment, f"{kind}_footprints"),
-        environment[f"{kind}_bottoms"][:],
-        environment[f"{kind}_tops"][:],
+        values_of(environment, f"{kind}_bottoms"),
+        values_of(environment, f"{kind}_tops"),
         strict=True,
     )
     return tuple(SolidRecord(name, wkt, float(low), float(top)) for name, wkt, low, top in rows)
 
 
 def _read_meshes(environment: h5py.Group) -> tuple[MeshRecord, ...]:
-    points, triangles = environment["mesh_points"][:], environment["mesh_triangles"][:]
-    ends = np.cumsum(environment["mesh_counts"][:].reshape(-1, 2), axis=0)
+    points, triangles = values_of(environment, "mesh_points"), values_of(environment, "mesh_triangles")
+    ends = np.cumsum(values_of(environment, "mesh_counts").reshape(-1, 2), axis=0)
     cut_points, cut_triangles = np.split(points, ends[:, 0]), np.split(triangles, ends[:, 1])
     names = _read_strings(environment, "mesh_names")
     return tuple(MeshRecord(*row) for row in zip(names, cut_points, cut_triangles, strict=False))
@@ -248,22 +254,22 @@ def _read_motion(group: h5py.Group) -> MotionRecord:
     """Return skeleton, nodes, poses and gaits as :func:`_write_motion` wrote them."""
     skeleton = Skeleton(
         names=tuple(_read_strings(group, "joint_names")),
-        **{name: group[name][:] for name in _SKELETON_ARRAYS},
-        roles=dict(zip(_read_strings(group, "role_names"), map(int, group["role_joints"][:]), strict=True)),
+        **{name: values_of(group, name) for name in _SKELETON_ARRAYS},
+        roles=dict(zip(_read_strings(group, "role_names"), map(int, values_of(group, "role_joints")), strict=True)),
     )
     return MotionRecord(
         skeleton=skeleton,
         node_names=tuple(_read_strings(group, "node_names")),
-        **{name: group[name][:] for name in _MOTION_ARRAYS},
+        **{name: values_of(group, name) for name in _MOTION_ARRAYS},
         # The group is missing if no agent is steered.
         gaits=_read_gaits(group) if "gait_names" in group else (),
-        pool_phases=group["pool_phases"][:] if "pool_phases" in group else np.zeros(0, np.float32),
-        pool_tracks=group["pool_tracks"][:] if "pool_tracks" in group else np.zeros((0, 3), np.float32),
+        pool_phases=values_of(group, "pool_phases") if "pool_phases" in group else np.zeros(0, np.float32),
+        pool_tracks=values_of(group, "pool_tracks") if "pool_tracks" in group else np.zeros((0, 3), np.float32),
     )
 
 
 def _read_gaits(group: h5py.Group) -> tuple[GaitRecord, ...]:
-    ends = np.cumsum(group["gait_frames"][:])
-    roots, rotations = (np.split(group[f"gait_{name}"][:], ends) for name in ("root", "rotations"))
+    ends = np.cumsum(values_of(group, "gait_frames"))
+    roots, rotations = (np.split(values_of(group, f"gait_{name}"), ends) for name in ("root", "rotations"))
     names = _read_strings(group, "gait_names")
     return tuple(GaitRecord(*row) for row in zip(names, roots, rotations, strict=False))

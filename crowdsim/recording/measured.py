@@ -9,6 +9,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.recording.storage.values import PACKED, values_of
+
 GROUP = "measured"
 
 LEAST_CROSSINGS = 20
@@ -77,7 +79,7 @@ def write_measured(file: h5py.File, measured: Measured) -> None:
                 if isinstance(value, float):
                     group.attrs[key] = value
                 else:
-                    group.create_dataset(key, data=value, compression="gzip" if len(value) else None)
+                    group.create_dataset(key, data=value, **(PACKED if len(value) else {}))
 
 
 def read_measured(file: h5py.File) -> Measured:
@@ -92,10 +94,12 @@ def read_measured(file: h5py.File) -> Measured:
 
     for group in groups("areas"):
         size = float(group.attrs["size"])
-        measured.areas[str(group.attrs["name"])] = AreaSeries(size, group["count"][:], group["speed"][:])
+        measured.areas[str(group.attrs["name"])] = AreaSeries(
+            size, values_of(group, "count"), values_of(group, "speed")
+        )
     for group in groups("lines"):
         length, width = float(group.attrs["length"]), float(group.attrs.get("width", np.nan))
-        columns = (group[key][:] for key in ("agent", "time", "to_left"))
+        columns = (values_of(group, key) for key in ("agent", "time", "to_left"))
         measured.lines[str(group.attrs["name"])] = Crossings(length, width, *columns)
     return measured
 

@@ -47,6 +47,8 @@ from crowdsim.recording.header_file import read_header, read_versions
 from crowdsim.recording.levels import LevelColumn
 from crowdsim.recording.measured import Measured, read_measured
 from crowdsim.recording.shown.bodies import ShownBodies
+from crowdsim.recording.storage.checksums import require_unchanged
+from crowdsim.recording.storage.values import values_of
 from crowdsim.recording.track_rows import all_rows, steps_a_frame, track_blocks, track_frame
 from crowdsim.whole_files import require_regular
 from crowdsim.yamlfile.document import read_document
@@ -85,7 +87,7 @@ class Recording(ShownBodies):
         check_header(self.header)
         check_place(self.header)
         self.versions = read_versions(file)
-        self.summary = dict(json.loads(file["summary"].asstr()[()]))
+        self.summary = dict(json.loads(values_of(file, "summary")))
         self.measured = read_measured(file)
         columns = file["steps"]
         ranges = column_ranges(self.header)
@@ -99,7 +101,7 @@ class Recording(ShownBodies):
                     f"{path}: steps/{name} has shape {column.shape} of {column.dtype}, not {shape} of {dtype}; {AGAIN}"
                 )
             setattr(self, name, CheckedColumn(path, name, column, *ranges.get(name, (-np.inf, np.inf))))
-        self.state_hash = columns["state_hash"]
+        self.state_hash = CheckedColumn(path, "state_hash", columns["state_hash"], -np.inf, np.inf)
         self.levels = LevelColumn(self.state, self.node, self.phase)
 
     @classmethod
@@ -114,12 +116,17 @@ class Recording(ShownBodies):
         if not path.is_file():
             raise RecordingError(f"there is no recording {path}; write one with 'crowdsim run SCENARIO -o {path}'")
         try:
+            checked = require_unchanged(path)
+        except (OSError, ValueError) as error:
+            raise RecordingError(f"{path} is damaged ({error}); {AGAIN}") from None
+        try:
             # A finished file never changes, and locks fail on read-only and network folders.
             file = h5py.File(path, "r", locking=False, rdcc_nbytes=_CACHED)
         except OSError:
             raise RecordingError(f"{path} is not a crowdsim recording, or is cut short; {AGAIN}") from None
         try:
-            require_readable(path, file)  # first of all, as the library may hang where strings are damaged
+            if not checked:  # first of all, as the library may hang where strings are damaged
+                require_readable(path, file)
             _check_kind(path, file)
             return cls(path, file)
         except (CrowdSimError, *UNREADABLE) as error:
@@ -170,9 +177,11 @@ class Recording(ShownBodies):
         """Return all planned paths in the order in which they were planned."""
         group = self._file["paths"]
         try:
-            points, behaviors, counts, agents = (group[name][:] for name in ("points", "behaviors", "count", "agent"))
+            points, behaviors, counts, agents = (
+                values_of(group, name) for name in ("points", "behaviors", "count", "agent")
+            )
             ends = check_paths(counts, agents, points, self.header)
-            rows = zip(agents, group["step"][:], ends - counts, ends, strict=True)
+            rows = zip(agents, values_of(group, "step"), ends - counts, ends, strict=True)
             return tuple(
                 PlannedPath(int(agent), int(step), points[first:end], behaviors[first:end])
                 for agent, step, first, end in rows
@@ -193,12 +202,12 @@ class Recording(ShownBodies):
             return ()
         group = self._file["changes"]
         try:
-            rows = zip(group["movable"][:], group["step"][:], group["footprint"].asstr()[:], strict=True)
+            rows = zip(*(values_of(group, name) for name in ("movable", "step", "footprint")), strict=True)
             changes = tuple(MovableChange(int(movable), int(step), shape or None) for movable, step, shape in rows)
             shapely.from_wkt([change.footprint for change in changes])
             if any(change.movable not in range(len(self.header.movables)) for change in changes):
                 raise ValueError("a change of a movable that does not exist")
-        except UNREADABLE as error:
+        except (RecordingError, *UNREADABLE) as error:
             raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
         return changes
 
@@ -218,10 +227,10 @@ class Recording(ShownBodies):
         if "commands" not in self._file:
             return ()
         try:
-            commands = [json.loads(text) for text in self._file["commands"].asstr()[:]]
+            commands = [json.loads(text) for text in values_of(self._file, "commands")]
             if not all(isinstance(command["at"], int | float) for command in commands):
                 raise ValueError("a command without a time")
-        except UNREADABLE as error:
+        except (RecordingError, *UNREADABLE) as error:
             raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
         return tuple(commands)
 

@@ -13,8 +13,9 @@ from crowdsim.errors import RecordingError
 from crowdsim.recording.checks import UNREADABLE
 from crowdsim.recording.header import COLUMN_TYPES, SolidRecord, stored_columns
 from crowdsim.recording.header_file import read_header, rewrite_movables
-from crowdsim.recording.part_file import CHANGE, COMMAND, MOVABLE, PATH, STEP, is_held, put_frames
 from crowdsim.recording.reader import Recording
+from crowdsim.recording.storage.checksums import append_checksums
+from crowdsim.recording.storage.part_file import CHANGE, COMMAND, MOVABLE, PATH, STEP, is_held, put_frames
 from crowdsim.recording.writer import PATH_HEAD, STEP_HEAD, append_command, extend
 from crowdsim.whole_files import whole_file
 
@@ -22,7 +23,7 @@ from crowdsim.whole_files import whole_file
 def recover(part: str | os.PathLike[str], output: str | os.PathLike[str] | None = None) -> Recording:
     """Turn the ``.part`` file of a killed run into a recording, delete it, and return the recording, opened.
 
-    It holds every step that was appended; its ``complete`` is False.
+    It holds every step that was appended; its ``complete`` is False unless only the renaming of the file was missing.
 
     Parameters
     ----------
@@ -52,9 +53,11 @@ def recover(part: str | os.PathLike[str], output: str | os.PathLike[str] | None 
                 steps = int(file["steps/state_hash"].shape[0])
                 if steps == 0:
                     raise RecordingError(f"{source} holds no step: its run was killed before the first; delete it")
-                summary = {"complete": False, "steps": steps, "recovered_from": source.name}
-                file.create_dataset("summary", data=json.dumps(summary), dtype=h5py.string_dtype("utf-8"))
-                file.attrs["finished"] = True
+                if not file.attrs["finished"]:  # else it was killed just before the file got its name
+                    summary = {"complete": False, "steps": steps, "recovered_from": source.name}
+                    file.create_dataset("summary", data=json.dumps(summary), dtype=h5py.string_dtype("utf-8"))
+                    file.attrs["finished"] = True
+            append_checksums(written)
     except UNREADABLE as error:
         raise RecordingError(f"{source}: nothing can be read of it ({error}); run the scenario again") from None
     recording = Recording.open(target)

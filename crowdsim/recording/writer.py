@@ -30,7 +30,9 @@ from crowdsim.recording.header import (
 )
 from crowdsim.recording.header_file import rewrite_movables, write_header
 from crowdsim.recording.measured import Measured, write_measured
-from crowdsim.recording.part_file import CHANGE, COMMAND, MOVABLE, PATH, STEP, PartFile
+from crowdsim.recording.storage.checksums import checked_chunks, checksum_frame
+from crowdsim.recording.storage.part_file import CHANGE, COMMAND, MOVABLE, PATH, STEP, PartFile
+from crowdsim.recording.storage.values import PACKED, PACKED_QUICKLY, PACKED_TEXTS
 from crowdsim.whole_files import not_written
 
 MOST_STEPS_HELD = 64
@@ -45,11 +47,6 @@ STEP_HEAD = struct.Struct("<QQ")
 """Head of a step's frame: number and state hash; the stored columns follow."""
 PATH_HEAD = struct.Struct("<qqQ")
 """Head of a path's frame: agent, step and number of points; points and behaviors follow."""
-
-_SMALL = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-_QUICK = {"compression": "lzf", "shuffle": True}
-"""Compression for steps of steered crowds: larger than gzip but faster. Other programs may lack this filter. See
-docs/recordings.md."""
 
 
 def part_path(path: Path) -> Path:
@@ -208,10 +205,13 @@ class RecordingWriter:
             write_measured(file, measured)
         file.create_dataset("summary", data=text, dtype=h5py.string_dtype("utf-8"))
         file.attrs["finished"] = True
+        file.flush()
+        chunks = checked_chunks(file)
         file.close()
         disk = self._open_disk()
         try:
-            disk.commit()
+            size = disk.commit()
+            disk.append(checksum_frame(disk, size, chunks))
             disk.sync()
             os.replace(self._part, self.path)
         except OSError as error:
@@ -230,7 +230,9 @@ class RecordingWriter:
         steps = file.create_group("steps")
         chunk = (self._held, min(agents, _AGENTS_PER_CHUNK))
         for name, values in self._buffer.items():
-            _growing(steps, name, (agents,), values.dtype, chunk, _QUICK if self._header.motion.gaits else _SMALL)
+            _growing(
+                steps, name, (agents,), values.dtype, chunk, PACKED_QUICKLY if self._header.motion.gaits else PACKED
+            )
         _growing(steps, "state_hash", (), "uint64", (MOST_STEPS_HELD,))
         paths = file.create_group("paths")
         _growing(paths, "points", (2,), "float64", (1024, 2))
@@ -240,7 +242,7 @@ class RecordingWriter:
         changes = file.create_group("changes")
         for name in ("movable", "step"):
             _growing(changes, name, (), "int32", (256,))
-        _growing(changes, "footprint", (), h5py.string_dtype("utf-8"), (256,))
+        _growing(changes, "footprint", (), h5py.string_dtype("utf-8"), (256,), PACKED_TEXTS)
 
     def _open_file(self) -> h5py.File:
         if self._file is None:
@@ -305,7 +307,7 @@ def _growing(
     row: tuple[int, ...],
     dtype: Any,
     chunk: tuple[int, ...],
-    packing: Mapping[str, Any] = _SMALL,
+    packing: Mapping[str, Any] = PACKED,
 ) -> None:
     """Create an empty dataset of rows of shape ``row`` that can be extended without end."""
     group.create_dataset(name, shape=(0, *row), maxshape=(None, *row), dtype=dtype, chunks=chunk, **packing)
@@ -321,7 +323,7 @@ def extend(dataset: h5py.Dataset, rows: np.ndarray) -> None:
 def append_command(file: h5py.File, text: str) -> None:
     """Append a command, as JSON; a file without commands has no dataset of them."""
     if "commands" not in file:
-        _growing(file, "commands", (), h5py.string_dtype("utf-8"), (256,))
+        _growing(file, "commands", (), h5py.string_dtype("utf-8"), (256,), PACKED_TEXTS)
     extend(file["commands"], np.array([text], object))
 
 

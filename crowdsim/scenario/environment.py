@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from shapely import MultiPolygon, Polygon
@@ -47,8 +47,12 @@ class Environment(NamedTuple):
     report: tuple[str, ...]
 
 
-def build_environment(keys: ScenarioFields, files: Files) -> tuple[Environment | None, list[Complaint]]:
+def build_environment(
+    keys: ScenarioFields, files: Files, progress: Callable[[int, int], None] | None = None
+) -> tuple[Environment | None, list[Complaint]]:
     """Build the environment of a scenario with the ``files`` that it names.
+
+    ``progress`` is that of :func:`~crowdsim.environment.layers.clearance_layers`.
 
     Returns
     -------
@@ -71,7 +75,7 @@ def build_environment(keys: ScenarioFields, files: Files) -> tuple[Environment |
     if len({layer.name for layer in keys.bands}) < len(keys.bands):
         return None, complaints
     bands = [layer.band() for layer in keys.bands]
-    layers = clearance_layers(site.floor, timetable.at_start(), bands)
+    layers = clearance_layers(site.floor, timetable.at_start(), bands, progress)
     if polygons_only(layers[0].free).is_empty:
         message = "; ".join(["the floor is empty: obstacles cover all of it", *doubts_in(site.report)])
         return None, [*complaints, (("floor",), message)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from crowdsim.errors import Problem, ScenarioError
@@ -15,7 +15,9 @@ from crowdsim.yamlfile.messages import nearest
 from crowdsim.yamlfile.overrides import apply_overrides
 
 
-def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+def load_scenario(
+    source: str | Path, overrides: Sequence[str] = (), progress: Callable[[int, int], None] | None = None
+) -> Scenario:
     """Read and check a scenario.
 
     Parameters
@@ -24,6 +26,8 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
         Path of a YAML file, or the name of a built-in scenario (``"corridor"``) if there is no such file.
     overrides : sequence of str
         Entries to replace, as ``"agents.0.count=4"``; the values are YAML.
+    progress : callable or None
+        Called as ``progress(done, all)`` with parts of files of triangles, if they are many.
 
     Raises
     ------
@@ -39,10 +43,15 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
     text, problems = read_text(path, str(source))
     if problems:
         raise ScenarioError(problems)
-    return parse_scenario(text, path, overrides)
+    return parse_scenario(text, path, overrides, progress)
 
 
-def parse_scenario(text: str, path: Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
+def parse_scenario(
+    text: str,
+    path: Path | None = None,
+    overrides: Sequence[str] = (),
+    progress: Callable[[int, int], None] | None = None,
+) -> Scenario:
     """Check the text of a scenario file, as :func:`load_scenario` does.
 
     Parameters
@@ -53,6 +62,8 @@ def parse_scenario(text: str, path: Path | None = None, overrides: Sequence[str]
         File name for messages; relative file names in the scenario start from its folder.
     overrides : sequence of str
         Entries to replace.
+    progress : callable or None
+        See :func:`load_scenario`.
     """
     document, problems = read_document(text, "<text>" if path is None else str(path))
     if not document.complete:
@@ -61,7 +72,7 @@ def parse_scenario(text: str, path: Path | None = None, overrides: Sequence[str]
         refuse([*problems, document.problem((), "the file is empty")])
     problems += apply_overrides(document, overrides)
     files = Files((path or Path()).parent, {})
-    keys, environment = validated(document, files, problems)
+    keys, environment = validated(document, files, problems, progress)
     return Scenario.of(keys, document, text, path, files, environment)
 
 

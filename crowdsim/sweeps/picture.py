@@ -42,7 +42,7 @@ def draw_sweep(rows: Sequence[Row], figures: Sequence[str]) -> Figure:
         axes.set_ylabel(f"{figure} [{unit}]" if unit else figure)
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(color="#e6e8ea", linewidth=0.6)
-    if len(keys) > 1:
+    if figures and len(keys) > 1:
         panels[0].legend(frameon=False, fontsize="small")
     seeds = len({point.seed for point, _ in rows})
     failed = sum(bool(outcome.error) for _, outcome in rows)

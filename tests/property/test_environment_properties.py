@@ -7,8 +7,9 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from crowdsim.environment.footprints import STRIP
 from crowdsim.environment.layers import LEGS, TORSO, Plane, clearance_layers
-from crowdsim.environment.mesh_solid import STRIP, MeshSolid
+from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import Solid, centered_box
 from tests.reference.environment_reference import covered
 from tests.support import meshes

@@ -50,7 +50,7 @@ def measure(minutes: float = MINUTES) -> Measurement:
             arrived, steps = recording.summary["arrived"], recording.steps
             present = recording.most_present
             size = recording.path.stat().st_size
-    memory, step = samples.slopes()
+    memory, step, cpu = samples.slopes()
     row: dict[str, Any] = {
         "minutes": round(steps / scenario.steps_per_second / 60.0, 1),
         "characters": count,
@@ -59,10 +59,12 @@ def measure(minutes: float = MINUTES) -> Measurement:
         "memory_grows": f"{memory:+.2%}",
         "step_ms": round(1e3 * float(np.median(samples.seconds)), 2),
         "step_grows": f"{step:+.2%}",
+        "step_cpu_ms": round(1e3 * float(np.median(samples.cpu)), 2),
+        "step_cpu_grows": f"{cpu:+.2%}",
         "stuck": count - arrived,
         "file_mb": round(size / 1e6, 1),
     }
-    figures = {"memory_growth": memory, "step_growth": step, "stuck": float(count - arrived)}
+    figures = {"memory_growth": memory, "step_growth": step, "step_cpu_growth": cpu, "stuck": float(count - arrived)}
     return Measurement([row], figures, headline=tuple(figures))
 
 
@@ -91,10 +93,13 @@ class Samples:
         self._each = max(round(WINDOW * steps_per_second), 1)
         self._ended = time.perf_counter()
         self._steps: list[float] = []
+        self._used = time.process_time()
         self.memory: list[float] = []
         """Of each window [MB]."""
         self.seconds: list[float] = []
         """Median of the steps of each window."""
+        self.cpu: list[float] = []
+        """CPU time of a step, of all threads, mean of each window: on a machine shared with others the steadier one."""
 
     def add(self, step: int, steps: int, simulation: Simulation) -> None:
         """Add the step that has just ended; callback of ``Simulation.run``."""
@@ -103,14 +108,18 @@ class Samples:
         if len(self._steps) == self._each:
             self.seconds.append(float(np.median(self._steps)))
             self.memory.append(resident_mb())
+            used = time.process_time()
+            self.cpu.append((used - self._used) / self._each)
+            self._used = used
             self._steps.clear()
         self._ended = time.perf_counter()
 
-    def slopes(self) -> tuple[float, float]:
-        """Return the relative growth of memory and step time while the sources are active, after the beginning."""
+    def slopes(self) -> tuple[float, float, float]:
+        """Return the relative growth of memory, step time and its CPU time while sources are active and settled."""
         first = round(SETTLES * len(self.memory))
         last = len(self.memory) - round(EMPTIES / WINDOW)
-        return growth(np.array(self.memory[first:last])), growth(np.array(self.seconds[first:last]))
+        memory, seconds, cpu = (growth(np.array(each[first:last])) for each in (self.memory, self.seconds, self.cpu))
+        return memory, seconds, cpu
 
 
 def growth(values: NDArray[np.float64]) -> float:

@@ -10,9 +10,6 @@ import typer
 
 from crowdsim.cli.options import Debug, Json, Scenario
 
-WHOLE_SWEEP = 1e9
-"""Time over which the pace of points is measured [s]: longer than any sweep, as a single point may take minutes."""
-
 FAILED = 4
 """Exit code if all points failed."""
 
@@ -45,15 +42,16 @@ def sweep(
     debug: Debug = False,
 ) -> None:
     """Run a scenario with many seeds and values, and write a table and a picture; go on where it was stopped."""
-    from crowdsim.cli.progress import progress_bar
+    from crowdsim.cli.progress import WHOLE_RUN, FirstRunElsewhere, progress_bar
     from crowdsim.cli.tables import print_table
     from crowdsim.sweeps.points import points_of
     from crowdsim.sweeps.sweep import sweep as run_sweep
 
     points = points_of(scenario, seeds, settings or [])
     counted = [0, len(points)]
-    with progress_bar(WHOLE_SWEEP) as bar:
-        task = bar.add_task(f"{scenario}: sweeping", total=len(points))
+    bar = progress_bar(WHOLE_RUN)
+    task = bar.add_task(f"{scenario}: sweeping", total=len(points))
+    with bar, FirstRunElsewhere(bar):
 
         def progress(done: int, total: int, failed: int) -> None:
             counted[0] = done

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from array import array
 from typing import Any
 
 import numpy as np
@@ -39,8 +40,8 @@ class MeasuredPlaces:
         self._span = np.array(scenario.span)
         self._window = round(SPEED_SECONDS * self._rate)
         self._places: list[Floats] = []
-        self._counts: list[list[int]] = [[] for _ in self._areas]
-        self._speeds: list[list[float]] = [[] for _ in self._areas]
+        self._counts = [array("i") for _ in self._areas]
+        self._speeds = [array("f") for _ in self._areas]
         self._crossed: list[list[tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]]] = [[] for _ in self._lines]
         self._step = 0
 

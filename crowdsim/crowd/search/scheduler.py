@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -89,7 +90,7 @@ class Searches:
     """Largest number of branches of a slice."""
     each_step: int = BRANCHES_PER_STEP
     """Branches of all slices of a step; see :data:`BRANCHES_PER_STEP`."""
-    waits: list[float] = field(default_factory=list)
+    waits: array[float] = field(default_factory=lambda: array("d"))
     """Time from the request to the first nodes to play, of each search that found some [s]."""
     counts: dict[str, int] = field(
         default_factory=lambda: dict.fromkeys(("asked", "sliced", "backtracked", "recovered"), 0)

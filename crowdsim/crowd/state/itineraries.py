@@ -42,24 +42,26 @@ class Itineraries:
         self.places = np.array([len(goals) for goals in cast.goals], np.int64)
         self.reached = np.zeros(len(self.cast.starts), np.int64)
         self._tries = np.zeros(len(self.cast.starts), np.int64)
-        self._aims: dict[int, tuple[int, NDArray[np.float64]]] = {}
+        # Aims by character, with the number of places reached when they were given, NONE without one: arrays do not
+        # grow with those who come and leave.
+        self._aims = np.zeros((len(self.cast.starts), 2))
+        self._aimed_at = np.full(len(self.cast.starts), NONE, np.int64)
 
     def redirect(self, agent: int, goal: NDArray[np.float64], stays: bool) -> None:
         """Send an agent to ``goal`` (2,) [m] instead of all its places; it stays there or leaves."""
         self._goals[agent], self._headings[agent] = goal[None], np.full(1, np.nan)
         self.cast.rounds[agent], self.cast.stays[agent] = 1, stays
         self.places[agent], self.reached[agent], self._tries[agent] = 1, 0, 0
-        self._aims.pop(agent, None)
+        self._aimed_at[agent] = NONE
 
     def aim(self, agent: int, place: NDArray[np.float64]) -> None:
         """Let an agent go to ``place`` (2,) this time, instead of its own spot in the region that it goes to."""
-        self._aims[agent] = int(self.reached[agent]), place
+        self._aims[agent], self._aimed_at[agent] = place, self.reached[agent]
 
     def goal(self, agent: int, ahead: int = 0) -> NDArray[np.float64]:
         """Return the place (2,) that an agent goes to [m], or the one ``ahead`` places later."""
         reached = int(self.reached[agent]) + ahead
-        aimed, place = self._aims.get(agent, (NONE, None))
-        return self.cast.goal(agent, reached) if place is None or aimed != reached else place
+        return self._aims[agent].copy() if self._aimed_at[agent] == reached else self.cast.goal(agent, reached)
 
     def stands(self, agent: int, ahead: int = 0) -> bool:
         """Return True if it stands at that place, for a while or for good."""

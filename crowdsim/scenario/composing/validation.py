@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NoReturn
 
 from pydantic import ValidationError
@@ -19,7 +19,12 @@ from crowdsim.yamlfile.document import Complaint, Document
 from crowdsim.yamlfile.messages import schema_problems
 
 
-def validated(document: Document, files: Files, problems: Sequence[Problem] = ()) -> tuple[ScenarioFields, Environment]:
+def validated(
+    document: Document,
+    files: Files,
+    problems: Sequence[Problem] = (),
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[ScenarioFields, Environment]:
     """Check the keys of ``document``, build their environment, and check that every character finds a place.
 
     Parameters
@@ -30,6 +35,8 @@ def validated(document: Document, files: Files, problems: Sequence[Problem] = ()
         Files that the keys name.
     problems : sequence of Problem
         Problems found so far; they are reported with the others.
+    progress : callable or None
+        Called as ``progress(done, all)`` with parts of files of triangles, if they are many.
 
     Raises
     ------
@@ -42,7 +49,7 @@ def validated(document: Document, files: Files, problems: Sequence[Problem] = ()
         refuse([*problems, *schema_problems(error, document, ScenarioFields)])
     if problems:
         refuse(problems)
-    environment, complaints = build_environment(keys, files)
+    environment, complaints = build_environment(keys, files, progress)
     complaints = [*key_complaints(keys, files.folder), *complaints]
     if environment is not None:
         if keys.steers:

@@ -29,7 +29,8 @@ def test_samples_are_taken_once_a_window():
     samples = Samples(10)
     for step in range(250):
         samples.add(step, 1000, None)
-    assert len(samples.memory) == len(samples.seconds) == 2
+    assert len(samples.memory) == len(samples.seconds) == len(samples.cpu) == 2
+    assert all(spent >= 0.0 for spent in samples.cpu)
     assert samples.memory[0] == pytest.approx(resident_mb(), rel=0.2)
     assert resident_mb() > 20.0
 

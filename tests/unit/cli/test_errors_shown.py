@@ -1,10 +1,14 @@
 """Every way to fail has its exit code and message."""
 
+import signal
+import subprocess
+import sys
+
 import pytest
 import typer
 
 from crowdsim.cli.app import app as crowdsim_app
-from crowdsim.cli.errors_shown import Commands
+from crowdsim.cli.errors_shown import Commands, describe
 from crowdsim.cli.options import Debug
 from crowdsim.errors import CrowdSimError, DrawingUnavailable, PathNotFound, RecordingError, ScenarioError
 
@@ -28,6 +32,47 @@ def call(app: typer.Typer, *arguments: str) -> int:
         app(list(arguments), prog_name="crowdsim")
     assert isinstance(leaving.value.code, int)
     return leaving.value.code
+
+
+def test_an_import_that_an_interruption_made_fail_is_an_interruption():
+    """Numpy raises an ImportError from what stopped the import of its parts."""
+    error = ImportError("numpy._core.multiarray failed to import")
+    error.__context__ = ValueError("another in between")
+    error.__context__.__cause__ = KeyboardInterrupt()
+    assert describe(error) == ("interrupted", 130)
+    assert describe(ImportError("no module"))[1] == 1
+
+
+def test_a_working_folder_that_is_gone_is_named(tmp_path, monkeypatch):
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    folder.rmdir()
+    message, code = describe(FileNotFoundError(2, "No such file or directory"))
+    assert (code, "does not exist any more" in message) == (2, True)
+
+
+def test_termination_is_as_before_when_a_command_has_ended(capsys):
+    before = signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    try:
+        assert call(failing_app(CrowdSimError("too narrow")), "fail") == 2
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    capsys.readouterr()
+
+
+def test_an_interruption_before_the_command_line_is_there_is_no_traceback():
+    program = (
+        "import sys, runpy\n"
+        "class Stop:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'crowdsim.cli.doctor': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Stop())\n"
+        "runpy.run_module('crowdsim', run_name='__main__')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,7 @@ from rich.progress import Progress
 
 from crowdsim import jit
 from crowdsim.cli import progress as shown
-from crowdsim.cli.progress import FirstRun, RunProgress, progress_bar
-from crowdsim.cli.study_commands.sweep import WHOLE_SWEEP
+from crowdsim.cli.progress import QUIET_SECONDS, WHOLE_RUN, FirstRun, FirstRunElsewhere, RunProgress, progress_bar
 
 PACKAGE = Path(__file__).parents[3] / "crowdsim"
 
@@ -125,7 +124,7 @@ def test_what_is_compiled_is_shown_and_what_was_shown_before_comes_back(monkeypa
 
 def test_the_time_left_of_a_sweep_is_known_however_long_its_points_take():
     now = [0.0]
-    for remembered, left in ((WHOLE_SWEEP, 17 * 90.0), (30.0, None)):
+    for remembered, left in ((WHOLE_RUN, 17 * 90.0), (30.0, None)):
         bar = progress_bar(remembered)
         bar.get_time = lambda: now[0]
         task = bar.add_task("sweeping", total=20)
@@ -133,3 +132,46 @@ def test_the_time_left_of_a_sweep_is_known_however_long_its_points_take():
             now[0] += 90.0
             bar.update(task, completed=done)
         assert bar.tasks[0].time_remaining == left
+
+
+def test_what_other_processes_compile_is_shown_while_kernels_appear(monkeypatch):
+    names, now = listed(), [100.0]
+    order = sorted(names)
+    compiled = set(order[:3])
+    monkeypatch.setattr(jit, "compiled_kernels", lambda: set(compiled))
+    monkeypatch.setattr(shown.time, "monotonic", lambda: now[0])
+    bar = Progress(console=Console(file=io.StringIO(), force_terminal=True), auto_refresh=False)
+    first = FirstRunElsewhere(bar)
+
+    def line(later):
+        now[0] += later
+        first.look()
+        task = bar.tasks[0]
+        return task.visible, task.completed, task.total, task.description
+
+    # What is missing may be what these runs never need.
+    assert line(1.0)[0] is False
+    compiled.add(order[3])
+    is_shown, done, total, words = line(1.0)
+    assert (is_shown, done, total) == (True, 1, len(names) - 3)
+    assert re.fullmatch(r"compiling kernels, once for this machine, about \d+ s left", words)
+    assert line(QUIET_SECONDS - 1.0)[0] is True
+    assert line(2.0)[0] is False
+    compiled.update(order[:-1])
+    assert line(1.0)[:2] == (True, len(names) - 4)
+    compiled.update(order)
+    assert line(1.0)[0] is False
+
+
+def test_an_empty_cache_is_told_in_one_line_without_a_terminal(monkeypatch, capsys):
+    monkeypatch.setattr(jit, "compiled_kernels", lambda: set())
+    bar = progress_bar()
+    first = FirstRunElsewhere(bar)
+    with bar, first:
+        first.look()
+        first.look()
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert re.fullmatch(
+        rf"compiling kernels, once for this machine: {len(listed())} kernels, about \d+ s left\n", said.err
+    )

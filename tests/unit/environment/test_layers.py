@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import MultiPolygon, Polygon
 
+from crowdsim.environment import footprints
 from crowdsim.environment.layers import LEGS, TORSO, Band, Plane, clearance_layers, dropped_solids
 from crowdsim.environment.solids import Solid, box, centered_box, cylinder
 from crowdsim.errors import GeometryError
@@ -149,3 +150,11 @@ def test_what_is_free_on_the_ground_is_free_above(solids):
         assert layer.free.is_valid
         assert layer.free.intersection(layer.obstacles).area < 1e-9
         assert layer.free.union(layer.obstacles).intersection(FLOOR).area == pytest.approx(100.0)
+
+
+def test_progress_counts_solids_once_for_each_layer(monkeypatch):
+    monkeypatch.setattr(footprints, "_TRIANGLES_AT_ONCE", 24)
+    boxes = [solid(meshes_box((0.4 * k, 1.0, 0.2), (0.4 * k + 0.3, 1.3, 1.0))) for k in range(9)]
+    told = []
+    clearance_layers(FLOOR, boxes, [TORSO, LEGS], lambda done, total: told.append((done, total)))
+    assert told == [(done, 18) for done in (2, 4, 6, 8, 9, 11, 13, 15, 17, 18)]

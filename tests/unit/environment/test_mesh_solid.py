@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 import shapely
+import trimesh
 
+from crowdsim.environment import footprints
+from crowdsim.environment.footprints import STRIP
 from crowdsim.environment.layers import LEGS, TORSO
-from crowdsim.environment.mesh_solid import STRIP, MeshSolid
+from crowdsim.environment.mesh_solid import MeshSolid, footprints_between
 from crowdsim.errors import GeometryError
 from tests.support.meshes import box, inverted, joined, sheet, solid
 
@@ -175,3 +178,23 @@ def test_torso_and_legs_of_a_chair():
     chair = solid(joined(box((0, 0, 0.4), (0.5, 0.5, 0.45)), box((0, 0.45, 0.45), (0.5, 0.5, 0.95))))
     assert chair.footprint_in(TORSO.low, TORSO.high).equals(shapely.box(0, 0.45, 0.5, 0.5))
     assert chair.footprint_in(LEGS.low, LEGS.high).equals(shapely.box(0, 0, 0.5, 0.5))
+
+
+def test_footprints_of_many_are_those_of_each(monkeypatch):
+    """Also across blocks, in several threads, with parts beside the band and without triangles in it."""
+    monkeypatch.setattr(footprints, "_TRIANGLES_AT_ONCE", 30)
+    rng = np.random.default_rng(3)
+    solids = []
+    for number in range(40):
+        corners = rng.uniform(0.0, 2.0, (int(rng.integers(1, 25)), 3, 3)) + [number % 7, number // 7, 0.0]
+        box = trimesh.creation.box((0.4, 0.3, rng.uniform(0.1, 2.5)))
+        loose = MeshSolid(f"loose {number}", corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+        closed = MeshSolid(f"box {number}", box.vertices + [number % 7, number // 7, rng.uniform(0.0, 3.0)], box.faces)
+        solids += [loose, closed]
+    told = []
+    together = footprints_between(solids, 0.65, 1.5, told.append)
+    assert shapely.equals_exact(together, [solid.footprint_in(0.65, 1.5) for solid in solids]).all()
+    assert shapely.is_empty(together).any()
+    assert len(told) > 10
+    assert told == sorted(told)
+    assert told[-1] == sum(solid.bottom < 1.5 and solid.top > 0.65 for solid in solids)

@@ -99,7 +99,7 @@ def test_a_kill_amid_a_commit_loses_nothing(path):
     header = small_header()
     states: list[bytes] = []
     part = path.with_name("run.h5.part")
-    import crowdsim.recording.part_file as part_file
+    import crowdsim.recording.storage.part_file as part_file
 
     write, cut = part_file._write, os.ftruncate
 

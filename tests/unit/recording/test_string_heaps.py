@@ -8,14 +8,15 @@ import pytest
 
 from crowdsim.errors import RecordingError
 from crowdsim.recording.reader import Recording
-from crowdsim.recording.string_heaps import require_sound_heaps
+from crowdsim.recording.storage.string_heaps import require_sound_heaps
+from tests.support.older_recording import make_older
 from tests.support.small_recording import write_small_recording
 
 
 @pytest.fixture
 def path(tmp_path):
-    write_small_recording(tmp_path / "run.h5")
-    return tmp_path / "run.h5"
+    """Return a recording from before checksums, for which these checks are."""
+    return make_older(write_small_recording(tmp_path / "run.h5"))
 
 
 def collections(content):

@@ -136,6 +136,8 @@ def test_a_picture_is_drawn_of_any_sweep():
         for value in ("a", "b")
         for point, outcome in rows[:3]
     ]
+    # Without figures there is no curve, and no legend, which would warn.
+    assert draw_sweep(named, []).axes[0].get_legend() is None
     labels = [label.get_text() for label in draw_sweep(named, ["t95"]).axes[0].get_xticklabels()]
     assert labels == ["a", "b"]
 

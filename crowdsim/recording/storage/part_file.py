@@ -22,13 +22,15 @@ from typing import Any
 
 from crowdsim.errors import RecordingError
 
-BLOCKS, STEP, PATH, CHANGE, MOVABLE, COMMAND = range(1, 7)
-"""Kinds of frames: blocks of HDF5, and additions to a recording (step, path, change of a movable, another movable,
-command)."""
+BLOCKS, STEP, PATH, CHANGE, MOVABLE, COMMAND, CHECKSUMS = range(1, 8)
+"""Kinds of frames: blocks of HDF5; additions to a recording (step, path, change of a movable, another movable,
+command); the checksums of a finished recording."""
 
 _MARK = b"\x93crowdsim\xf5frame\n"
 _HEAD = struct.Struct("<16sIIQ")
 """Head of a frame: mark, kind, CRC of kind, length and content, length of the content."""
+FRAME_HEAD = _HEAD.size
+"""Length of the head of a frame [bytes]."""
 _BLOCK = 4096
 _LENGTH = struct.Struct("<QQ")
 
@@ -36,6 +38,21 @@ _LENGTH = struct.Struct("<QQ")
 def _crc(kind: int, content: bytes | memoryview) -> int:
     """Return the checksum of a frame, which covers its kind, length and content."""
     return zlib.crc32(content, zlib.crc32(struct.pack("<IQ", kind, len(content))))
+
+
+def frame(kind: int, content: bytes) -> bytes:
+    """Return a frame, with its head."""
+    return _HEAD.pack(_MARK, kind, _crc(kind, content), len(content)) + content
+
+
+def framed(kind: int, given: bytes) -> bytes | None:
+    """Return the content of ``given``, a frame of this kind; None if it is none, or damaged."""
+    if len(given) < _HEAD.size:
+        return None
+    mark, found, check, length = _HEAD.unpack_from(given)
+    content = given[_HEAD.size :]
+    sound = (mark, found, length) == (_MARK, kind, len(content)) and check == _crc(kind, content)
+    return content if sound else None
 
 
 class PartFile(io.RawIOBase):
@@ -118,11 +135,14 @@ class PartFile(io.RawIOBase):
 
     def add_frame(self, kind: int, content: bytes) -> None:
         """Append a frame with data that is not yet in HDF5."""
-        head = _HEAD.pack(_MARK, kind, _crc(kind, content), len(content))
-        self._end += _write(self._handle, self._end, head + content)
+        self.append(frame(kind, content))
 
-    def commit(self) -> None:
-        """Write all changes of HDF5 to the disk, and remove the frames behind it."""
+    def append(self, frame: bytes) -> None:
+        """Append a frame that has its head."""
+        self._end += _write(self._handle, self._end, frame)
+
+    def commit(self) -> int:
+        """Write all changes of HDF5 to the disk, remove the frames behind it, and return its size [bytes]."""
         changed = sorted(self._blocks.items())
         parts = [_LENGTH.pack(self._size, len(changed))]
         for number, block in changed:
@@ -135,6 +155,7 @@ class PartFile(io.RawIOBase):
         os.ftruncate(self._handle, self._size)
         self._blocks = {}
         self._committed = self._end = self._size
+        return self._size
 
     def sync(self) -> None:
         """Wait until everything committed is on the disk."""
