@@ -1,4 +1,4 @@
-"""Distances between nearest characters, and shares of behaviors by place."""
+"""Distances between nearest agents, and shares of behaviors by place."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ Floats = NDArray[np.float64]
 
 
 def measure_distances(tracks: Tracks, _: Places) -> Result:
-    """Return the distances from each character to the nearest other one, center to center."""
-    name, title = "distances", "Distance to the nearest other character"
+    """Return the distances from each agent to the nearest other one, center to center."""
+    name, title = "distances", "Distance to the nearest other agent"
     found = nearest_distances(
         tracks.table["frame"].to_numpy(), tracks.table[["x", "y"]].to_numpy(), tracks.recording.header.ends
     )
@@ -95,7 +95,7 @@ def nearest_distances(frame: NDArray[np.int64], places: Floats, ends: Ends | Non
 
 
 def measure_behaviors(tracks: Tracks, places: Places) -> Result:
-    """Return the share of each behavior in the time that characters move, on the whole floor and by area."""
+    """Return the share of each behavior in the time that agents move, on the whole floor and by area."""
     name, title = "behaviors", "Behaviors by place"
     header, table = tracks.recording.header, tracks.table
     names = [behavior.name for behavior in header.behaviors]
@@ -122,7 +122,7 @@ def measure_behaviors(tracks: Tracks, places: Places) -> Result:
     ]
     if not rows:
         return Result(name, title, values, (*told,))
-    told.append("Shares are of the time of all characters; `crowdsim run` prints those of the way.")
+    told.append("Shares are of the time of all agents; `crowdsim run` prints those of the way.")
     shares_table = pandas.DataFrame(rows)
 
     def draw(figure: Figure) -> None:

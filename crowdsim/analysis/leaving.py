@@ -1,4 +1,4 @@
-"""When characters arrive, and what their way cost: travel time, way, detour and waiting, by group."""
+"""When agents arrive, and what their way cost: travel time, way, detour and waiting, by group."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SLOW = 0.2
-"""Speed below which a character waits [m/s]."""
+"""Speed below which an agent waits [m/s]."""
 
 LEAST_WAY = 1.0
 """Straight way below which there is no detour [m]."""
@@ -43,7 +43,7 @@ def measure_evacuation(tracks: Tracks, _: Places) -> Result:
         "left_at_the_end": stayed,
         "agents_left_at_the_end": left.tolist(),
     }
-    sentences = [f"{len(arrived)} of {len(came)} characters have arrived after {recording.duration:.1f} s."]
+    sentences = [f"{len(arrived)} of {len(came)} agents have arrived after {recording.duration:.1f} s."]
     for share in (50, 95):
         at = values[f"t{share}"]
         sentences.append(f"{share} % have after {at:.1f} s." if at is not None else f"{share} % never have.")
@@ -64,7 +64,7 @@ def measure_evacuation(tracks: Tracks, _: Places) -> Result:
                 label_at = (at, 0.97 - 0.1 * (share == 95))
                 axes.annotate(f"t{share} = {at:.1f} s", label_at, (3, 0), xycoords=("data", "axes fraction"),
                               textcoords="offset points", color=GRAY, fontsize="small", va="top")  # fmt: skip
-        axes.set(xlabel="time [s]", ylabel="characters not arrived", xlim=(0.0, None), ylim=(0.0, 1.05 * len(came)))
+        axes.set(xlabel="time [s]", ylabel="agents not arrived", xlim=(0.0, None), ylim=(0.0, 1.05 * len(came)))
 
     return Result(name, title, values, (*sentences,), table, draw)
 
@@ -106,7 +106,7 @@ _MEASURED = {"travel_time": "travel time [s]", "way": "way [m]", "detour": "deto
 
 
 def characters(tracks: Tracks) -> pandas.DataFrame:
-    """Return a row for each character that came: agent, group, entered, arrived, travel_time, way, detour, waiting."""
+    """Return a row for each agent that came: agent, group, entered, arrived, travel_time, way, detour, waiting."""
     recording, table = tracks.recording, tracks.table
     times = recording.agent_times
     came = np.flatnonzero(~np.isnan(times.entered))

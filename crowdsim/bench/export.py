@@ -1,6 +1,6 @@
 """Size and time of each export format, with their limits.
 
-The recording: a hundred captured characters on the plaza, 60 s at 30 steps per second, all present within three
+The recording: a hundred captured agents on the plaza, 60 s at 30 steps per second, all present within three
 seconds. Kernels and modules are loaded before.
 """
 

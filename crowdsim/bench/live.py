@@ -1,7 +1,7 @@
 """Live simulations: how many steps come late, and how soon a click takes effect, with a page that watches.
 
-A hundred characters walk to and fro. A client in a process of its own reads every picture, as the page does, and sends
-a character elsewhere again and again.
+A hundred agents walk to and fro. A client in a process of its own reads every picture, as the page does, and sends
+an agent elsewhere again and again.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ BETWEEN_CLICKS = 0.5
 """Time between an answer and the next click [s]."""
 
 _LEVELS = {"captured": 30, "auto": 10, "steered": 10}
-"""Steps a second by level; those with steered characters are fixed."""
+"""Steps a second by level; those with steered agents are fixed."""
 _HALL = """
 crowdsim: 1
 name: hall
@@ -48,38 +48,38 @@ agents:
 """
 
 
-def measure(seconds: float = SECONDS, characters: int = CHARACTERS) -> Measurement:
+def measure(seconds: float = SECONDS, agents: int = CHARACTERS) -> Measurement:
     """Watch a simulation of each level for ``seconds`` of real time; clicks begin when all have come."""
     if find_spec("websockets") is None:
         raise CrowdSimError("websockets is not installed; pip install 'crowdsim[live]'")
-    rows = [_watched(level, rate, seconds, characters) for level, rate in _LEVELS.items()]
+    rows = [_watched(level, rate, seconds, agents) for level, rate in _LEVELS.items()]
     figures = {f"{row['locomotion']}_{name}": float(row[name]) for row in rows for name in row if name != "locomotion"}
     headline = tuple(f"{level}_{name}" for level in _LEVELS for name in ("late_percent", "click_steps_most"))
     return Measurement(rows, figures, headline)
 
 
-def hall(level: str, rate: int, characters: int) -> Scenario:
+def hall(level: str, rate: int, agents: int) -> Scenario:
     """Return a hall in which two groups walk to and fro for good."""
-    return parse_scenario(_HALL.format(rate=rate, level=level, half=characters // 2))
+    return parse_scenario(_HALL.format(rate=rate, level=level, half=agents // 2))
 
 
-def _watched(level: str, rate: int, seconds: float, characters: int) -> dict[str, Any]:
+def _watched(level: str, rate: int, seconds: float, agents: int) -> dict[str, Any]:
     """Return the row of one level."""
     from crowdsim.live.opening import pack_opening
     from crowdsim.live.page import live_page
     from crowdsim.live.server import Server
     from crowdsim.live.session import Session
 
-    with Simulation(hall(level, rate, characters)) as simulation:
+    with Simulation(hall(level, rate, agents)) as simulation:
         # All have come before the clock begins: a page is opened on what runs.
-        while len(simulation.agents.present) < characters and simulation.time < 60.0:
+        while len(simulation.agents.present) < agents and simulation.time < 60.0:
             simulation.step()
         begun: list[float] = []
         with Server(live_page("hall"), pack_opening(simulation), "127.0.0.1", 0) as server:
             session = Session(simulation, server, lambda: time.perf_counter() > begun[0] + seconds)
             server.ask = session.ask
             mine, its = multiprocessing.get_context("spawn").Pipe()
-            client = multiprocessing.get_context("spawn").Process(target=click, args=(server.address, characters, its))
+            client = multiprocessing.get_context("spawn").Process(target=click, args=(server.address, agents, its))
             client.start()
             its.close()
             mine.recv()  # it watches
@@ -90,7 +90,7 @@ def _watched(level: str, rate: int, seconds: float, characters: int) -> dict[str
     steps, milliseconds = np.array(clicks["steps"]), np.array(clicks["milliseconds"])
     return {
         "locomotion": level,
-        "characters": characters,
+        "agents": agents,
         "steps_per_second": rate,
         "steps": session.steps,
         "late_percent": round(100.0 * session.late / max(session.steps, 1), 2),
@@ -102,8 +102,8 @@ def _watched(level: str, rate: int, seconds: float, characters: int) -> dict[str
     }
 
 
-def click(address: str, characters: int, out: Connection) -> None:
-    """Watch the page at ``address`` until it ends, and send one of ``characters`` elsewhere at a time.
+def click(address: str, agents: int, out: Connection) -> None:
+    """Watch the page at ``address`` until it ends, and send one of ``agents`` elsewhere at a time.
 
     Sends True to ``out`` when it watches. Sends a dict at the end: ``pictures``, the number that came; by click
     ``steps``, from the picture last seen to the step in which it took effect, and ``milliseconds`` until the picture of
@@ -114,7 +114,7 @@ def click(address: str, characters: int, out: Connection) -> None:
     from websockets.typing import Origin
 
     parts = urlsplit(address)
-    found = _Clicks(characters)
+    found = _Clicks(agents)
     try:
         place, origin = f"ws://{parts.netloc}/live?{parts.query}", Origin(f"http://{parts.netloc}")
         with connect(place, origin=origin, max_size=None) as socket:
@@ -131,9 +131,9 @@ def click(address: str, characters: int, out: Connection) -> None:
 class _Clicks:
     """Clicks one after the other, each after the one before has taken effect."""
 
-    def __init__(self, characters: int) -> None:
+    def __init__(self, agents: int) -> None:
         self.pictures = 0
-        self._characters = characters
+        self._agents = agents
         self.steps: list[int] = []
         self.milliseconds: list[float] = []
         self._draws = np.random.default_rng(1)
@@ -160,5 +160,5 @@ class _Clicks:
             return None
         self._sent, self._began, self._next = self._seen, now, np.inf
         goal = [float(self._draws.uniform(1.0, 39.0)), float(self._draws.uniform(2.0, 12.0))]
-        agent = int(self._draws.integers(self._characters))
+        agent = int(self._draws.integers(self._agents))
         return json.dumps({"id": 1, "do": "set_goal", "agents": [agent], "goal": goal, "on_arrival": "stay"})

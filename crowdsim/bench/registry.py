@@ -57,11 +57,11 @@ _BENCHES = {
     ),
     "auto-drills": (
         "crowdsim.bench.mixed.cases",
-        "the same drills walked by auto characters, beside steered ones and their bars",
+        "the same drills walked by auto agents, beside steered ones and their bars",
     ),
     "auto-square": (
         "crowdsim.bench.mixed.square",
-        "a thousand auto characters on squares: arrivals beside JuPedSim (an extra), least gaps in a million steps",
+        "a thousand auto agents on squares: arrivals beside JuPedSim (an extra), least gaps in a million steps",
     ),
     "auto-shares": (
         "crowdsim.bench.mixed.shares",
@@ -86,11 +86,11 @@ _BENCHES = {
     "film": ("crowdsim.bench.film", "a film of a minute with 30 people: CPU seconds, pictures a second, size"),
     "export": (
         "crowdsim.bench.export",
-        "exports of 100 captured characters for 60 s: size and time of each format, beside what it may take",
+        "exports of 100 captured agents for 60 s: size and time of each format, beside what it may take",
     ),
     "live": (
         "crowdsim.bench.live",
-        "live simulations of 100 characters: late steps, and how soon a click in a page takes effect",
+        "live simulations of 100 agents: late steps, and how soon a click in a page takes effect",
     ),
     "motion-maps": (
         "crowdsim.bench.motions.motion_maps",

@@ -92,7 +92,7 @@ def _seconds(arguments: list[str]) -> float:
 
 
 def _stages(file: Path) -> dict[str, float]:
-    """Return the time from the start of the process to the end of each stage of a run with one character [s]."""
+    """Return the time from the start of the process to the end of each stage of a run with one agent [s]."""
     begin = time.monotonic()  # this clock is the same in all processes of a machine
     times: dict[str, float] = json.loads(_child(["-c", _STAGES, SCENARIO, str(file), repr(begin)]))
     return times

@@ -31,7 +31,7 @@ def export(
         float | None, typer.Option("--end", min=0.0, metavar="S", help="Time of the last frame in seconds.")
     ] = None,
     agents: Annotated[
-        str | None, typer.Option("--agents", metavar="3,7|GROUP", help="Only these characters or groups.")
+        str | None, typer.Option("--agents", metavar="3,7|GROUP", help="Only these agents or groups.")
     ] = None,
     layer: Annotated[
         str | None,

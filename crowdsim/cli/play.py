@@ -38,7 +38,7 @@ def play(
         ),
     ] = None,
     view: Annotated[str, typer.Option("--view", help="overview, top, or follow, which needs --agent.")] = "overview",
-    agent: Annotated[int | None, typer.Option("--agent", min=0, help="Character to follow.")] = None,
+    agent: Annotated[int | None, typer.Option("--agent", min=0, help="Agent to follow.")] = None,
     color: Annotated[
         str,
         typer.Option("--color", help="Meaning of shirt colors: behavior, group, agent, level, or an attribute."),

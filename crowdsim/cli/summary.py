@@ -40,9 +40,9 @@ def nobody_arrived(summary: Mapping[str, Any]) -> str | None:
     if summary["arrived"] or any(summary["laps"].values()):
         return None
     if lost and len(lost) + waiting >= count:
-        return f"no way for {len(lost)} of {count} characters, {waiting} still waited; {next(iter(lost.values()))}"
+        return f"no way for {len(lost)} of {count} agents, {waiting} still waited; {next(iter(lost.values()))}"
     if summary["lowest_foot"] is None:
-        return f"no character appeared within {summary['steps']} steps; check start times and start places"
+        return f"no agent appeared within {summary['steps']} steps; check start times and start places"
     return None
 
 
@@ -56,7 +56,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         *([("  removed", str(summary["removed"]))] if summary.get("removed") else []),
         *([("  on call, never added", str(summary["not_added"]))] if summary.get("not_added") else []),
         *([("  still waiting at the end", str(summary["waiting"]))] if summary["waiting"] else []),
-        *((f"  no way for character {agent}", reason) for agent, reason in summary["unreachable"].items()),
+        *((f"  no way for agent {agent}", reason) for agent, reason in summary["unreachable"].items()),
         *((f"rounds of {group}", str(count)) for group, count in summary["laps"].items()),
         *((f"left through {name}", _left(exit_)) for name, exit_ in summary["exits"].items()),
         *_event_rows(summary),
@@ -157,4 +157,4 @@ def _quantity(value: float | None, form: str) -> str:
 
 def _shares(shares: Mapping[str, float]) -> str:
     present = [f"{name} {share:.0%}" for name, share in shares.items() if share > 0]
-    return ", ".join(present) or "no character went here"
+    return ", ".join(present) or "no agent went here"

@@ -22,9 +22,7 @@ def validate(
         int, typer.Option(min=1, max=1000, help="Number of runs of every scenario, with seeds from 1 on.")
     ] = 1,
     jobs: Annotated[int, typer.Option(min=1, max=256, help="Number of runs at a time, each in its own process.")] = 2,
-    locomotion: Annotated[
-        Literal["auto", "steered"], typer.Option(help="How the characters of all groups move.")
-    ] = "auto",
+    locomotion: Annotated[Literal["auto", "steered"], typer.Option(help="How the agents of all groups move.")] = "auto",
     page: Annotated[
         Path | None, typer.Option("--html", metavar="OUT.html", help="Write a report with pictures.")
     ] = None,

@@ -25,9 +25,9 @@ COLUMNS = ("x", "y", "heading", "behavior", "state", "level")
 """Names of the columns that every simulation has."""
 
 _INSTEAD = {
-    **dict.fromkeys(("x", "y"), "send characters elsewhere with simulation.set_goal(agents, goal)"),
-    "heading": "characters face where they walk; simulation.set_goal(agents, goal) sends them elsewhere",
-    **dict.fromkeys(("behavior", "level"), "it follows from the room that a character has"),
+    **dict.fromkeys(("x", "y"), "send agents elsewhere with simulation.set_goal(agents, goal)"),
+    "heading": "agents face where they walk; simulation.set_goal(agents, goal) sends them elsewhere",
+    **dict.fromkeys(("behavior", "level"), "it follows from the room that an agent has"),
     "state": "simulation.add(group), set_goal(agents, goal) and remove(agents) change it",
 }
 """What to do instead of writing a column, by name."""

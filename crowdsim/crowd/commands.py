@@ -119,7 +119,7 @@ class Commands:
                 _refuse(dotted(wrong[0]), wrong[1])
             gone = [agent for agent in asked.agents if left[agent]]
             if gone:
-                _refuse(f"{command.action}.agents", f"character {gone[0]} has left; name only others")
+                _refuse(f"{command.action}.agents", f"agent {gone[0]} has left; name only others")
             return
         if scenario.planner == "collision3d":
             _refuse(command.action, "planner 'collision3d' needs a place that never changes")

@@ -132,7 +132,7 @@ class Systems:
                     raise ColumnError(f"{name}.{key}: there is no column '{column}'; {hint}; own ones: add_column")
         for column in system.writes:
             if column in COLUMNS:
-                raise ColumnError(f"{name}.writes: '{column}' is read-only; give commands to move characters")
+                raise ColumnError(f"{name}.writes: '{column}' is read-only; give commands to move agents")
         self._order.insert(self._order.index(before), name)
         self._systems[name] = system
 

@@ -110,7 +110,6 @@ def _chosen_agents(recording: Recording, text: str | None) -> NDArray[np.int64]:
             near = difflib.get_close_matches(name, known, 1)
             meant = f"; did you mean '{near[0]}'?" if near else f"; groups are {', '.join(known[:12])}"
             raise CrowdSimError(
-                f"{recording.path} has neither a group nor a character '{name}' "
-                f"(characters are 0 to {count - 1}){meant}"
+                f"{recording.path} has neither a group nor an agent '{name}' (agents are 0 to {count - 1}){meant}"
             )
     return np.flatnonzero(chosen)

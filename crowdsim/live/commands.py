@@ -81,7 +81,7 @@ def _free_name(simulation: Simulation) -> str:
 
 
 def _characters(agents: tuple[int, ...]) -> str:
-    return f"character {agents[0]}" if len(agents) == 1 else f"each of {len(agents)} characters"
+    return f"agent {agents[0]}" if len(agents) == 1 else f"each of {len(agents)} agents"
 
 
 def _point(point: tuple[float, float]) -> str:

@@ -42,7 +42,7 @@ def picture_columns(motion: MotionRecord) -> Columns:
 
 
 def picture(step: int, frame: RecordedFrame, columns: Columns) -> bytes:
-    """Return the people present in a step: the columns one after another, each with a row a character."""
+    """Return the people present in a step: the columns one after another, each with a row an agent."""
     here = np.flatnonzero(np.asarray(frame.state) != AgentState.ABSENT)
     parts = [MAGIC, np.array([step, len(here)], "<u4").tobytes()]
     for name, kind in columns:

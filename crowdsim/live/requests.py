@@ -36,7 +36,7 @@ class Request(BaseModel):
 
 
 class SetGoal(Request):
-    """Send characters to a point, where they leave the world or stay."""
+    """Send agents to a point, where they leave the world or stay."""
 
     do: Literal["set_goal"]
     agents: Characters
@@ -45,14 +45,14 @@ class SetGoal(Request):
 
 
 class RemoveAgents(Request):
-    """Take characters out of the world."""
+    """Take agents out of the world."""
 
     do: Literal["remove_agents"]
     agents: Characters
 
 
 class Add(Request):
-    """Let characters of a group on call come, at a point or where the group starts."""
+    """Let agents of a group on call come, at a point or where the group starts."""
 
     do: Literal["add"]
     group: Name

@@ -192,4 +192,4 @@ class Session:
         """Return why no more steps are taken."""
         if self.simulation.step_count >= self.simulation.step_limit:
             return f"the {self.simulation.scenario.duration:g} s of the scenario are over"
-        return "all have arrived; send or add characters, and it goes on"
+        return "all have arrived; send or add agents, and it goes on"

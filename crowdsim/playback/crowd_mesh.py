@@ -1,4 +1,4 @@
-"""All characters of a recording as one mesh whose vertices move."""
+"""All agents of a recording as one mesh whose vertices move."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _HAIR = np.array([[48, 36, 28], [86, 60, 38], [28, 26, 26], [142, 108, 66], [104
 _SHOES = np.array([[52, 50, 50], [92, 68, 52], [84, 86, 92]], np.uint8)
 
 _SHADES = np.array([0.0, -0.18, 0.16, -0.09, 0.26, 0.08, -0.26])
-"""How much of the shirts of characters is black, below 0, or white: they differ within the hue of their behavior."""
+"""How much of the shirts of agents is black, below 0, or white: they differ within the hue of their behavior."""
 
 LEVEL_COLORS = {Level.CAPTURED: "#2f8f6b", Level.STEERED: "#d2882b"}
-"""Colors of shirts that show the level of a character."""
+"""Colors of shirts that show the level of an agent."""
 _LEVELS = Level.STEERED, Level.CAPTURED
 
 _SCALE = np.array([[38, 70, 120], [42, 140, 140], [120, 190, 90], [250, 220, 60]], np.float64)
@@ -42,12 +42,12 @@ _SOLE = 0.03
 _NO_SHADOW = 0.25
 """Height above that at which the shadow of a foot has vanished [m]."""
 
-# Corners of a body's cross-sections, by the number of characters in the picture: with many, fewer corners suffice.
+# Corners of a body's cross-sections, by the number of agents in the picture: with many, fewer corners suffice.
 _SIDES = ((40, 16), (300, 10), (1500, 6), (10**9, 5))
 _SMALL, _SMALL_SIDES = 240.0, 10
 """Height in pixels below which a body has no more corners than these: more of them are not seen."""
 _MANY, _NEAR = 300, 150
-"""Number of characters in the picture beyond which those nearest to the eye have bodies of their own, and how many."""
+"""Number of agents in the picture beyond which those nearest to the eye have bodies of their own, and how many."""
 _FLESH = 0.13
 """How far a body reaches beyond its joints, and a soft shadow beyond the body [m]."""
 
@@ -86,7 +86,7 @@ def _hex(color: NDArray[Any]) -> str:
 
 
 def crowd_meshes(recording: Recording, color_by: str, tallest: float = np.inf) -> list[CrowdMesh]:
-    """Return the mesh of all characters; if they are many, that of the nearest ones, and that of the others.
+    """Return the mesh of all agents; if they are many, that of the nearest ones, and that of the others.
 
     ``tallest`` is how tall a body is in the picture at most [pixels].
     """
@@ -105,7 +105,7 @@ def crowd_meshes(recording: Recording, color_by: str, tallest: float = np.inf) -
 def shown_by(
     meshes: Sequence[CrowdMesh], recording: Recording, time: float, eye: ArrayLike, target: ArrayLike
 ) -> list[NDArray[np.int64]]:
-    """Return the characters that each of ``meshes`` shows at ``time`` [s] to a camera.
+    """Return the agents that each of ``meshes`` shows at ``time`` [s] to a camera.
 
     ``eye`` and ``target`` are (x, y, z) of the camera, and of a point in the middle of the picture [m].
     """
@@ -121,7 +121,7 @@ def shown_by(
 
 
 def shown_agents(frame: RecordedFrame) -> NDArray[np.int64]:
-    """Return the characters that have a body in a frame."""
+    """Return the agents that have a body in a frame."""
     return np.flatnonzero((frame.state != AgentState.ABSENT) & ((frame.node >= 0) | frame.steered))
 
 
@@ -160,7 +160,7 @@ class CrowdMesh:
         angle = 2.0 * np.pi * np.arange(_SHADOW_SIDES) / _SHADOW_SIDES
         rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         self._shadow = np.concatenate([np.zeros((1, 2)), 0.5 * rim, rim])
-        # Three discs per character: a wide, faint one below the body, and one below each foot.
+        # Three discs per agent: a wide, faint one below the body, and one below each foot.
         self.shadow_points = np.zeros((count, 3 * len(self._shadow), 3), np.float32)
         self.shadow_triangles = _repeat(_disc_triangles(), len(self._shadow), 3 * count)
         fading = np.concatenate([[1.0], np.full(_SHADOW_SIDES, 0.7), np.zeros(_SHADOW_SIDES)])
@@ -171,7 +171,7 @@ class CrowdMesh:
         self._feet = [(skeleton.joint(f"{side}_ankle"), skeleton.joint(f"{side}_toe")) for side in ("left", "right")]
 
     def update(self, time: float, some: NDArray[np.int64] | None = None) -> None:
-        """Move characters to where they are at ``time`` [s]: all that are present, or ``some`` (n,) of them."""
+        """Move agents to where they are at ``time`` [s]: all that are present, or ``some`` (n,) of them."""
         frame = self._recording.at_time(time)
         here = shown_agents(frame) if some is None else some
         count = len(here)
@@ -213,7 +213,7 @@ class CrowdMesh:
 
 
 def shades_of(count: int) -> NDArray[np.float64]:
-    """Return (count,) how much of the shirt of each character is black, below 0, or white."""
+    """Return (count,) how much of the shirt of each agent is black, below 0, or white."""
     return _SHADES[np.arange(count) % len(_SHADES)]
 
 
@@ -233,11 +233,11 @@ def group_colors(count: int) -> list[tuple[int, int, int]]:
 
 
 def looks_of(count: int) -> Colors:
-    """Return (count, tissues, 3) the color of each tissue of each character; shirts tell characters apart."""
+    """Return (count, tissues, 3) the color of each tissue of each agent; shirts tell agents apart."""
     agent = np.arange(count)
     looks = np.zeros((count, len(Tissue), 3), np.uint8)
     looks[:, Tissue.SHIRT] = distinct_colors(count)
-    # Different strides, so that the same combination returns only after many characters.
+    # Different strides, so that the same combination returns only after many agents.
     for kind, choices, stride in (
         (Tissue.TROUSERS, _TROUSERS, 1),
         (Tissue.SKIN, _SKIN, 2),

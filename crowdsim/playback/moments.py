@@ -12,9 +12,9 @@ _LOOKED_AT = 200
 
 
 def telling_time(recording: Recording) -> float:
-    """Return the time at which most behaviors are visible at once and, among those times, most characters move [s].
+    """Return the time at which most behaviors are visible at once and, among those times, most agents move [s].
 
-    Among equal times the middle one is taken, because characters are then away from their starts and goals.
+    Among equal times the middle one is taken, because agents are then away from their starts and goals.
     """
     if recording.steps == 0:
         raise RecordingError(f"{recording.path} holds no steps, so there is nothing to show; run the scenario again")

@@ -29,7 +29,7 @@ from crowdsim.recording.header import AgentState, PlannedPath, SolidRecord
 from crowdsim.recording.reader import Recording
 
 TALL = 1.1
-"""Height above which solids are drawn as glass, so that they do not hide characters behind them [m]."""
+"""Height above which solids are drawn as glass, so that they do not hide agents behind them [m]."""
 
 
 class _Drawn(NamedTuple):
@@ -89,7 +89,7 @@ class Scene:
     ) -> None:
         colorings = (*COLORINGS, *recording.header.agents.attributes)
         if color_by not in colorings:
-            raise CrowdSimError(f"characters cannot be colored by '{color_by}'; choose one of {', '.join(colorings)}")
+            raise CrowdSimError(f"agents cannot be colored by '{color_by}'; choose one of {', '.join(colorings)}")
         if min(size) < 16 or max(size) * supersample > 16384:
             raise CrowdSimError(f"a picture of {size[0]}x{size[1]} cannot be drawn; choose sides of 16 to 8192 pixels")
         self._pv = load_pyvista(interactive)
@@ -146,7 +146,7 @@ class Scene:
             drawn.actor.prop.ambient, drawn.actor.prop.diffuse = 1.0, 0.0
 
     def show_time(self, time: float) -> None:
-        """Move characters, paths and the clock to ``time`` [s]. Place the camera before: near bodies are finer."""
+        """Move agents, paths and the clock to ``time`` [s]. Place the camera before: near bodies are finer."""
         camera = self.plotter.camera
         shown = shown_by(self._crowds, self.recording, time, camera.position, camera.focal_point)
         for crowd, drawn, agents in zip(self._crowds, self._drawn, shown, strict=True):

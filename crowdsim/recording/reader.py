@@ -273,7 +273,7 @@ class Recording(ShownBodies):
         if not len(ends):
             raise RecordingError(f"{self.path} was written before all goals were kept, and holds the first; {AGAIN}")
         if not 0 <= agent < len(ends):
-            raise RecordingError(f"{self.path} has characters 0 to {len(ends) - 1}; there is no character {agent}")
+            raise RecordingError(f"{self.path} has agents 0 to {len(ends) - 1}; there is no agent {agent}")
         return self.header.agents.routes[ends[agent - 1] if agent else 0 : ends[agent]]
 
     @cached_property

@@ -51,5 +51,5 @@ def check_scenario(scenario: Scenario) -> list[str]:
     measured += [("lines", number, line.name, line.shape()) for number, line in enumerate(scenario.lines)]
     for kind, number, name, shape in measured:
         if not shape.intersects(floor):
-            warn((kind, number), f"'{name}' lies off the floor; no character will be counted there")
+            warn((kind, number), f"'{name}' lies off the floor; no agent will be counted there")
     return warnings

@@ -173,12 +173,12 @@ def _locomotion(keys: ScenarioFields) -> list[Complaint]:
     complaints: list[Complaint] = []
     if keys.steers and keys.steps_per_second != STEERING_RATE:
         message = (
-            f"auto and steered characters take {STEERING_RATE} steps a second; drop this key, or give all groups "
+            f"auto and steered agents take {STEERING_RATE} steps a second; drop this key, or give all groups "
             "'locomotion: captured'"
         )
         complaints.append((("steps_per_second",), message))
     if keys.locomotions() == {"steered"} and keys.planner != "layered":
-        message = f"'{keys.planner}' plans for captured characters; drop this key for steered ones"
+        message = f"'{keys.planner}' plans for captured agents; drop this key for steered ones"
         complaints.append((("planner",), message))
     if keys.captured_near is not None and "auto" not in keys.locomotions():
         message = "no group moves 'auto'; give one 'locomotion: auto', or drop this key"
@@ -195,7 +195,7 @@ def _exits(keys: ScenarioFields) -> list[Complaint]:
             continue
         path: tuple[str | int, ...] = ("agents", number, "exits")
         if group.locomotion == "captured":
-            message = "captured characters go to a 'goal'; give this group 'locomotion: auto' or 'steered'"
+            message = "captured agents go to a 'goal'; give this group 'locomotion: auto' or 'steered'"
             complaints.append((path, message))
         if not known:
             complaints.append((path, "this file has no exits; list them under 'exits', each with a name and a region"))
@@ -225,7 +225,7 @@ def _periodic(keys: ScenarioFields) -> list[Complaint]:
     for number, group in enumerate(keys.agents):
         path: tuple[str | int, ...] = ("agents", number)
         if keys.floor.periodic is not None and group.locomotion == "captured":
-            message = "captured characters need a floor with ends; give 'locomotion: auto' or 'steered'"
+            message = "captured agents need a floor with ends; give 'locomotion: auto' or 'steered'"
             complaints.append(((*path, "locomotion"), message))
         for key, goal in group.regions():
             if goal.along is None:
@@ -234,7 +234,7 @@ def _periodic(keys: ScenarioFields) -> list[Complaint]:
                 message = f"the floor ends along {goal.along[1]}; give it 'periodic: {goal.along[1]}', or name a region"
                 complaints.append(((*path, *key, "along"), message))
             elif group.on_arrival == "stay" or group.wait > 0.0 or goal.heading is not None:
-                message = "characters never arrive on an endless way; drop 'on_arrival', 'wait' and 'heading'"
+                message = "agents never arrive on an endless way; drop 'on_arrival', 'wait' and 'heading'"
                 complaints.append(((*path, *key), message))
     if keys.floor.periodic is not None:
         complaints += [

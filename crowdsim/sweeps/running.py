@@ -18,7 +18,7 @@ from crowdsim.scenario.scenario import Scenario
 from crowdsim.sweeps.points import Point
 
 Keep = Literal["none", "recordings", "failures"]
-"""Which recordings stay: none, all, or those of runs in which not all characters arrive."""
+"""Which recordings stay: none, all, or those of runs in which not all agents arrive."""
 
 MOST_KEPT = 4
 """Number of sets of behaviors that a process keeps."""
@@ -97,7 +97,7 @@ def figures_of(recording: Recording) -> dict[str, Value]:
 
 
 def _flat(values: Mapping[str, Any], prefix: str) -> list[tuple[str, Value]]:
-    """Return names with dots and values; of lists, and of reasons by character, the number."""
+    """Return names with dots and values; of lists, and of reasons by agent, the number."""
     found: list[tuple[str, Value]] = []
     for key, value in values.items():
         name = f"{prefix}{key}"

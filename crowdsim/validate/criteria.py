@@ -54,7 +54,7 @@ Criterion: TypeAlias = Callable[[Runs], Sequence[Finding]]
 
 
 def transit(case: str, begin: str, end: str, least: float, most: float, source: str) -> Criterion:
-    """Check the times that all characters take between two lines [s]; the worst one, farthest from mid-band, counts."""
+    """Check the times that all agents take between two lines [s]; the worst one, farthest from mid-band, counts."""
 
     def judge(runs: Runs) -> list[Finding]:
         times = runs[case].times_at(end) - runs[case].times_at(begin)
@@ -64,7 +64,7 @@ def transit(case: str, begin: str, end: str, least: float, most: float, source: 
 
 
 def all_leave(case: str, most: float, source: str, least: float = 0.0) -> Criterion:
-    """Check the time at which the last character leaves [s]."""
+    """Check the time at which the last agent leaves [s]."""
     return lambda runs: [Finding(f"last one out, {case}", runs[case].last, "s", least, most, source)]
 
 
@@ -83,7 +83,7 @@ def nobody_in_walls(case: str, source: str) -> Criterion:
 
 
 def on_time(case: str, tolerance: float, source: str) -> Criterion:
-    """Check that every character sets out at the delay drawn for it [s]."""
+    """Check that every agent sets out at the delay drawn for it [s]."""
 
     def judge(runs: Runs) -> list[Finding]:
         off = np.abs(runs[case].set_out - runs[case].delays).max()
@@ -105,7 +105,7 @@ def uniform_delays(case: str, first: float, last: float, source: str) -> Criteri
 
 
 def speeds_as_drawn(case: str, begin: str, end: str, tolerance: float, source: str) -> Criterion:
-    """Check that characters walk straight from one line to another at their drawn speeds, within a tolerance."""
+    """Check that agents walk straight from one line to another at their drawn speeds, within a tolerance."""
 
     def judge(runs: Runs) -> list[Finding]:
         run = runs[case]
@@ -130,7 +130,7 @@ def ratio(more: str, less: str, least: float, most: float, source: str) -> Crite
 
 
 def queue_before_the_first(case: str, areas: tuple[str, str], source: str) -> Criterion:
-    """Check that more characters wait before the first of two bottlenecks: peak, and mean of the ten largest counts."""
+    """Check that more agents wait before the first of two bottlenecks: peak, and mean of the ten largest counts."""
 
     def judge(runs: Runs) -> list[Finding]:
         first, second = (np.sort(runs[case].measured.areas[name].count)[::-1][:10] for name in areas)
@@ -148,7 +148,7 @@ def flow(case: str, line: str, least: float, most: float, source: str) -> Criter
 
 
 def flow_over_all(case: str, line: str, most: float, source: str) -> Criterion:
-    """Check the mean flow at a line until the last passage against an upper limit [1/s]; nan if a character stayed."""
+    """Check the mean flow at a line until the last passage against an upper limit [1/s]; nan if an agent stayed."""
 
     def judge(runs: Runs) -> list[Finding]:
         last = float(runs[case].times_at(line).max())
@@ -251,7 +251,7 @@ def speeds_fall(cases: Sequence[str], area: str, source: str) -> Criterion:
 
 
 def takes_between(short: str, case: str, long: str, source: str) -> Criterion:
-    """Check that a case takes a time between those of two others [s]: the last character, and the mean."""
+    """Check that a case takes a time between those of two others [s]: the last agent, and the mean."""
 
     def judge(runs: Runs) -> list[Finding]:
         last = [runs[each].last for each in (short, case, long)]
@@ -265,7 +265,7 @@ def takes_between(short: str, case: str, long: str, source: str) -> Criterion:
 
 
 def leaves_through(case: str, assigned: Mapping[str, int], source: str) -> Criterion:
-    """Check the number of characters that leave through each exit."""
+    """Check the number of agents that leave through each exit."""
 
     def judge(runs: Runs) -> list[Finding]:
         used = runs[case].summary["exits"]
@@ -278,7 +278,7 @@ def leaves_through(case: str, assigned: Mapping[str, int], source: str) -> Crite
 
 
 def both_exits(case: str, near: str, far: str, source: str) -> Criterion:
-    """Check that the far exit is used, and the near one by more characters."""
+    """Check that the far exit is used, and the near one by more agents."""
 
     def judge(runs: Runs) -> list[Finding]:
         used = {name: float(runs[case].summary["exits"][name]["left"]) for name in (near, far)}
@@ -298,7 +298,7 @@ def close_to_best(case: str, fixed: Sequence[str], share: float, source: str) ->
 
 
 def flow_of(run: Observed, line: str) -> float:
-    """Return the flow across a line [1/s]; nan if too few characters cross it."""
+    """Return the flow across a line [1/s]; nan if too few agents cross it."""
     value = run.summary["lines"][line]["flow"]
     return float("nan") if value is None else float(value)
 

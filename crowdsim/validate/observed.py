@@ -16,7 +16,7 @@ from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.scenario import Scenario
 
 SET_OUT = 0.3
-"""Distance from its start at which a character counts as having set out [m]. Less would count shifts of weight, and
+"""Distance from its start at which an agent counts as having set out [m]. Less would count shifts of weight, and
 steps aside for others."""
 
 STEPS_AT_ONCE = 100
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 
 class Observed(NamedTuple):
-    """One run of n characters.
+    """One run of n agents.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Observed(NamedTuple):
     measured : Measured
         Measurements at lines and in areas.
     groups : tuple of str
-        Group of each character.
+        Group of each agent.
     set_out : (n,) float64
         Time at which each had gone SET_OUT, minus the time that this takes at its speed [s]; nan for never.
     left : (n,) float64
@@ -65,11 +65,11 @@ class Observed(NamedTuple):
 
     @property
     def last(self) -> float:
-        """Return the time at which the last character left [s]; infinite if one did not."""
+        """Return the time at which the last agent left [s]; infinite if one did not."""
         return float(np.inf) if np.isnan(self.left).any() else float(self.left.max())
 
     def times_at(self, line: str, group: str | None = None) -> Floats:
-        """Return (n,) when each character of a group (None: of all) first crossed a line [s]; nan for never."""
+        """Return (n,) when each agent of a group (None: of all) first crossed a line [s]; nan for never."""
         times = _first_times(self.measured.lines[line], len(self.groups))
         return times if group is None else times[np.array(self.groups) == group]
 
@@ -77,7 +77,7 @@ class Observed(NamedTuple):
 def observe(scenario: Scenario, recording: Recording, seconds: float) -> Observed:
     """Read from a recording what the criteria need; ``seconds`` is the duration of the computation [s].
 
-    A character has set out when it is ``SET_OUT`` meters from its start, less the time that these take at its own
+    An agent has set out when it is ``SET_OUT`` meters from its start, less the time that these take at its own
     speed. It has left in the first step in which it is absent again; if it comes and leaves twice, the last one counts.
     """
     cast = place_crowd(scenario)
@@ -122,8 +122,8 @@ def observe(scenario: Scenario, recording: Recording, seconds: float) -> Observe
 
 
 def _first_times(crossings: Crossings, count: int) -> Floats:
-    """Return (count,) when each character first crossed a line [s]; nan for never."""
+    """Return (count,) when each agent first crossed a line [s]; nan for never."""
     times = np.full(count, np.nan)
-    # In reverse order, so that the first crossing of each character overwrites later ones.
+    # In reverse order, so that the first crossing of each agent overwrites later ones.
     times[crossings.agent[::-1]] = crossings.time[::-1]
     return times

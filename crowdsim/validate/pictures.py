@@ -1,4 +1,4 @@
-"""Draw a run: the floor, its areas and lines, and the tracks of all characters."""
+"""Draw a run: the floor, its areas and lines, and the tracks of all agents."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def draw_run(scenario: Scenario, recording: Recording, picture: Path) -> None:
     x[absent] = y[absent] = np.nan
     ends = recording.header.ends
     if ends is not None:
-        # Interrupt lines where a character crosses the ends of a periodic floor.
+        # Interrupt lines where an agent crosses the ends of a periodic floor.
         at = (x, y)[ends.axis]
         at[1:][np.abs(np.diff(at, axis=0)) > 0.5 * (ends.high - ends.low)] = np.nan
     groups = np.array(recording.header.agents.groups)

@@ -104,7 +104,7 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str, page: Path) -> str
     text = [
         f"# Validation, {locomotion}",
         "",
-        f"How `{locomotion}` characters ([levels.md](levels.md)) do in the tests by which evacuation models are "
+        f"How `{locomotion}` agents ([levels.md](levels.md)) do in the tests by which evacuation models are "
         "judged. For readers who compare models, or have to show that one is fit for use.",
         "",
         f"{counts['passed']} of {len(outcomes)} tests pass{departing}; failed: {counts['failed']}. A test passes if "
@@ -112,7 +112,7 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str, page: Path) -> str
         "",
         f"Made by `crowdsim validate --seeds {len(seeds)} --locomotion {locomotion} --markdown docs/{page.name}`, do "
         f"not edit by hand: {minutes:.0f} minutes of computing, two runs at a time.",
-        "A figure that is unknown, as a character stayed, is `nan` or `inf` and does not pass. Pictures show the ways",
+        "A figure that is unknown, as an agent stayed, is `nan` or `inf` and does not pass. Pictures show the ways",
         "of the first run of a test, each group in a color of its own, with the areas and lines that are measured;",
         "`--html OUT.html` writes one page with them in it.",
         "`--list` names the tests, `--jobs` is how many runs go on at once, `--json` gives everything with the hash of",
@@ -135,7 +135,7 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str, page: Path) -> str
 
 def as_html(outcomes: Sequence[Outcome], locomotion: str, pictures: Path) -> str:
     """Return one page that contains the pictures."""
-    parts = [f"<h1>Validation, {html.escape(locomotion)} characters, seeds {_span(outcomes[0].seeds)}</h1>"]
+    parts = [f"<h1>Validation, {html.escape(locomotion)} agents, seeds {_span(outcomes[0].seeds)}</h1>"]
     for outcome in outcomes:
         verdict = outcome.verdict
         parts.append(

@@ -159,7 +159,7 @@ TESTS = (
         ),
         "The denser, the slower, as with people. The band is that of the density measured in the area, which differs "
         "a little from the nominal one; speeds are stratified, as the mean of 26 drawn at random varies as much as the "
-        "band is wide. Measured bands end at 3.25 /m2. Characters on a periodic floor are always steered.",
+        "band is wide. Measured bands end at 3.25 /m2. Agents on a periodic floor are always steered.",
     ),
     Test(
         "rimea-4-both",
@@ -188,7 +188,7 @@ TESTS = (
             criteria.uniform_delays("room", 10.0, 100.0, "NIST TN 1822, Verif.1.1"),
             criteria.all_leave("room", 130.0, f"{RIMEA}, test 5"),
         ),
-        "Characters set out neither early nor late; a distance of 0.3 m counts as having set out.",
+        "Agents set out neither early nor late; a distance of 0.3 m counts as having set out.",
     ),
     Test(
         "rimea-6",
@@ -207,7 +207,7 @@ TESTS = (
         f"{RIMEA}, test 7; IMO 7; NIST Verif.2.4",
         (Case("lanes", "rimea_07"),),
         (criteria.speeds_as_drawn("lanes", "begin", "end", 0.03, f"{RIMEA}, test 7; 3 % is ours"),),
-        "Characters walk at the speeds that were drawn. They set out two seconds apart, so that few are held up.",
+        "Agents walk at the speeds that were drawn. They set out two seconds apart, so that few are held up.",
     ),
     Test(
         "rimea-9",
@@ -230,7 +230,7 @@ TESTS = (
             criteria.leaves_through("cabins", {"main": 18, "secondary": 5}, f"{RIMEA}, test 10"),
             criteria.all_leave("cabins", 120.0, f"{RIMEA}, test 10"),
         ),
-        "Characters go to the exit assigned to them, even if another one is nearer. There are eight cabins, where the "
+        "Agents go to the exit assigned to them, even if another one is nearer. There are eight cabins, where the "
         "guideline has twelve.",
     ),
     Test(
@@ -349,7 +349,7 @@ TESTS = (
             criteria.leaves_through("exits", {"exit 1": 0, "exit 2": 1}, f"{NIST}, Verif.4.1"),
             criteria.all_leave("exits", 60.0, f"{NIST}, Verif.4.1"),
         ),
-        "Characters on their way to an exit that is closed turn to the other one.",
+        "Agents on their way to an exit that is closed turn to the other one.",
     ),
 )
 
@@ -369,7 +369,7 @@ MISSING = (
     Missing(
         f"{NIST}, Verif.3.2 and 3.3",
         "exits that others use, or that a person knows",
-        "characters consider only the queues of others; a known exit is assigned",
+        "agents consider only the queues of others; a known exit is assigned",
     ),
     Missing(f"{NIST}, Verif.5.1", "congestion before stairs", "floors have no stairs yet"),
     Missing("ISO 20414", "tests without a counterpart named above", "its text was not at hand; most are those of NIST"),

@@ -1,4 +1,4 @@
-"""Characters that move with the user's own captures."""
+"""Agents that move with the user's own captures."""
 
 from pathlib import Path
 from typing import Any

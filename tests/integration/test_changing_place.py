@@ -1,4 +1,4 @@
-"""Doors close and open, things come, move and go while characters walk; they go round, wait, and come from sources.
+"""Doors close and open, things come, move and go while agents walk; they go round, wait, and come from sources.
 
 What is asserted holds for any seed: who is where at some second is relied on only where no walk could be otherwise.
 """
@@ -44,7 +44,7 @@ def busy_text(seed: int) -> str:
 
 
 def crossings(recording: Recording) -> dict[int, tuple[float, float]]:
-    """Second and y at which each character crosses the wall from left to right."""
+    """Second and y at which each agent crosses the wall from left to right."""
     x, y = recording.x[:], recording.y[:]
     there = recording.state[:] != AgentState.ABSENT
     found = {}

@@ -1,4 +1,4 @@
-"""The corridor of the 2018 paper (figure 5), run whole with twelve characters and judged from its recording."""
+"""The corridor of the 2018 paper (figure 5), run whole with twelve agents and judged from its recording."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ def test_each_character_holds_its_arms_walks_and_steps_sideways_where_it_must(sc
         for name, behavior in wanted.items():
             inside = shapely.contains_xy(areas[name], x, y)
             assert inside.any()
-            assert index(recording, behavior) in used[inside], f"character {agent} in area {name}"
+            assert index(recording, behavior) in used[inside], f"agent {agent} in area {name}"
         # Who waits before the narrow places may step aside for others, nobody does in them.
         elsewhere = shapely.contains_xy(areas["one"], x, y) | shapely.contains_xy(areas["two"], x, y)
-        assert lateral not in used[elsewhere], f"character {agent} steps sideways in area one or two"
+        assert lateral not in used[elsewhere], f"agent {agent} steps sideways in area one or two"
 
 
 def test_narrow_stretches_are_passed_in_the_behavior_that_fits(recording, columns) -> None:
@@ -69,7 +69,7 @@ def test_narrow_stretches_are_passed_in_the_behavior_that_fits(recording, column
 
 
 def test_no_body_reaches_into_an_obstacle_of_its_layer(scenario, recording, columns) -> None:
-    # Discs are those of captured characters; steered ones are capsules.
+    # Discs are those of captured agents; steered ones are capsules.
     there = (columns["state"] != AgentState.ABSENT) & np.isnan(columns["phase"])
     places = shapely.points(columns["x"][there], columns["y"][there])
     for layer, (polygons, record) in enumerate(zip(scenario.environment.layers, recording.header.layers, strict=True)):

@@ -1,4 +1,4 @@
-"""Captured characters who meet give way to each other, and nobody ever comes nearer than reserved."""
+"""Captured agents who meet give way to each other, and nobody ever comes nearer than reserved."""
 
 import numpy as np
 import pytest

@@ -82,7 +82,7 @@ def commands_of(live):
 
 
 def select_someone(visit):
-    """Pause, click a character, and return its number."""
+    """Pause, click an agent, and return its number."""
     visit.wait("crowdsim.player.frame.state.some(state => state > 0)")
     visit.page.keyboard.press(" ")
     visit.wait(STANDS)

@@ -222,7 +222,7 @@ LEVELS = """() => {
     return { near: away(crowd.near), far: away(crowd.far), vertices: crowd.vertices,
         whole: crowd.near.vertices, few: crowd.far.vertices, ...crowdsim.costs() };
 }"""
-"""Characters with their distances from the eye [m], and costs, by level of detail."""
+"""Agents with their distances from the eye [m], and costs, by level of detail."""
 
 
 @pytest.mark.parametrize("view", ["overview", "follow"])

@@ -31,7 +31,7 @@ def run(recorded: Recorded) -> Iterator[Run]:
 
 
 def used_in(recording: Recording, area: shapely.Polygon, group: str) -> set[str]:
-    """Names of the behaviors that characters of ``group`` used in ``area``."""
+    """Names of the behaviors that agents of ``group`` used in ``area``."""
     agents = np.flatnonzero(np.array(recording.header.agents.groups) == group)
     there = recording.state[:][:, agents] != AgentState.ABSENT
     inside = there & shapely.contains_xy(area, recording.x[:][:, agents], recording.y[:][:, agents])

@@ -1,4 +1,4 @@
-"""Slow twin of the kernel that lets characters continue along their plans: each of them is left to Python."""
+"""Slow twin of the kernel that lets agents continue along their plans: each of them is left to Python."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Slow, obvious twins of the kernels by which captured and steered characters notice each other."""
+"""Slow, obvious twins of the kernels by which captured and steered agents notice each other."""
 
 from __future__ import annotations
 

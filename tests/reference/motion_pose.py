@@ -1,4 +1,4 @@
-"""Slow twin of the pose kernel: one character, joint by joint, with scipy's rotations."""
+"""Slow twin of the pose kernel: one agent, joint by joint, with scipy's rotations."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def cadence(speed: float, angle: float, turning: float) -> float:
 
 
 class TrackReader:
-    """Reads what ``code_chunk`` has written, character by character, in lists of integers."""
+    """Reads what ``code_chunk`` has written, agent by agent, in lists of integers."""
 
     def __init__(self, data: bytes, units: Sequence[int]) -> None:
         self.reader = RangeReader(data)

@@ -59,7 +59,7 @@ class PageData:
         return np.array(found, np.int64)
 
     def present(self, bits: int = 3) -> np.ndarray:
-        """Return (steps, N) whether each character is present; with the bits 4, whether it is steered."""
+        """Return (steps, N) whether each agent is present; with the bits 4, whether it is steered."""
         counts, since = (self.numbers(self.array(f"event_{name}")) for name in ("counts", "steps"))
         states = self.array("event_states")
         here = np.zeros((self.facts["steps"], len(counts)), bool)
@@ -73,7 +73,7 @@ class PageData:
         return here
 
     def nodes(self) -> np.ndarray:
-        """Return (steps, N) the node that each character plays plus one, 0 for none."""
+        """Return (steps, N) the node that each agent plays plus one, 0 for none."""
         counts, since, nodes = (self.numbers(self.array(f"event_{name}")) for name in ("counts", "steps", "nodes"))
         out = np.zeros((self.facts["steps"], len(counts)), np.int64)
         row = 0

@@ -1,4 +1,4 @@
-"""Scenarios of steered characters, as text."""
+"""Scenarios of steered agents, as text."""
 
 HEAD = "crowdsim: 1\nname: steered\nseed: {seed}\nduration: {duration}\n"
 

@@ -21,10 +21,10 @@ CROWDS = ((100, 0.25), (1000, 0.25), (10_000, 0.25), (10_000, 1.0), (10_000, 3.0
 """Steered crowds: number of agents, and density [1/m2]."""
 
 LEVELS = (30, 300, 3000, 10_000)
-"""Numbers of captured characters."""
+"""Numbers of captured agents."""
 
 MIXED = 3000
-"""Number of characters in the mixed crowd."""
+"""Number of agents in the mixed crowd."""
 
 SIMULATED, POSED = 24_000, 2_000
 """Number of simulated agents, and of bodies posed, in the figure of frames per second."""

@@ -1,6 +1,6 @@
-"""Time of a step of captured crowds by stage, from thirty to ten thousand characters, and of a mixed crowd.
+"""Time of a step of captured crowds by stage, from thirty to ten thousand agents, and of a mixed crowd.
 
-Captured characters walk to and fro on an open square between a place of their own and another 6 to 12 m away,
+Captured agents walk to and fro on an open square between a place of their own and another 6 to 12 m away,
 endlessly, at 30 steps per second. Stages are timed one after another, with searches awaited, since they would share the
 processor. Figures are milliseconds of processor time per step, means over STEPS steps, because searches come in bursts.
 """
@@ -28,13 +28,13 @@ from crowdsim.scenario.people.placement import Placement
 from crowdsim.scenario.scenario import Scenario
 
 DENSITY = 0.1
-"""Characters per area [1/m2]."""
+"""Agents per area [1/m2]."""
 
 STEPS = 60
 """Steps that are timed by stage, and as many again that are timed as a whole."""
 
 SETTLING = 360
-"""Largest number of steps before, until nearly all characters have appeared and a second has passed."""
+"""Largest number of steps before, until nearly all agents have appeared and a second has passed."""
 
 STAGES = (
     *("react", "spawn", "choose", "animate", "despawn", "hash", "record", "measure", "submit"),
@@ -61,7 +61,7 @@ _LEGS = (6.0, 12.0)  # meters
 
 
 def captured_square(agents: int, seed: int = 1) -> tuple[Scenario, Placement]:
-    """Return an open square with ``agents`` captured characters that walk to and fro endlessly."""
+    """Return an open square with ``agents`` captured agents that walk to and fro endlessly."""
     rng = np.random.default_rng(seed)
     side = math.sqrt(agents / DENSITY)
     across = math.ceil(math.sqrt(agents))
@@ -133,9 +133,9 @@ def staged_step(crowd: CapturedCrowd, writer: RecordingWriter | None = None) -> 
 
 
 def captured_row(agents: int, folder: Path) -> dict[str, Any]:
-    """Return milliseconds per step by stage, and rates, of ``agents`` captured characters.
+    """Return milliseconds per step by stage, and rates, of ``agents`` captured agents.
 
-    admitted_in_second: number of characters present after the first simulated second. steps_a_second: whole
+    admitted_in_second: number of agents present after the first simulated second. steps_a_second: whole
     steps per second of wall-clock time with two search threads.
     """
     scenario, cast = captured_square(agents)
@@ -170,7 +170,7 @@ def captured_row(agents: int, folder: Path) -> dict[str, Any]:
 
 
 def mixed_row(agents: int) -> dict[str, Any]:
-    """Return wall-clock milliseconds per step of ``agents`` auto characters on a square, and the share captured."""
+    """Return wall-clock milliseconds per step of ``agents`` auto agents on a square, and the share captured."""
     scenario = parse_scenario(square_scenario(agents, DENSITY).replace("steered", "auto"))
     crowd = MixedCrowd(scenario, 2, None)
     times = []
@@ -194,7 +194,7 @@ def mixed_row(agents: int) -> dict[str, Any]:
 def level_figures(levels: tuple[int, ...], mixed: int, folder: Path) -> dict[str, float]:
     """Return figures by name, such as ``captured_3000_choose_ms`` and ``mixed_3000_whole_ms``.
 
-    ``times_a_tenfold`` is the growth of a step's time per tenfold number of characters, between two crowds.
+    ``times_a_tenfold`` is the growth of a step's time per tenfold number of agents, between two crowds.
     """
     figures: dict[str, float] = {}
     rows = [captured_row(agents, folder) for agents in levels]

@@ -21,10 +21,10 @@ from crowdsim.bench.registry import Measurement
 from crowdsim.errors import CrowdSimError
 
 COUNT = 20_000
-"""Number of characters."""
+"""Number of agents."""
 
 PREDICTED = (8, 64, 512)
-"""Numbers of processes to predict for, with as many characters each as one process has here."""
+"""Numbers of processes to predict for, with as many agents each as one process has here."""
 
 _SCENARIO = """\
 crowdsim: 1
@@ -41,7 +41,7 @@ agents:
 
 
 def measure(count: int = COUNT, seconds: float = 6.0, rounds: int = 3) -> Measurement:
-    """Run ``count`` characters for some simulated seconds on one and on two processes, ``rounds`` times in turn.
+    """Run ``count`` agents for some simulated seconds on one and on two processes, ``rounds`` times in turn.
 
     Raises
     ------

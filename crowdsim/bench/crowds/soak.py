@@ -1,7 +1,7 @@
-"""A long run: whether memory and step time stay constant, and whether any character gets stuck.
+"""A long run: whether memory and step time stay constant, and whether any agent gets stuck.
 
-The built-in plaza, with sources instead of groups: characters appear at the rate of its busiest time, and leave at
-their goals. The sources end some time before the run does, so that characters who are then still present are stuck.
+The built-in plaza, with sources instead of groups: agents appear at the rate of its busiest time, and leave at
+their goals. The sources end some time before the run does, so that agents who are then still present are stuck.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LEAST = 4.0
 """Simulated time below which slopes have no meaning [min]."""
 
 EMPTIES = 120.0
-"""Time without sources at the end, in which all characters leave [s]."""
+"""Time without sources at the end, in which all agents leave [s]."""
 
 SETTLES = 0.1
 """Share of the run at its beginning that slopes ignore, while the plaza and caches fill."""

@@ -16,7 +16,7 @@ from crowdsim.recording.writer import RecordingWriter
 from crowdsim.scenario.loader import parse_scenario
 
 STEPS = 60
-"""Number of timed steps, after as many that are not timed, in which all characters set out."""
+"""Number of timed steps, after as many that are not timed, in which all agents set out."""
 
 _SCENARIO = """\
 crowdsim: 1

@@ -1,7 +1,7 @@
 """The drills of steered crowds, walked by the same people as steered and as auto: both results, and the bar.
 
 Endless corridors are left out: they copy agents from end to end, and nobody can reserve a way beyond an end. ``crowdsim
-validate`` runs the tests of RiMEA with auto characters, except the large corner.
+validate`` runs the tests of RiMEA with auto agents, except the large corner.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ AROUND = 500
 """Number of people around the corner, 20 m wide (RiMEA 15)."""
 
 KEYS = ("case", "bar", "steered", "auto", "failed", "missing", "captured", "stood", "least_gap")
-"""Columns: the worst result of all seeds, steered and auto; auto runs that fail; auto characters that did not
+"""Columns: the worst result of all seeds, steered and auto; auto runs that fail; auto agents that did not
 arrive; the share of their way that was captured, and of their time that they stood; the smallest gap between two
 bodies [m]."""
 
@@ -57,7 +57,7 @@ Floats = NDArray[np.float64]
 
 
 def walk_auto(drill: Drill, state: Any, watch: Watch | None = None) -> MixedResult:
-    """Walk the people of a state through a drill as auto characters; a row's goal is the index of its group."""
+    """Walk the people of a state through a drill as auto agents; a row's goal is the index of its group."""
     scenario = scenario_of(drill)
     return walk_mixed(scenario, cast_of(scenario, state), watch)
 

@@ -18,7 +18,7 @@ from crowdsim.scenario.scenario import Scenario
 SEEDS = (1, 2, 3, 4, 5)
 
 ALONE_SECONDS = 40.0
-"""Time between two characters that walk alone [s]: longer than any of them needs."""
+"""Time between two agents that walk alone [s]: longer than any of them needs."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Bar:
     captured: float | None = None
     """Least share of the way that is captured."""
     stood: float | None = None
-    """Largest share of the time on the way that characters stand."""
+    """Largest share of the time on the way that agents stand."""
     times_alone: float | None = None
     """Largest mean time, as a multiple of the time when alone."""
 
@@ -57,7 +57,7 @@ def times_alone(scenario: Scenario) -> MixedResult:
 
     result = walk_mixed(scenario, alone, watch, ALONE_SECONDS * cast.head_count)
     if most > 1:
-        raise AssertionError(f"{scenario.name}: a character that walks alone did not arrive in {ALONE_SECONDS:g} s")
+        raise AssertionError(f"{scenario.name}: an agent that walks alone did not arrive in {ALONE_SECONDS:g} s")
     return result
 
 

@@ -1,4 +1,4 @@
-"""A thousand auto characters on a square: arrivals and times compared with JuPedSim, and smallest gaps."""
+"""A thousand auto agents on a square: arrivals and times compared with JuPedSim, and smallest gaps."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ DENSITIES = (0.1, 0.3, 0.6, 1.0)
 SEEDS = (1,)
 
 SLOWER = 1.5
-"""Largest arrival time of the last character, as a multiple of JuPedSim's, if all arrive there."""
+"""Largest arrival time of the last agent, as a multiple of JuPedSim's, if all arrive there."""
 
 PIECES = 8
-"""Number of goals along each side: JuPedSim heads for the middle of a goal, characters here for its nearest point."""
+"""Number of goals along each side: JuPedSim heads for the middle of a goal, agents here for its nearest point."""
 
 APART = 0.6
 """Least distance of two at the start [m]."""
@@ -63,7 +63,7 @@ def draw_square(count: int, density: float, seed: int) -> Square:
     places = scatter(rng, count, (OFF_EDGE, OFF_EDGE, side - OFF_EDGE, side - OFF_EDGE), APART)
     ways = np.arange(count) % 4  # east, west, north, south
     ahead = np.where(ways % 2 == 0, side - places[np.arange(count), ways // 2], places[np.arange(count), ways // 2])
-    # A character in the strip of its goal side gets the opposite side.
+    # An agent in the strip of its goal side gets the opposite side.
     ways = np.where(ahead < deep + 1.0, ways ^ 1, ways)
     along = np.where(ways < 2, places[:, 1], places[:, 0])
     number = ways * PIECES + np.clip((along / side * PIECES).astype(np.int64), 0, PIECES - 1)

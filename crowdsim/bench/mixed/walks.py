@@ -1,4 +1,4 @@
-"""Drills of steered crowds, walked by auto characters: the same people at the same places."""
+"""Drills of steered crowds, walked by auto agents: the same people at the same places."""
 
 from __future__ import annotations
 
@@ -39,22 +39,22 @@ _GROUP = "  - {{name: g{number}, count: {count}, start: {{rectangle: {start}}}, 
 
 @dataclass(frozen=True)
 class MixedResult:
-    """Results of a walk of n characters.
+    """Results of a walk of n agents.
 
     Attributes
     ----------
     arrived : (n,) float64
         Arrival times [s]; nan for those that did not arrive.
     times : (n,) float64
-        The same, counted from the appearance of the character [s].
+        The same, counted from the appearance of the agent [s].
     captured : float
         Share of the way that was walked captured.
     stood : float
-        Share of the time on the way in which characters were slower than 0.1 m/s.
+        Share of the time on the way in which agents were slower than 0.1 m/s.
     gap : float
         Smallest gap between bodies [m], at most CENTER_LIMIT.
     agent_steps : int
-        Number of steps, summed over characters.
+        Number of steps, summed over agents.
     """
 
     arrived: NDArray[np.float64]
@@ -66,7 +66,7 @@ class MixedResult:
 
 
 def scenario_of(drill: Drill, seed: int = 1, goals: list[str] | None = None) -> Scenario:
-    """Return a drill as a scenario of auto characters; ``goals`` gives goals as text if they are not polygons."""
+    """Return a drill as a scenario of auto agents; ``goals`` gives goals as text if they are not polygons."""
     texts = [_polygon(group.goal) for group in drill.groups] if goals is None else goals
     groups = "".join(
         _GROUP.format(number=number, count=group.count, start=list(group.start), goal=text)

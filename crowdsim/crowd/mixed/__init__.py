@@ -1,1 +1,1 @@
-"""Captured and steered characters in one place."""
+"""Captured and steered agents in one place."""

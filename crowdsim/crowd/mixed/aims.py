@@ -1,4 +1,4 @@
-"""Where characters who go over to captured motion head for in regions in which they do not stand."""
+"""Where agents who go over to captured motion head for in regions in which they do not stand."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ Floats = NDArray[np.float64]
 
 
 class Aims:
-    """Finds where the way of a steered character comes to the region of its goal.
+    """Finds where the way of a steered agent comes to the region of its goal.
 
-    A steered character has reached a region as soon as it is in it, a captured one when it is at its spot in it. If a
-    character that switches to captured motion just before a broad region kept its spot, it would have to walk many
+    A steered agent has reached a region as soon as it is in it, a captured one when it is at its spot in it. If an
+    agent that switches to captured motion just before a broad region kept its spot, it would have to walk many
     times as far.
     """
 
@@ -42,7 +42,7 @@ class Aims:
         return np.asarray(shapely.get_coordinates(nearest)[0])
 
     def _usable_part(self, goal: int) -> MultiPolygon | None:
-        """Return the part of the region of a goal that captured characters can walk to; None if there is none."""
+        """Return the part of the region of a goal that captured agents can walk to; None if there is none."""
         region = self._errands.region(goal)
         known = self._usable.get(goal)
         # The number of a commanded goal may stand for another region later.

@@ -1,4 +1,4 @@
-"""Company of a character: others nearby, and others that will pass close by soon."""
+"""Company of an agent: others nearby, and others that will pass close by soon."""
 
 import math
 
@@ -8,38 +8,38 @@ from crowdsim.steering.row_kernels import CELL
 from crowdsim.steering.wall_kernels import distance_at, is_lane, is_lane_behind
 
 _SLOWEST = 0.15
-"""Relative speed below which two characters do not approach each other [m/s]."""
+"""Relative speed below which two agents do not approach each other [m/s]."""
 
 _NO_ROOM = 1.3
-"""Distance to a wall below which a character has no room to pass another one [m]."""
+"""Distance to a wall below which an agent has no room to pass another one [m]."""
 
 _SAME_WAY = 0.3
-"""Cosine between the intents of two characters above which one follows the other."""
+"""Cosine between the intents of two agents above which one follows the other."""
 
 
 @kernel
 def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, confined, in_lane, soon, soon_wide):
-    """For each character, count the others near it, and predict when another one passes close by.
+    """For each agent, count the others near it, and predict when another one passes close by.
 
-    The prediction takes both to keep their velocities. It leaves out others behind the character.
+    The prediction takes both to keep their velocities. It leaves out others behind the agent.
 
     Parameters
     ----------
     rows : ROW[n]
-        Characters, sorted by the cells of ``frame``; ``starts`` has the first row of each cell.
+        Agents, sorted by the cells of ``frame``; ``starts`` has the first row of each cell.
     order : (n,) int32
-        Number of the character of each row.
+        Number of the agent of each row.
     walls : (Walls, Walls)
         Walls for the legs and for the torso.
     lane : (float, float)
         Width between torso walls below which they form a lane, and length for which the lane must have gone on behind
-        a character [m].
+        an agent [m].
     reach : (float, float)
         Others within the first distance are counted, others within the second are looked at [m].
     closest : (float, float)
         Distances between centers at closest approach, the narrower first [m].
     near : (n,) int64
-        Gets the number of others counted, by character as all outputs.
+        Gets the number of others counted, by agent as all outputs.
     confined : (n,) bool
         Gets True if a wall leaves no room to pass.
     in_lane : (n,) bool
@@ -74,7 +74,7 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
                 if square < few * few:
                     count += 1
 
-                # Leave out others that do not come nearer, and those behind a character that goes somewhere.
+                # Leave out others that do not come nearer, and those behind an agent that goes somewhere.
                 ahead = px * mine.ix + py * mine.iy
                 same_way = mine.ix * other.ix + mine.iy * other.iy > _SAME_WAY
                 wx = mine.vx - other.vx
@@ -93,7 +93,7 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
                     first_wide = min(first_wide, time)
                     if miss2 < narrow * narrow and not same_way:
                         first = min(first, time)
-        # Outputs are ordered by character, as rows change their order with every step.
+        # Outputs are ordered by agent, as rows change their order with every step.
         near[order[me]] = count
         confined[order[me]] = distance_at(walls[0], mine.x, mine.y) < _NO_ROOM
         in_lane[order[me]] = (

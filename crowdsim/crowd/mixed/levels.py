@@ -1,4 +1,4 @@
-"""Choice of the level: characters are captured while they have room, and steer among others."""
+"""Choice of the level: agents are captured while they have room, and steer among others."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NEAR = 1.5
 """Distance within which others count for the density [m]."""
 
 CROWDED = 5
-"""Number of others within NEAR from which on an auto character steers: 0.7 to a square meter."""
+"""Number of others within NEAR from which on an auto agent steers: 0.7 to a square meter."""
 
 EASED = 2
 """Number of others within NEAR up to which it may go back."""
@@ -27,34 +27,34 @@ SEEN = 5.0
 """Distance up to which the approach of others is predicted [m]."""
 
 MEETS = 0.65
-"""Distance between centers at closest approach below which two characters meet [m]: more than both bodies are broad."""
+"""Distance between centers at closest approach below which two agents meet [m]: more than both bodies are broad."""
 
 PASSES = 0.9
 """Distance between centers at closest approach below which one passes the other close by [m]."""
 
 MEETS_WITHIN = 2.5
-"""Time until a meeting below which an auto character steers [s]."""
+"""Time until a meeting below which an auto agent steers [s]."""
 
 CALM_FOR = 4.0
 """Time until another one passes above which it may go back [s]."""
 
 BLOCKED_FOR = 0.3
-"""Time for which its next step is refused before an auto character steers [s]."""
+"""Time for which its next step is refused before an auto agent steers [s]."""
 
 QUEUES_FOR = 12.0
-"""The same for a character without room to pass others, which steering would hardly help [s]."""
+"""The same for an agent without room to pass others, which steering would hardly help [s]."""
 
 LANE = (0.9, 2.5)
-"""Width between walls below which a character is in a lane, and length that the lane must have had behind it [m]."""
+"""Width between walls below which an agent is in a lane, and length that the lane must have had behind it [m]."""
 
 SLOW = 0.5
-"""Share of its own speed below which a character in a lane counts as slow."""
+"""Share of its own speed below which an agent in a lane counts as slow."""
 
 SLOW_OVER = 3.0
 """Time over which its speed is averaged for that [s]."""
 
 STAYS_FOR = 2.0
-"""Least time on a level, and after the end of a lane in which it was slow, before a character goes back [s]."""
+"""Least time on a level, and after the end of a lane in which it was slow, before an agent goes back [s]."""
 
 FAVORED = 1.0
 """The same in areas in which the scenario favors captured motion [s]."""
@@ -69,12 +69,12 @@ Floats = NDArray[np.float64]
 
 
 class Levels:
-    """Decide which characters should change their level."""
+    """Decide which agents should change their level."""
 
     def __init__(self, cast: CrowdPlacement, favored: Neighborhood | None) -> None:
         kinds = np.array(cast.locomotions)[cast.group]
         self.may_steer = kinds != "captured"
-        """(n,) True if the group of a character may steer."""
+        """(n,) True if the group of an agent may steer."""
         self.may_capture = kinds != "steered"
         """(n,) True if it may be captured."""
         self._auto = kinds == "auto"
@@ -86,7 +86,7 @@ class Levels:
         """(n,) step of the last change of level, or of the entry."""
         self._calm_since = np.zeros(count, np.int64)
         self.near = np.zeros(count, np.int64)
-        """(n,) others within NEAR, for characters in the world; see :func:`find_company`, also for ``confined`` and
+        """(n,) others within NEAR, for agents in the world; see :func:`find_company`, also for ``confined`` and
         ``soon``."""
         self.confined, self.soon = np.zeros(count, np.bool_), np.full(count, np.inf)
         self._in_lane, self._lane_step = np.zeros(count, np.bool_), np.zeros(count, np.int64)
@@ -94,7 +94,7 @@ class Levels:
         self._mean_speeds = self._speeds.copy()
 
     def keep_paces(self, natural_speed: float) -> None:
-        """Let characters with a prescribed speed steer for good if no captured motion is as fast.
+        """Let agents with a prescribed speed steer for good if no captured motion is as fast.
 
         ``natural_speed`` is that of captured motion [m/s].
         """
@@ -108,7 +108,7 @@ class Levels:
         self.keep_paces(natural_speed)
 
     def look_around(self, crowd: SortedCrowd, walls: tuple[Walls, Walls], step: int) -> None:
-        """Find the company of all characters in the world, sorted by cells, between the walls for legs and torso."""
+        """Find the company of all agents in the world, sorted by cells, between the walls for legs and torso."""
         count = len(crowd.rows)
         near, soon, wide = np.zeros(count, np.int64), np.empty(count), np.empty(count)
         confined, in_lane = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
@@ -123,7 +123,7 @@ class Levels:
         self._calm_since[agents[~calm]] = step
 
     def follow_speeds(self, agents: NDArray[np.int64], speeds: Floats, ahead: Bools) -> None:
-        """Average the speeds (k,) [m/s] of captured characters, and note which are slow in a lane, until it ends.
+        """Average the speeds (k,) [m/s] of captured agents, and note which are slow in a lane, until it ends.
 
         ``ahead`` (k,) is True for those that face ahead, as sideways everybody is slow. Captured motion stops in tight
         bends, where steering does not.
@@ -132,7 +132,7 @@ class Levels:
         means += (speeds - means) / (SLOW_OVER * STEERING_RATE)
         slow = self._in_lane[agents] & ahead & (means < SLOW * self._speeds[agents])
         self._slow[agents[slow]] = True
-        # A slow character begins a new average when it is captured again.
+        # A slow agent begins a new average when it is captured again.
         self._mean_speeds[agents] = np.where(slow, self._speeds[agents], means)
 
     def is_favored(self, places: Floats) -> Bools:
@@ -143,7 +143,7 @@ class Levels:
         return np.asarray(hypot(places[:, 0] - x, places[:, 1] - y) <= self._favored.radius)
 
     def steer(self, agents: NDArray[np.int64], places: Floats, blocked: Floats) -> Bools:
-        """Return which of some captured characters should steer; they were refused for times ``blocked`` (k,) [s]."""
+        """Return which of some captured agents should steer; they were refused for times ``blocked`` (k,) [s]."""
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
         refused = blocked >= np.where(self.confined[agents], QUEUES_FOR, BLOCKED_FOR)
         too_fast = ~self.may_capture[agents]
@@ -151,7 +151,7 @@ class Levels:
         return np.asarray(self.may_steer[agents] & (anywhere | (met & ~self.is_favored(places))))
 
     def capture(self, agents: NDArray[np.int64], places: Floats, step: int) -> Bools:
-        """Return which of some steered characters may go back to captured motion."""
+        """Return which of some steered agents may go back to captured motion."""
         stays = np.where(self.is_favored(places), FAVORED, STAYS_FOR) * STEERING_RATE
         since = np.maximum(self.changed[agents], self._calm_since[agents])
         return np.asarray(self.may_capture[agents] & (step - since >= stays) & ~self._slow[agents])

@@ -1,4 +1,4 @@
-"""Captured and steered characters in one place, which see each other and change from one level to the other."""
+"""Captured and steered agents in one place, which see each other and change from one level to the other."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ from crowdsim.scenario.timetable import Placing, Timetable
 from crowdsim.steering.ways import Others
 
 PATIENCE_SECONDS = 6.0
-"""Time that an auto character waits for its first motion, or for room, before it enters steered [s]."""
+"""Time that an auto agent waits for its first motion, or for room, before it enters steered [s]."""
 
 
 class MixedCrowd:
-    """The characters of a scenario on both levels.
+    """The agents of a scenario on both levels.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class MixedCrowd:
     preparing : callable, optional
         Called with the number of motion maps built and the number of all, while they are built.
     cast : CrowdPlacement, optional
-        The characters; drawn from the scenario by default.
+        The agents; drawn from the scenario by default.
     behavior_set : BehaviorSet, optional
         That of the scenario, if it is loaded already.
     """
@@ -84,7 +84,7 @@ class MixedCrowd:
 
     @property
     def count(self) -> int:
-        """Return the number of characters of the scenario, present or not."""
+        """Return the number of agents of the scenario, present or not."""
         return self.cast.head_count
 
     @property
@@ -94,27 +94,27 @@ class MixedCrowd:
 
     @property
     def arrivals(self) -> NDArray[np.int64]:
-        """Return the step (n,) in which each character reached its last goal, NONE before."""
+        """Return the step (n,) in which each agent reached its last goal, NONE before."""
         return np.maximum(self.captured.arrivals, self.steered.arrivals)
 
     @property
     def entered(self) -> NDArray[np.int64]:
-        """Return the step (n,) in which each character entered, NONE before."""
+        """Return the step (n,) in which each agent entered, NONE before."""
         return np.maximum(self.captured.spawning.spawned, self.steered.entering.entered)
 
     @property
     def arrived(self) -> int:
-        """Return the number of characters that have reached their last goal."""
+        """Return the number of agents that have reached their last goal."""
         return int((self.arrivals >= 0).sum())
 
     @property
     def expected(self) -> NDArray[np.bool_]:
-        """Return which characters (n,) have arrived, are in the world, or come without a command."""
+        """Return which agents (n,) have arrived, are in the world, or come without a command."""
         return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
 
     @property
     def finished(self) -> bool:
-        """Return True if all characters that can arrive have arrived."""
+        """Return True if all agents that can arrive have arrived."""
         lost = 0
         if self.captured.events.over:
             since = self.steered.world.column("lost_since")
@@ -133,7 +133,7 @@ class MixedCrowd:
         self.steered.take_timetable(timetable)
 
     def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
-        """Send characters (k,) to ``region`` instead of all their goals, each on its own.
+        """Send agents (k,) to ``region`` instead of all their goals, each on its own.
 
         ``places`` (k, 2) are their spots [m] if they are to stay.
         """
@@ -164,7 +164,7 @@ class MixedCrowd:
         if steered.place.change(happened, captured.events.waiting):
             steered.steering.set_walls(*steered.place.walls)
 
-        # Captured characters that meet others begin to steer; their reservations are released.
+        # Captured agents that meet others begin to steer; their reservations are released.
         others = self._others(view)
         everybody = steered.steering.sort(self._with_steered(others), steered.place.bounds)
         legs, torso, _ = steered.steering.walls
@@ -177,13 +177,13 @@ class MixedCrowd:
             captured.world.apply_changes()
             steered.world.apply_changes()
 
-        # Steered characters with room go over to the motion that was found for them; then new characters enter.
+        # Steered agents with room go over to the motion that was found for them; then new agents enter.
         self.captured.choosing.surroundings.bodies = self._bodies()
         self.switches.to_captured(steered.world.view())
         steered.world.apply_changes()
         self._enter()
 
-        # Captured characters first: they reserve timelines clear of all steered bodies as they stand now. Then steered
+        # Captured agents first: they reserve timelines clear of all steered bodies as they stand now. Then steered
         # ones take a step that keeps clear of all reserved segments. So neither can touch the other.
         captured.choosing.surroundings.bodies = self._bodies()
         self._note_places()
@@ -204,7 +204,7 @@ class MixedCrowd:
         return self.captured.placing(movable)
 
     def new_routes(self) -> list[Route]:
-        """Return the paths that captured characters follow since the last call; steered ones follow fields."""
+        """Return the paths that captured agents follow since the last call; steered ones follow fields."""
         return self.captured.new_routes()
 
     def header(self, scenario: Scenario) -> RecordingHeader:
@@ -221,7 +221,7 @@ class MixedCrowd:
         )
 
     def frame(self) -> RecordedFrame:
-        """Return the present step of all characters; those outside the world are marked absent."""
+        """Return the present step of all agents; those outside the world are marked absent."""
         captured, steered = self.captured.frame(), self.steered.frame()
         steers = np.asarray(steered.state) != AgentState.ABSENT
         return RecordedFrame(*(np.where(steers, theirs, its) for theirs, its in zip(steered, captured, strict=True)))
@@ -261,12 +261,12 @@ class MixedCrowd:
         return self.steered.place.is_taken(taken, self.steered.world.column("row"), LEG_RADIUS)
 
     def _without_a_way(self) -> dict[str, str]:
-        """Return the reasons for characters that never entered the world, as no motion was found for them."""
+        """Return the reasons for agents that never entered the world, as no motion was found for them."""
         outside = np.flatnonzero(self._has_no_way() & self._outside)
         return {str(agent): self.captured.plans.unreachable[agent] for agent in outside.tolist()}
 
     def _has_no_way(self) -> NDArray[np.bool_]:
-        """Return True (n,) for characters to whose goals no path was found, which steering would not find either."""
+        """Return True (n,) for agents to whose goals no path was found, which steering would not find either."""
         lost = np.zeros(self.count, np.bool_)
         for agent, reason in self.captured.plans.unreachable.items():
             lost[agent] = reason != NO_MOTION or not self.levels.may_steer[agent]
@@ -274,7 +274,7 @@ class MixedCrowd:
 
     @property
     def _outside(self) -> NDArray[np.bool_]:
-        """Return True (n,) for characters that have not entered yet."""
+        """Return True (n,) for agents that have not entered yet."""
         return np.asarray(self.entered < 0)
 
     def _walks(self, view: View) -> NDArray[np.bool_]:
@@ -295,7 +295,7 @@ class MixedCrowd:
         return np.asarray(np.maximum(refused, stood) / STEERING_RATE)
 
     def _enter(self) -> None:
-        """Let characters enter: captured if there is room, else steered."""
+        """Let agents enter: captured if there is room, else steered."""
         captured, steered, step = self.captured, self.steered, self.step_count
         outside = self._outside
         late = step - self.cast.start_steps > PATIENCE_SECONDS * STEERING_RATE
@@ -313,7 +313,7 @@ class MixedCrowd:
             captured.plans.forget(agent)
 
     def _comes_into_crowd(self, outside: Any, step: int) -> NDArray[np.bool_]:
-        """Return which of the characters about to enter have many others around their places."""
+        """Return which of the agents about to enter have many others around their places."""
         soon = np.flatnonzero(outside & (self.cast.start_steps - self.captured.plans.lead <= step))
         crowded = np.zeros(self.count, np.bool_)
         if len(soon):
@@ -326,7 +326,7 @@ class MixedCrowd:
         return crowded
 
     def _others(self, view: View) -> Others:
-        """Return captured characters as steered ones see them."""
+        """Return captured agents as steered ones see them."""
         itineraries, steered = self.captured.itineraries, self.steered
         velocities, walkers = self._velocities(view), self.cast.walkers
         errands, guidance, breadths = steered.errands, steered.place.guidance, self.captured.assets.breadths
@@ -338,7 +338,7 @@ class MixedCrowd:
         return np.where(np.isnan(moved), 0.0, moved)
 
     def _note_places(self) -> None:
-        """Note the positions of all characters before the step."""
+        """Note the positions of all agents before the step."""
         for agents, places in (
             (self.captured.world.column("agent"), self.captured.world.column("pose")[:, :2]),
             (self.steered.world.column("agent"), _places(self.steered.world.column("row"))),
@@ -346,11 +346,11 @@ class MixedCrowd:
             self._before[agents] = places
 
     def everybody(self) -> NDArray[Any]:
-        """Return the rows (ROW) of all characters in the world, the steered ones first."""
+        """Return the rows (ROW) of all agents in the world, the steered ones first."""
         return self._with_steered(self.captured_as_seen())
 
     def captured_as_seen(self) -> Others:
-        """Return captured characters as steered ones see them, with the rest of their reserved segments."""
+        """Return captured agents as steered ones see them, with the rest of their reserved segments."""
         return self._others(self.captured.world.view())
 
     def _with_steered(self, others: Others) -> NDArray[Any]:

@@ -26,7 +26,7 @@ class MixedStatistics:
         self._standing = self._present = 0
 
     def add(self, everybody: NDArray[Any]) -> None:
-        """Add one step; ``everybody`` (ROW) are all characters in the world."""
+        """Add one step; ``everybody`` (ROW) are all agents in the world."""
         captured, steered = self._captured, self._steered
         captured.measure(captured.frame())
         steered.measure(steered.frame())

@@ -1,4 +1,4 @@
-"""Captured characters as steered ones see them: position, velocity, intent, and reserved segments."""
+"""Captured agents as steered ones see them: position, velocity, intent, and reserved segments."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ TRACK_ROOM = 0.015
 """Enlargement of reserved discs for steered bodies [m]: tracks bend between two samples of a timeline."""
 
 PUSHES_AFTER = 0.5
-"""Time for which a captured character is refused before steered ones in its way step aside [s]."""
+"""Time for which a captured agent is refused before steered ones in its way step aside [s]."""
 
 _PUSHING = 100.0
-"""Rank of such a character (plus the time), above that of any steered one."""
+"""Rank of such an agent (plus the time), above that of any steered one."""
 
 
 def seen(
@@ -39,18 +39,18 @@ def seen(
     guidance: Guidance,
     breadths: NDArray[np.float64],
 ) -> Others:
-    """Return the captured characters of ``view`` as steered ones see them.
+    """Return the captured agents of ``view`` as steered ones see them.
 
     Parameters
     ----------
     view : View
-        The captured characters.
+        The captured agents.
     velocities : (m, 2) float64
         Their velocities [m/s].
     step : int
         Present step.
     itineraries, errands, walkers : Itineraries, Errands, Walkers
-        Progress, goals and personal values of all characters.
+        Progress, goals and personal values of all agents.
     guidance : Guidance
         Fields, which give their intents.
     breadths : (B, 2) float64

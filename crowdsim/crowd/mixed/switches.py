@@ -1,7 +1,7 @@
-"""Changes of level: a character's track continues, and no two bodies come into contact.
+"""Changes of level: an agent's track continues, and no two bodies come into contact.
 
-A captured character owns a reserved timeline, whose rest touches no steered body where that is now. So a captured
-character may begin to steer if its body, where it is now, touches no other reserved timeline; and a steered one may
+A captured agent owns a reserved timeline, whose rest touches no steered body where that is now. So a captured
+agent may begin to steer if its body, where it is now, touches no other reserved timeline; and a steered one may
 become captured if it can reserve a timeline from there.
 """
 
@@ -35,14 +35,14 @@ CLEAR = 1e-3
 """Gap between a body that begins to steer and what others have reserved [m]."""
 
 AT_LEAST = 2
-"""Number of characters that may request captured motion in one step, however few there are."""
+"""Number of agents that may request captured motion in one step, however few there are."""
 
 IN_STEP_WITHIN = 1.0
-"""Time that a character waits for a frame in which its feet are where those of steered ones are, before it steers
+"""Time that an agent waits for a frame in which its feet are where those of steered ones are, before it steers
 anyway [s]."""
 
 SHARE = 0.01
-"""Share of all characters in the world that may request captured motion in one step."""
+"""Share of all agents in the world that may request captured motion in one step."""
 
 PHASE_OFF = 0.02
 """Largest difference of phase at which a node is entered [cycles]."""
@@ -66,14 +66,14 @@ Floats = NDArray[np.float64]
 
 
 class _Asked(NamedTuple):
-    """Search for the captured motion of a steered character: the entry it begins with, and the entry's origin."""
+    """Search for the captured motion of a steered agent: the entry it begins with, and the entry's origin."""
 
     entry: int
     origin: Floats
 
 
 class Switches:
-    """Move characters between the worlds of both levels."""
+    """Move agents between the worlds of both levels."""
 
     def __init__(self, captured: CapturedCrowd, steered: SteeredCrowd, levels: Levels, aims: Aims) -> None:
         self._captured, self._steered, self._levels, self._aims = captured, steered, levels, aims
@@ -97,7 +97,7 @@ class Switches:
     def to_steered(self, view: View, wanted: NDArray[np.bool_], velocities: Floats, others: Others) -> int:
         """Let ``wanted`` captured rows steer from now on, if it is safe; return how many do.
 
-        ``velocities`` (m, 2) are those of the rows [m/s]; ``others`` are the rows as steered characters see them.
+        ``velocities`` (m, 2) are those of the rows [m/s]; ``others`` are the rows as steered agents see them.
         """
         rows = self._in_step(view, wanted)
         if not len(rows):
@@ -135,7 +135,7 @@ class Switches:
         return len(rows)
 
     def _in_step(self, view: View, wanted: NDArray[np.bool_]) -> Ints:
-        """Return ``wanted`` rows whose feet are where those of steered characters are, or that have waited enough."""
+        """Return ``wanted`` rows whose feet are where those of steered agents are, or that have waited enough."""
         step, agents = self._captured.step_count, view.agent.astype(np.int64)
         self._wanted_since[agents[~wanted]] = step
         frames = self._captured.assets.graph.node_track[view.node] + view.frame
@@ -143,7 +143,7 @@ class Switches:
         return np.flatnonzero(wanted & (self._exits[frames] | waited))
 
     def _bodies(self, view: View, rows: Ints, velocities: Floats) -> NDArray[np.void]:
-        """Return the rows (ROW) of captured characters that begin to steer; no body gets larger than its disc."""
+        """Return the rows (ROW) of captured agents that begin to steer; no body gets larger than its disc."""
         cast, assets = self._steered.cast, self._captured.assets
         agents = view.agent[rows].astype(np.int64)
         bodies = np.zeros(len(rows), ROW)
@@ -161,7 +161,7 @@ class Switches:
         return bodies
 
     def _safe(self, rows: Ints, bodies: NDArray[np.void], count: int, others: Others) -> tuple[Ints, NDArray[np.void]]:
-        """Return those of some captured rows that touch no reserved segment of characters that stay captured."""
+        """Return those of some captured rows that touch no reserved segment of agents that stay captured."""
         frame = frame_of(self._steered.place.bounds)
         ways = listed(others, frame, float((bodies["half"] + bodies["radius"]).max()) + CLEAR)
         # A row that has to stay keeps its timeline, which others may touch in turn: repeat until none has to stay.
@@ -177,7 +177,7 @@ class Switches:
     # From steered to captured
 
     def to_captured(self, view: View) -> None:
-        """Let characters whose search has found a motion become captured, if they can reserve its beginning."""
+        """Let agents whose search has found a motion become captured, if they can reserve its beginning."""
         captured = self._captured
         asked, self._asked = self._asked, {}
         if not asked:
@@ -191,14 +191,14 @@ class Switches:
             captured.plans.forget(agent)
 
     def _enter(self, view: View, row: int, agent: int, asked: _Asked) -> bool:
-        """Let a steered character play the node with which its search begins; return False if it cannot be reserved."""
+        """Let a steered agent play the node with which its search begins; return False if it cannot be reserved."""
         captured, state = self._captured, view.row[row]
         node, frame = int(self.entries.node[asked.entry]), int(self.entries.frame[asked.entry])
         itineraries, assets = captured.itineraries, captured.assets
         place = np.array([state["x"], state["y"]])
         radius, stays = assets.personal_radius, bool(itineraries.cast.stays[agent])
         natural = Playback.natural(captured.step_count, assets.frames_per_step)
-        # The node is played at the character's present speed at first, then approaches its own rate.
+        # The node is played at the agent's present speed at first, then approaches its own rate.
         share = float(hypot(state["vx"], state["vy"]) / self.entries.speed[asked.entry])
         rate = round(min(max(share, SLOWEST), FASTEST) * natural.rate)
         playback = natural._replace(rate=rate, wanted=int(captured.plans.motions.table.rates[agent]))
@@ -225,7 +225,7 @@ class Switches:
             awaiting_plan=captured.searches.is_under_way(agent),
             **reserved,
         )
-        # The next character must see this reservation.
+        # The next agent must see this reservation.
         captured.world.apply_changes()
         self._steered.world.remove(int(view.id[row]))
         self._changed(np.array([agent]), captured.step_count)
@@ -233,14 +233,14 @@ class Switches:
         return True
 
     def ask(self, view: View) -> None:
-        """Request captured motion for some steered characters that have room, from their positions after the step."""
+        """Request captured motion for some steered agents that have room, from their positions after the step."""
         captured, levels = self._captured, self._levels
         step = captured.step_count
         agents = view.agent.astype(np.int64)
         state = view.row
         places = np.column_stack((state["x"], state["y"]))
         calm = levels.capture(agents, places, step) & (view.errand == Errand.WALKS) & (state["togo"] > WORTH)
-        # A character with room walks as fast as its captured motion, so that it can change over.
+        # An agent with room walks as fast as its captured motion, so that it can change over.
         walks = view.errand == Errand.WALKS
         played = self._played(agents)
         state["speed"][walks] = np.where(calm, played, view.pace)[walks]
@@ -250,7 +250,7 @@ class Switches:
         rested = step - self._tried[agents] >= RETRY * STEERING_RATE
         rows = np.flatnonzero(calm & straight & rested & (state["turn"] <= 0.0))
         most = max(AT_LEAST, int(SHARE * (len(agents) + captured.world.count)))
-        # The characters that have waited longest come first.
+        # The agents that have waited longest come first.
         rows = rows[np.lexsort((agents[rows], self._tried[agents[rows]]))][:most]
         for row in rows.tolist():
             self._ask(view, row)

@@ -215,7 +215,7 @@ def prepare(
     """
     behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
     if not behavior_set.graph.arrays.node_ends_standing.any():
-        raise MotionError("no clip of the motion set ends standing, so no character could ever wait; add one that does")
+        raise MotionError("no clip of the motion set ends standing, so no agent could ever wait; add one that does")
     shortest = int(behavior_set.graph.arrays.node_frames.min())
     if scenario.steps_per_second * shortest < CAPTURE_RATE:
         message = (

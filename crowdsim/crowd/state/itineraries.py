@@ -42,7 +42,7 @@ class Itineraries:
         self.places = np.array([len(goals) for goals in cast.goals], np.int64)
         self.reached = np.zeros(len(self.cast.starts), np.int64)
         self._tries = np.zeros(len(self.cast.starts), np.int64)
-        # Aims by character, with the number of places reached when they were given, NONE without one: arrays do not
+        # Aims by agent, with the number of places reached when they were given, NONE without one: arrays do not
         # grow with those who come and leave.
         self._aims = np.zeros((len(self.cast.starts), 2))
         self._aimed_at = np.full(len(self.cast.starts), NONE, np.int64)

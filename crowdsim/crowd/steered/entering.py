@@ -29,7 +29,7 @@ from crowdsim.steering.steering import Steering
 from crowdsim.steering.ways import NOBODY_ELSE, Others, clear_of, listed
 
 AWAITS_SECONDS = 10.0
-"""Time after which a character whose place is still taken tries others around it [s]: somebody may stay there."""
+"""Time after which an agent whose place is still taken tries others around it [s]: an agent may stay there."""
 
 _RADII = np.repeat([0.5, 1.0, 1.5, 2.0], 8)
 _TURNS = np.tile(np.arange(8), 4) * (np.pi / 4.0)

@@ -1,4 +1,4 @@
-"""Choose the steps and characters of a recording that a page shows."""
+"""Choose the steps and agents of a recording that a page shows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A body of few vertices for distant characters: a prism per bone, each vertex follows one joint."""
+"""A body of few vertices for distant agents: a prism per bone, each vertex follows one joint."""
 
 from __future__ import annotations
 

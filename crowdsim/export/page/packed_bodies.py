@@ -1,4 +1,4 @@
-"""The bodies of a page: a detailed one for near characters, and one of few vertices for distant characters."""
+"""The bodies of a page: a detailed one for near agents, and one of few vertices for distant agents."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from crowdsim.playback.body_mesh import BodyMesh
 from crowdsim.playback.crowd_mesh import looks_of, shades_of
 
 LEVELS = 200
-"""Number of characters present at once above which distant ones are drawn with few vertices."""
+"""Number of agents present at once above which distant ones are drawn with few vertices."""
 
 PLACES = 20_000
 """Integer units per meter for positions of vertices."""
 
 _SIDES = ((40, 16), (10**9, 10))
-"""Corners of a body's cross-sections, by the largest number of characters present at once."""
+"""Corners of a body's cross-sections, by the largest number of agents present at once."""
 
 
 def pack_bodies(block: Block, skeleton: Skeleton, most_present: int) -> dict[str, Any]:

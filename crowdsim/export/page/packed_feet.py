@@ -16,7 +16,7 @@ FRAMES = 1000
 
 
 def pack_feet(block: Block, recording: Recording, chosen: Chosen, played: Ints) -> None:
-    """Add the places of the feet in the nodes ``played``, row by row, and the changes of the feet of the characters.
+    """Add the places of the feet in the nodes ``played``, row by row, and the changes of the feet of the agents.
 
     A change has its time since the one before of the same foot, mode, node, frames, and a planar pose, as
     :mod:`crowdsim.motion.planted.pin_kernels` has them.

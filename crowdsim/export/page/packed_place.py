@@ -37,7 +37,7 @@ def pack_scenery(
     """Add floor and obstacles that never move to the block.
 
     Obstacles up to :data:`TALL` and taller ones are separate meshes, ``low`` and ``tall``: tall ones are drawn as
-    glass, so that they do not hide characters. Return the bounds (low, high) of all of them and the points ``moving``
+    glass, so that they do not hide agents. Return the bounds (low, high) of all of them and the points ``moving``
     (n, 3) [m].
     """
     floor = floor_mesh(header)
@@ -158,7 +158,7 @@ def density_cells(bounds: dict[str, Any]) -> dict[str, Any]:
 
 
 def pack_density(block: Block, recording: Recording, chosen: Chosen, bounds: dict[str, Any]) -> dict[str, Any]:
-    """Add the mean density of characters in each cell over all steps of the page, (lines * columns,) float32 [1/m2].
+    """Add the mean density of agents in each cell over all steps of the page, (lines * columns,) float32 [1/m2].
 
     Return size and number of the cells.
     """

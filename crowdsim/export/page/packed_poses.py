@@ -1,4 +1,4 @@
-"""Poses that the bodies of a page play: rows of captured nodes, and gait models of steered characters."""
+"""Poses that the bodies of a page play: rows of captured nodes, and gait models of steered agents."""
 
 from __future__ import annotations
 
@@ -77,9 +77,9 @@ def pack_gaits(block: Block, motion: MotionRecord) -> list[dict[str, Any]]:
 
 
 def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> PackedStretches:
-    """Add the stretches in which characters are steered to the block; return them with the phases of their bodies.
+    """Add the stretches in which agents are steered to the block; return them with the phases of their bodies.
 
-    ``parts`` holds characters (A,) and their stretches, whose columns are indices into these characters. A stretch's
+    ``parts`` holds agents (A,) and their stretches, whose columns are indices into these agents. A stretch's
     four rows ascend (begin, first, end, stop), so each is written as its difference from the one before. Phases are
     coded with the tracks.
     """
@@ -105,7 +105,7 @@ def pack_switches(block: Block, recording: Recording, chosen: Chosen) -> None:
     """Add the switches between captured and steered to the block, and the times at which feet then lift and land.
 
     The five times of a switch are counted from it in units of 1 / _FEET s: until when each foot keeps its place (left,
-    right), when it has lost its offset (left, right), and when the character disappears, 0 if it stays. Bits of the
+    right), when it has lost its offset (left, right), and when the agent disappears, 0 if it stays. Bits of the
     flags: 1 for a switch to steered, 2 and 4 for a left and a right foot that takes a small step of its own, because
     the body stands.
     """

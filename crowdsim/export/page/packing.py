@@ -20,7 +20,7 @@ _MEMORY = 4
 Ints = NDArray[np.int64]
 
 _LETTERS = np.array([code for code in range(33, 127) if chr(code) not in "<&\\"], np.uint8)
-"""Printable characters of ASCII that mean nothing to HTML, and no backslash: 91 of them."""
+"""Printable agents of ASCII that mean nothing to HTML, and no backslash: 91 of them."""
 _PAIR_BITS = 13
 """Bits that two letters hold: 91 * 91 >= 2**13. Base64 takes 8 % more letters."""
 

@@ -50,7 +50,7 @@ PATHS = ("all", "selected", "none")
 """Which paths a page draws at first; with "none" it does not contain them."""
 
 _PATHS_OF_ALL = 300
-"""Number of characters present at once up to which all paths are drawn by default."""
+"""Number of agents present at once up to which all paths are drawn by default."""
 _BARS = 400
 """Largest number of bars of the curve behind the slider."""
 _SAMPLES_AT_ONCE = 4_000_000
@@ -66,7 +66,7 @@ class PageOptions(NamedTuple):
     agents : str or None
         Agent numbers and group names separated by commas; by default all.
     paths : str or None
-        One of PATHS; by default "all", or "selected" if more than 300 characters are present at once.
+        One of PATHS; by default "all", or "selected" if more than 300 agents are present at once.
     title : str or None
         Title; by default the scenario's name.
     """
@@ -84,7 +84,7 @@ def write_page(recording: Recording, file: Path, options: PageOptions | None = N
     Raises
     ------
     CrowdSimError
-        If the recording lacks such times or characters, the choice of paths is unknown, or the file cannot be written.
+        If the recording lacks such times or agents, the choice of paths is unknown, or the file cannot be written.
     """
     options = PageOptions() if options is None else options
     choice = choose(recording, None, options.start, options.end, options.agents)
@@ -223,7 +223,7 @@ def _opening(recording: Recording, chosen: Chosen) -> float:
 
 
 def group_facts(agents: AgentsRecord, chosen: Ints) -> dict[str, Any]:
-    """Return groups with their colors; group and goals (x, y) [m] of each of the characters ``chosen`` (n,)."""
+    """Return groups with their colors; group and goals (x, y) [m] of each of the agents ``chosen`` (n,)."""
     names = sorted(set(agents.groups))
     index = {name: number for number, name in enumerate(names)}
     return {
@@ -239,7 +239,7 @@ def _number(value: float) -> float | None:
 
 
 def activity(recording: Recording, chosen: Chosen) -> tuple[Ints, Ints, Ints]:
-    """Return (steps,) how many characters are present, and how many move and wait in each bar behind the slider."""
+    """Return (steps,) how many agents are present, and how many move and wait in each bar behind the slider."""
     present, moving, waiting = (np.zeros(chosen.steps, np.int64) for _ in range(3))
     at_once = max(1, _SAMPLES_AT_ONCE // max(recording.agent_count, 1))
     for first in range(0, chosen.steps, at_once):
@@ -254,7 +254,7 @@ def activity(recording: Recording, chosen: Chosen) -> tuple[Ints, Ints, Ints]:
 
 
 def _stretches(recording: Recording, chosen: Chosen) -> Iterator[tuple[Ints, Stretches]]:
-    """Yield the stretches of all steps in which characters are steered, some characters at a time."""
+    """Yield the stretches of all steps in which agents are steered, some agents at a time."""
     if not recording.header.motion.gaits:
         return
     rows = slice(chosen.first, chosen.first + chosen.steps)

@@ -1,4 +1,4 @@
-"""Builds of bodies: how tall and how stout each character is drawn. Nothing but drawing knows of them.
+"""Builds of bodies: how tall and how stout each agent is drawn. Nothing but drawing knows of them.
 
 A stature stretches a posed body upward from the floor. Places on the floor stay, so that planted feet stay planted. A
 girth moves skin and clothes outward by less than bodies keep from obstacles.
@@ -24,7 +24,7 @@ _BELOW_BALL = 0.028
 
 
 def builds_of(count: int, skeleton: Skeleton) -> NDArray[np.float32]:
-    """Return (count, 2) the stature, a multiple of the skeleton's, and the girth [m] of each character."""
+    """Return (count, 2) the stature, a multiple of the skeleton's, and the girth [m] of each agent."""
     rest = skeleton.rest_positions()
     feet = min(float(rest[skeleton.joint(f"{side}_toe"), 2]) for side in ("left", "right"))
     height = float(rest[skeleton.joint("head"), 2]) + _ABOVE_HEAD - feet + _BELOW_BALL

@@ -25,7 +25,7 @@ def validated(
     problems: Sequence[Problem] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ScenarioFields, Environment]:
-    """Check the keys of ``document``, build their environment, and check that every character finds a place.
+    """Check the keys of ``document``, build their environment, and check that every agent finds a place.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def validated(
 
 
 def _command_complaints(keys: ScenarioFields, environment: Environment) -> list[Complaint]:
-    """Return what is wrong with the commands about characters."""
+    """Return what is wrong with the commands about agents."""
     complaints: list[Complaint] = []
     called = Called(keys)
     for number, command in sorted(enumerate(keys.commands), key=lambda each: each[1].at):

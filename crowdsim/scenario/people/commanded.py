@@ -56,7 +56,7 @@ def command_complaint(
     agents = (command.action, "agents")
     unknown = [agent for agent in asked.agents if agent >= called.head_count]
     if unknown:
-        return agents, f"there is no character {unknown[0]}; they are numbered from 0 to {called.head_count - 1}"
+        return agents, f"there is no agent {unknown[0]}; they are numbered from 0 to {called.head_count - 1}"
     if isinstance(asked, NewGoal):
         wrong = new_goal_complaint(keys, environment, asked)
         return None if wrong is None else (("set_goal", "goal"), wrong)
@@ -64,11 +64,11 @@ def command_complaint(
         return None
     busy = [agent for agent in asked.agents if not called.awaits(agent)]
     if busy:
-        return agents, f"character {busy[0]} is not on call, or no longer; give its group 'on_call: true'"
+        return agents, f"agent {busy[0]} is not on call, or no longer; give its group 'on_call: true'"
     if asked.start is None:
         return None
     start = ("add", "start")
     if keys.floor.periodic is not None:
-        return start, "on a periodic floor characters start where their group does; drop it"
+        return start, "on a periodic floor agents start where their group does; drop it"
     wrong = region_complaint(environment, asked.start)
     return None if wrong is None else (start, wrong)

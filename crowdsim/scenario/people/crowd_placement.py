@@ -119,7 +119,7 @@ def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple
     drawing = _Drawing(keys, environment)
     if (right - left + CELL) * (top - bottom + CELL) > MOST_CELLS * CELL * CELL:
         message = (
-            f"steered characters need a floor within {MOST_CELLS * CELL * CELL:,.0f} m2, as 2 km by 2 km; "
+            f"steered agents need a floor within {MOST_CELLS * CELL * CELL:,.0f} m2, as 2 km by 2 km; "
             "this one takes "
             f"{right - left:,.0f} m by {top - bottom:,.0f} m; cut it, or check its units"
         )

@@ -83,5 +83,5 @@ def new_goal_complaint(keys: ScenarioFields, environment: Environment, asked: Ne
     wanted = len(set(asked.agents))
     found = len(places_in(environment, asked.goal, wanted).places)
     if found < wanted:
-        return f"only {found} of {wanted} characters find a place to stay at; give a larger goal, or several"
+        return f"only {found} of {wanted} agents find a place to stay at; give a larger goal, or several"
     return None

@@ -186,7 +186,7 @@ def head_count_complaint(count: int) -> str | None:
     """Return what is wrong with the number of agents in a group; None if nothing is."""
     if 1 <= count <= MAX_COUNT:
         return None
-    how_many = "no character comes" if count == 0 else f"more than {MAX_COUNT} characters come"
+    how_many = "no agent comes" if count == 0 else f"more than {MAX_COUNT} agents come"
     return f"{how_many} at this rate"
 
 
@@ -239,9 +239,9 @@ def too_full(key: tuple[str | int, ...], region: Polygon | Point, placed: int, c
     together = "start at once" if key == ("start",) else "stay"
     remedy = "an 'interval' between the starts" if key == ("start",) else "'on_arrival: leave'"
     if isinstance(region, Point):
-        return f"{count} characters cannot {together} at one point; give a larger region, or {remedy}"
+        return f"{count} agents cannot {together} at one point; give a larger region, or {remedy}"
     between = "" if key == ("start",) else f" and {STAND_ROOM:g} m between them"
     return (
-        f"only {placed} of {count} characters found a place to {together} with {radius:.2f} m around each{between}; "
+        f"only {placed} of {count} agents found a place to {together} with {radius:.2f} m around each{between}; "
         f"give a larger region, a smaller 'count', or {remedy}"
     )

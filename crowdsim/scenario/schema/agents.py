@@ -119,11 +119,11 @@ class AgentGroup(Part):
     name: Annotated[Name, Field(description="unique among groups")]
     count: Annotated[
         Annotated[int, Field(ge=1, le=MAX_COUNT)] | None,
-        Field(description="number of characters; of a source, at most"),
+        Field(description="number of agents; of a source, at most"),
     ] = None
     rate: Annotated[
         Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1000.0)] | None,
-        Field(description="makes the group a source: characters a second on average"),
+        Field(description="makes the group a source: agents a second on average"),
     ] = None
     arrivals: Annotated[
         Literal["poisson", "regular"], Field(description="of a source: at random, or in equal steps")
@@ -135,7 +135,7 @@ class AgentGroup(Part):
         Field(description="regions to go to, one after another"),
     ] = None
     exits: Annotated[
-        Exits | None, Field(description="all, names of exits, or names with the share of characters assigned to each")
+        Exits | None, Field(description="all, names of exits, or names with the share of agents assigned to each")
     ] = None
     choice: Annotated[Choice, Field(description="among exits: the nearest, or the one reached and passed soonest")] = (
         "nearest"
@@ -150,7 +150,7 @@ class AgentGroup(Part):
     ] = None
     on_call: Annotated[bool, Field(description="come only if a command adds them while the simulation runs")] = False
     together: Annotated[
-        int, Field(ge=1, le=MOST_TOGETHER, description="number of characters that walk together as a party")
+        int, Field(ge=1, le=MOST_TOGETHER, description="number of agents that walk together as a party")
     ] = 1
     on_arrival: Annotated[
         Literal["leave", "stay"], Field(description="leave the world at the last goal, or stay there")
@@ -183,7 +183,7 @@ class AgentGroup(Part):
         """Refuse keys that contradict each other, or have no effect beside each other."""
         self.only("goal", "goals", "exits")
         if self.count is None and self.rate is None:
-            raise ValueError("give 'count' for so many characters, or 'rate' for a source of them")
+            raise ValueError("give 'count' for so many agents, or 'rate' for a source of them")
         if self.rate is None:
             for key in ("arrivals", "until"):
                 if key in self.model_fields_set:
@@ -195,7 +195,7 @@ class AgentGroup(Part):
         if self.on_call:
             for key in ("rate", "start_time", "interval", "together"):
                 if key in self.model_fields_set:
-                    raise ValueError(f"characters on call come one by one if a command adds them; drop '{key}'")
+                    raise ValueError(f"agents on call come one by one if a command adds them; drop '{key}'")
         if self.rounds != 1 and len(self.regions()) < 2:
             raise ValueError("'repeat' goes round among several places; give 'goals' with at least two")
         if self.locomotion == "captured":
@@ -206,7 +206,7 @@ class AgentGroup(Part):
             for key in _STEERED_KEYS:
                 if key in self.model_fields_set:
                     raise ValueError(
-                        f"'{key}' is about steered characters; give 'locomotion: auto' or 'steered', or drop it"
+                        f"'{key}' is about steered agents; give 'locomotion: auto' or 'steered', or drop it"
                     )
         self._check_exits()
         self._check_route()
@@ -221,13 +221,13 @@ class AgentGroup(Part):
             if len(self.goals or ()) > 1 and any(goal.along is not None for goal in self.goals or ()):
                 raise ValueError("a way 'along' an axis is endless; give it as the only 'goal'")
             if self.locomotion == "captured" and self.goal is not None and self.goal.along is not None:
-                raise ValueError("captured characters go to a region; give 'locomotion: auto' or 'steered'")
+                raise ValueError("captured agents go to a region; give 'locomotion: auto' or 'steered'")
             return
         if isinstance(self.exits, dict) and "choice" in self.model_fields_set:
             raise ValueError("these 'exits' are assigned by their shares; drop 'choice', or list names only")
         for key in ("on_arrival", "wait"):
             if getattr(self, key) not in ("leave", 0.0):
-                raise ValueError(f"characters that go to an exit leave there; drop '{key}', or give a 'goal'")
+                raise ValueError(f"agents that go to an exit leave there; drop '{key}', or give a 'goal'")
 
     def _check_route(self) -> None:
         """Refuse what does not go with a route."""
@@ -240,7 +240,7 @@ class AgentGroup(Part):
                 "a way 'along' an axis is endless, so no 'route' leads to its end; name a region, or drop 'route'"
             )
         if self.wait > 0.0:
-            raise ValueError("characters do not wait on a 'route'; list its places as 'goals', or drop 'wait'")
+            raise ValueError("agents do not wait on a 'route'; list its places as 'goals', or drop 'wait'")
 
     def _check_stands(self) -> None:
         """Refuse headings and ``stand_within`` for goals at which no agent stands."""
@@ -255,7 +255,7 @@ class AgentGroup(Part):
             if goal.heading is not None and not stood_at:
                 name = ".".join(str(part) for part in key)
                 needed = "'on_arrival: stay'" if key == regions[-1][0] else "'wait'"
-                raise ValueError(f"no character stands at {name} to face its 'heading'; give {needed}, or drop it")
+                raise ValueError(f"no agent stands at {name} to face its 'heading'; give {needed}, or drop it")
 
     @property
     def rounds(self) -> int:

@@ -21,7 +21,7 @@ class Attribute(Spread):
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in (*KINDS, "words")]})
     words: Annotated[
         Annotated[dict[str, Positive], Field(min_length=1, max_length=100)] | None,
-        Field(description="words with the share of characters that each is said of"),
+        Field(description="words with the share of agents that each is said of"),
     ] = None
 
     def _kinds(self) -> tuple[str, ...]:

@@ -25,7 +25,7 @@ class Commanded(Part):
             strict=False,
             min_length=1,
             max_length=100_000,
-            description="numbers of characters, counted through all groups from 0",
+            description="numbers of agents, counted through all groups from 0",
         ),
     ]
 
@@ -59,10 +59,10 @@ class Command(Event):
     """A command given at one time of the run."""
 
     model_config = ConfigDict(json_schema_extra=one_of(*((action,) for action in (*ACTIONS, *AGENT_ACTIONS))))
-    set_goal: Annotated[NewGoal | None, Field(description="another goal for some characters")] = None
-    add: Annotated[Added | None, Field(description="characters on call that come")] = None
-    remove_agents: Annotated[Removed | None, Field(description="characters that are taken out")] = None
-    set_speed: Annotated[NewSpeed | None, Field(description="another speed for some characters")] = None
+    set_goal: Annotated[NewGoal | None, Field(description="another goal for some agents")] = None
+    add: Annotated[Added | None, Field(description="agents on call that come")] = None
+    remove_agents: Annotated[Removed | None, Field(description="agents that are taken out")] = None
+    set_speed: Annotated[NewSpeed | None, Field(description="another speed for some agents")] = None
 
     @classmethod
     def actions(cls) -> tuple[str, ...]:

@@ -76,16 +76,16 @@ class ScenarioFields(Part):
         Field(description="layered: the usual one; greedy_literal: the published one; collision3d: the same in 3D"),
     ] = "layered"
     motion: Annotated[Motion, Field(description="where movement comes from")] = Motion(set="default")
-    agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1, description="groups of characters")]
+    agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1, description="groups of agents")]
     exits: Annotated[
         tuple[Exit, ...],
-        Field(strict=False, description="regions through which characters leave, by choice or as assigned"),
+        Field(strict=False, description="regions through which agents leave, by choice or as assigned"),
     ] = ()
     routes: Annotated[tuple[Route, ...], Field(strict=False, description="places to come by on the way to a goal")] = ()
     areas: Annotated[tuple[Area, ...], Field(strict=False, description="where density and speed are measured")] = ()
     lines: Annotated[tuple[Line, ...], Field(strict=False, description="where passages are counted")] = ()
     captured_near: Annotated[
-        Neighborhood | None, Field(description="where auto characters stay captured as long as they can")
+        Neighborhood | None, Field(description="where auto agents stay captured as long as they can")
     ] = None
     commands: Annotated[
         tuple[Command, ...], Field(strict=False, description="what was commanded while the scenario ran in Python")

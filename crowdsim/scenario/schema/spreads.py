@@ -103,7 +103,7 @@ class Spread(Part):
 class Share(Spread):
     """A part of a mix; its ``share`` counts relative to the other shares."""
 
-    share: Annotated[Positive, Field(description="share of the characters, against the other shares")]
+    share: Annotated[Positive, Field(description="share of the agents, against the other shares")]
 
 
 Spread.model_rebuild()

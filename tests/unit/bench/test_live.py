@@ -1,10 +1,10 @@
-"""Benchmark of live simulations on few characters."""
+"""Benchmark of live simulations on few agents."""
 
 from crowdsim.bench.live import measure
 
 
 def test_a_row_for_each_level():
-    measured = measure(seconds=4.0, characters=4)
+    measured = measure(seconds=4.0, agents=4)
     assert [row["locomotion"] for row in measured.rows] == ["captured", "auto", "steered"]
     for row in measured.rows:
         assert row["steps"] > 10

@@ -96,8 +96,8 @@ def test_terminals_that_know_few_letters_get_their_messages(tmp_path):
     ("change", "reason"),
     [
         ({"unreachable": {0: "no passage", 1: "no passage", 2: "no passage"}}, "no way for 3 of 3"),
-        ({"unreachable": {0: "no passage"}, "waiting": 2}, "no way for 1 of 3 characters, 2 still waited"),
-        ({"lowest_foot": None}, "no character appeared within 20 steps"),
+        ({"unreachable": {0: "no passage"}, "waiting": 2}, "no way for 1 of 3 agents, 2 still waited"),
+        ({"lowest_foot": None}, "no agent appeared within 20 steps"),
     ],
 )
 def test_where_nobody_could_arrive_it_is_said_why(change, reason):

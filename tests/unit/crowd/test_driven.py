@@ -253,7 +253,7 @@ def test_characters_go_to_the_goal_they_are_sent_to(locomotion: str, tmp_path: P
         assert agents.state[:3].tolist() == [AgentState.ARRIVED] * 3
         assert np.hypot(agents.x[:3] - 1.5, agents.y[:3] - 5.0).max() < 1.5  # beside each other
         assert simulation.arrived == 4
-        with pytest.raises(ScenarioError, match="character 3 has left"):
+        with pytest.raises(ScenarioError, match="agent 3 has left"):
             simulation.set_goal([3], (1.0, 1.0))
         # Who stays goes on if it is sent elsewhere.
         simulation.set_goal([1], (1.5, 1.0))
@@ -273,7 +273,7 @@ def test_characters_go_to_the_goal_they_are_sent_to(locomotion: str, tmp_path: P
 @pytest.mark.parametrize(
     ("agents", "goal", "said"),
     [
-        ([4], (1.0, 1.0), "set_goal.agents: there is no character 4; they are numbered from 0 to 3"),
+        ([4], (1.0, 1.0), "set_goal.agents: there is no agent 4; they are numbered from 0 to 3"),
         ([-1], (1.0, 1.0), "set_goal.agents.0: must be at least 0, got -1"),
         ([0], (50.0, 1.0), "set_goal.goal: lies off the floor"),
         ([0], (5.07, 0.5), "set_goal.goal: lies inside 'wall_low'; nobody can stand there"),

@@ -1,4 +1,4 @@
-"""Characters are added, removed and given other speeds while a simulation runs."""
+"""Agents are added, removed and given other speeds while a simulation runs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +22,7 @@ name: walkers, count: 2, start: {rectangle: [0.5, 0.5, 3, 2.5]}, locomotion: LOC
 
 
 def rooms(locomotion: str) -> Scenario:
-    """Two rooms in which two characters walk, and four more can be added."""
+    """Two rooms in which two agents walk, and four more can be added."""
     return parse_scenario(two_rooms(GROUPS.replace("LOCOMOTION", locomotion)))
 
 
@@ -49,7 +49,7 @@ def test_characters_on_call_come_if_they_are_added(locomotion: str, tmp_path: Pa
         assert 0.5 <= agents.x[4] <= 6.0
         while not simulation.finished:
             simulation.step()
-        assert simulation.arrived == 5, "the run does not wait for a character that is never added"
+        assert simulation.arrived == 5, "the run does not wait for an agent that is never added"
         simulation.save_scenario(tmp_path / "added.yaml")
         wanted, taken = simulation.state_hash, simulation.step_count
     with Simulation(load_scenario(tmp_path / "added.yaml"), workers=1) as again:
@@ -68,7 +68,7 @@ def test_removed_characters_are_gone_and_do_not_come(locomotion: str, tmp_path: 
         simulation.remove([2])
         simulation.step()
         assert simulation.agents.present.tolist() == [1]
-        with pytest.raises(ScenarioError, match=r"command: set_goal.agents: character 0 has left"):
+        with pytest.raises(ScenarioError, match=r"command: set_goal.agents: agent 0 has left"):
             simulation.set_goal([0], (1.0, 1.0))
         assert simulation.add("guests", 3).tolist() == [3, 4, 5], "who was removed does not come"
         while not simulation.finished:
@@ -154,7 +154,7 @@ def test_an_auto_character_steers_at_a_speed_that_no_captured_motion_has() -> No
         (lambda s: s.add("guests", start=(50.0, 1.0)), "command: add.start: lies off the floor"),
         (lambda s: s.add("guests", start=(5.07, 0.5)), "command: add.start: lies inside 'wall_low'"),
         (lambda s: s.add("guests", start=shapely.Point(1, 1).buffer(-1)), "command: add.start: an empty Polygon"),
-        (lambda s: s.remove([6]), "command: remove_agents.agents: there is no character 6; they are numbered from 0"),
+        (lambda s: s.remove([6]), "command: remove_agents.agents: there is no agent 6; they are numbered from 0"),
         (lambda s: s.remove(-1), "command: remove_agents.agents.0: must be at least 0, got -1"),
         (lambda s: s.set_speed([0], 0.0), "command: set_speed.speed: must be at least 0.1, got 0.0"),
         (lambda s: s.set_speed([0], 9.0), "command: set_speed.speed: must be at most 3.0, got 9.0"),

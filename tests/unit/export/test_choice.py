@@ -57,9 +57,9 @@ def test_agents_are_named_by_numbers_and_groups(tmp_path):
     with Recording.open(write_recording(tmp_path / "groups.h5", header, 3)) as recording:
         assert np.array_equal(choose(recording, agents="a, 1").agents, [0, 1, 2])
         assert np.array_equal(choose(recording, agents="3").agents, [3])
-        with pytest.raises(CrowdSimError, match="neither a group nor a character 'd'"):
+        with pytest.raises(CrowdSimError, match="neither a group nor an agent 'd'"):
             choose(recording, agents="a,d")
-        with pytest.raises(CrowdSimError, match="characters are 0 to 4"):
+        with pytest.raises(CrowdSimError, match="agents are 0 to 4"):
             choose(recording, agents="5")
 
 

@@ -126,7 +126,7 @@ def test_the_same_recording_gives_the_same_bytes(small, tmp_path):
     [
         ({"start": 3.0, "end": 2.0}, "exchange"),
         ({"end": 99.0}, "outside"),
-        ({"agents": "7"}, "neither a group nor a character '7'"),
+        ({"agents": "7"}, "neither a group nor an agent '7'"),
         ({"paths": "some"}, "choose one of them"),
     ],
 )

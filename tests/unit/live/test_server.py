@@ -25,13 +25,13 @@ PAGE, OPENING = b"<!doctype html>page", b"\x1f\x8bopening"
 
 
 class Asked(list):
-    """Requests that came; those about the character 13 are refused."""
+    """Requests that came; those about the agent 13 are refused."""
 
     def __call__(self, request):
         self.append(request)
         answer = Future()
         if 13 in getattr(request, "agents", ()):
-            answer.set_exception(RequestRefused("there is no character 13"))
+            answer.set_exception(RequestRefused("there is no agent 13"))
         else:
             answer.set_result({"words": "done", "step": len(self)})
         return answer
@@ -146,7 +146,7 @@ def test_requests_are_answered_and_refusals_say_why(server, asked):
             answer = ask(socket, {"id": number, **request})
             assert answer == {"kind": "answer", "id": number, "ok": True, "words": "done", "step": number + 1}
         refused = ask(socket, {"id": 99, "do": "remove_agents", "agents": [13]})
-        assert refused == {"kind": "answer", "id": 99, "ok": False, "words": "there is no character 13"}
+        assert refused == {"kind": "answer", "id": 99, "ok": False, "words": "there is no agent 13"}
         assert ask(socket, b"\x00\xff")["ok"] is False
     assert [request.do for request in asked[: len(GOOD)]] == [request["do"] for request in GOOD]
 

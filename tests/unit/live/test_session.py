@@ -126,7 +126,7 @@ def test_what_nothing_waits_for_is_there_within_two_steps():
     ("request_", "said"),
     [
         ({"do": "set_goal", "agents": [0], "goal": [60, 60]}, "floor"),
-        ({"do": "set_goal", "agents": [99], "goal": [6, 4]}, "there is no character 99"),
+        ({"do": "set_goal", "agents": [99], "goal": [6, 4]}, "there is no agent 99"),
         ({"do": "move", "name": "pillar", "by": [1, 0]}, "never changes"),
         ({"do": "move", "name": "nothing", "by": [1, 0]}, "no obstacle 'nothing'"),
         ({"do": "set_door", "name": "gate", "open": True}, "open already"),

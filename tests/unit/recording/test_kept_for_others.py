@@ -63,7 +63,7 @@ def test_all_goals_come_back(recording):
         [[4, 4], [5, 5]],
     ]
     for agent in (-1, 3):
-        with pytest.raises(RecordingError, match="characters 0 to 2"):
+        with pytest.raises(RecordingError, match="agents 0 to 2"):
             recording.goals_of(agent)
 
 

@@ -107,7 +107,7 @@ def test_warnings_name_what_has_no_effect():
         "<text>:9:5: obstacles.1: 'pole' lies off the floor and has no effect",
         "<text>:10:5: obstacles.2: 'bench' (0 to 0.45 m) meets no layer (legs 0.5 to 2 m) and has no effect",
         "<text>:17:12: agents.0.start: part of the start of 'guests' lies off the floor and is not used",
-        "<text>:21:5: areas.0: 'middle' lies off the floor; no character will be counted there",
+        "<text>:21:5: areas.0: 'middle' lies off the floor; no agent will be counted there",
     ]
 
 

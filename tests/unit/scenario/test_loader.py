@@ -56,7 +56,7 @@ def test_a_good_file_has_its_values_and_defaults():
         ("seed: 5", "sead: 5", "1:1: seed: this key is required and missing"),
         ("duration: 60.0", "duratoin: 60.0\nduration: 60.0", "4:1: duratoin: unknown key; did you mean 'duration'?"),
         ("seed: 5", "seed: 5\nzzz: 1", "4:1: zzz: unknown key; the keys here are: crowdsim, name, description, seed,"),
-        ("    count: 4\n", "", "15:5: agents.0: give 'count' for so many characters, or 'rate' for a source of them"),
+        ("    count: 4\n", "", "15:5: agents.0: give 'count' for so many agents, or 'rate' for a source of them"),
         (
             "radius: 0.2}",
             "radius: 0.2, hight: 2}",
@@ -208,12 +208,12 @@ def test_a_good_file_has_its_values_and_defaults():
         (
             "{rectangle: [1, 1, 3, 4]}",
             "{point: [1, 1]}",
-            "17:12: agents.0.start: 4 characters cannot start at once at one",
+            "17:12: agents.0.start: 4 agents cannot start at once at one",
         ),
         (
             "[1, 1, 3, 4]",
             "[1, 1, 1.5, 1.5]",
-            "17:12: agents.0.start: only 1 of 4 characters found a place to start at once",
+            "17:12: agents.0.start: only 1 of 4 agents found a place to start at once",
         ),
         ("{circle: {center: [8, 4], radius: 1.0}}", "{point: [6, 3]}", "18:11: agents.0.goal: lies inside 'pole'"),
         (

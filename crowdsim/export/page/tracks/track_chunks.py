@@ -30,7 +30,7 @@ _SHORTEST, _LONGEST = 64, 1024
 """Least and greatest number of steps of a chunk."""
 
 _TURN_RATE = 2.5
-"""Largest turn rate of steered characters that is expected [rad/s]; other turns take more bytes."""
+"""Largest turn rate of steered agents that is expected [rad/s]; other turns take more bytes."""
 _LARGEST = 24
 """Bytes that a value takes at most."""
 
@@ -43,12 +43,12 @@ class ChunkPlan(NamedTuple):
 
 
 class Events(NamedTuple):
-    """Steps at which something changes: one row per change, sorted by character, then by time.
+    """Steps at which something changes: one row per change, sorted by agent, then by time.
 
     Attributes
     ----------
     counts : (N,) int64
-        Number of changes of each character.
+        Number of changes of each agent.
     step : (E,) int64
         Step, counted from the first of the page.
     node, previous : (E,) int64
@@ -56,7 +56,7 @@ class Events(NamedTuple):
     behavior : (E,) int64
         Behavior, -1 if absent.
     state : (E,) int64
-        :class:`AgentState`, plus 4 if the character is steered.
+        :class:`AgentState`, plus 4 if the agent is steered.
     """
 
     counts: Ints
@@ -79,12 +79,12 @@ def plan_chunks(agents: int) -> ChunkPlan:
 
 
 class PackedStretches(NamedTuple):
-    """Stretches of steps in which characters are steered, with the phases that their bodies show.
+    """Stretches of steps in which agents are steered, with the phases that their bodies show.
 
     Attributes
     ----------
     agents, begins, stops : (S,) int64
-        Character, first step, and step after the last, sorted by character, then by time.
+        Agent, first step, and step after the last, sorted by agent, then by time.
     starts : (S,) int64
         Index in ``phases`` of each stretch's first step.
     phases : (P,) int64
@@ -100,7 +100,7 @@ class PackedStretches(NamedTuple):
     def within(self, low: int, high: int) -> Ints:
         """Return (S', 4) what of the stretches lies in steps ``low`` to before ``high``, counted from ``low``.
 
-        Columns: character, first step, step after the last, index in ``phases``.
+        Columns: agent, first step, step after the last, index in ``phases``.
         """
         first, end = np.maximum(self.begins, low), np.minimum(self.stops, high)
         some = first < end
@@ -123,13 +123,13 @@ class _Rows(NamedTuple):
 
     @property
     def steered(self) -> NDArray[np.bool_]:
-        """Return (steps, N) whether each character is steered."""
+        """Return (steps, N) whether each agent is steered."""
         here: NDArray[np.bool_] = self.state != AgentState.ABSENT
         return here & np.isfinite(self.phase)
 
 
 def read_rows(recording: Recording, chosen: Chosen, first: int, end: int) -> _Rows:
-    """Return the columns of the chosen characters from step ``first`` to before ``end`` of the page."""
+    """Return the columns of the chosen agents from step ``first`` to before ``end`` of the page."""
     rows = slice(chosen.first + first, chosen.first + end)
     return _Rows(*(getattr(recording, name)[rows][:, chosen.agents] for name in _Rows._fields))
 

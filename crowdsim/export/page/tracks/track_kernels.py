@@ -237,16 +237,16 @@ def _put_phases(state, out, models, x, y, heading, phase, first, end, units):
 
 @kernel
 def code_chunk(tracks, here, steered, node, stretches, phases, units, models, state, out):
-    """Code the tracks of N characters in T steps, character by character; return the number of bytes.
+    """Code the tracks of N agents in T steps, agent by agent; return the number of bytes.
 
     Parameters
     ----------
     tracks: (4, N, T) int64 x, y, heading and frame in the units of a page; only values of those present count.
-    here, steered: (N, T) uint8, whether a character is present, and steered. node: (N, T) int32, -1 for none.
-    stretches: (S, 4) int64 character, first step, step after the last, and index of the first of their phases, sorted
-        by character. phases: (P,) int64.
+    here, steered: (N, T) uint8, whether an agent is present, and steered. node: (N, T) int32, -1 for none.
+    stretches: (S, 4) int64 agent, first step, step after the last, and index of the first of their phases, sorted
+        by agent. phases: (P,) int64.
     units: (6,) int64 units of places per meter, headings per turn, steps per second, phases per cycle, the largest turn
-        of a steered character in a step, and by how much frames usually go on in a step.
+        of a steered agent in a step, and by how much frames usually go on in a step.
     models: (MODELS, 2) uint16, all EVEN. state: see range_kernels. out: uint8, large enough.
     """
     count, steps = here.shape

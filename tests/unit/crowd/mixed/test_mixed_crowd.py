@@ -1,4 +1,4 @@
-"""Captured and steered characters in one crowd: all arrive, nobody touches anybody, tracks go on across changes."""
+"""Captured and steered agents in one crowd: all arrive, nobody touches anybody, tracks go on across changes."""
 
 from pathlib import Path
 from typing import Any

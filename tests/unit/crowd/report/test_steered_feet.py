@@ -1,4 +1,4 @@
-"""Feet of steered characters stand where they stand and stay over the floor, as the summary of a run says."""
+"""Feet of steered agents stand where they stand and stay over the floor, as the summary of a run says."""
 
 import pickle
 from pathlib import Path

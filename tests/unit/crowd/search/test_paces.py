@@ -1,4 +1,4 @@
-"""Captured characters walk as fast as their scenario says, and evenly."""
+"""Captured agents walk as fast as their scenario says, and evenly."""
 
 from pathlib import Path
 

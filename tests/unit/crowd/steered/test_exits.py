@@ -1,4 +1,4 @@
-"""Characters leave through the nearest exit, the quickest one, or that assigned to them."""
+"""Agents leave through the nearest exit, the quickest one, or that assigned to them."""
 
 from pathlib import Path
 from typing import Any
@@ -184,8 +184,8 @@ def test_exits_are_summed_up() -> None:
         ("exits: {west: -1}", r"agents\.0\.exits: the share of 'west' must be a number from 0 to 1e\+06, got -1"),
         ("exits: {west: 0}", r"agents\.0\.exits: one share at least must be above 0"),
         ("exits: {west: 1}, choice: nearest", r"these 'exits' are assigned by their shares; drop 'choice'"),
-        ("exits: all, wait: 2", r"characters that go to an exit leave there; drop 'wait'"),
-        ("exits: all, on_arrival: stay", r"characters that go to an exit leave there; drop 'on_arrival'"),
+        ("exits: all, wait: 2", r"agents that go to an exit leave there; drop 'wait'"),
+        ("exits: all, on_arrival: stay", r"agents that go to an exit leave there; drop 'on_arrival'"),
         ("goal: {point: [5, 5]}, choice: nearest", r"'choice' is among exits; give 'exits' with it, or drop it"),
         ("goal: {point: [5, 5]}, exits: all", r"give exactly one of goal, goals, exits"),
     ],
@@ -204,5 +204,5 @@ def test_exits_need_a_floor_a_name_and_somebody_who_steers() -> None:
         parse_scenario(hall("exits: all", rest=EXITS.replace("east", "west")))
     with pytest.raises(ScenarioError, match=r"exits\.1: lies off the floor, or inside of an obstacle"):
         parse_scenario(hall("exits: all", rest=EXITS.replace("[20.7, 4, 21, 5]", "[30, 4, 31, 5]")))
-    with pytest.raises(ScenarioError, match=r"agents\.0\.exits: captured characters go to a 'goal'"):
+    with pytest.raises(ScenarioError, match=r"agents\.0\.exits: captured agents go to a 'goal'"):
         parse_scenario(hall("exits: all").replace("locomotion: steered", "locomotion: captured"))

@@ -159,14 +159,14 @@ def test_a_periodic_floor_along_y_with_an_obstacle(tmp_path: Path) -> None:
         (("along: +x", "along: x"), r"agents\.0\.goal\.along: unknown value 'x'"),
         (
             ("along: +x}", "along: +x}, on_arrival: stay"),
-            r"characters never arrive on an endless way; drop 'on_arrival'",
+            r"agents never arrive on an endless way; drop 'on_arrival'",
         ),
         (
             ("goal: {along: +x}", "goals: [{along: +x}, {point: [1, 1]}]"),
             r"a way 'along' an axis is endless; give it as",
         ),
         (("along: +x", "along: +x, point: [1, 1]"), r"give exactly one of rectangle, point, circle, polygon, along"),
-        (("locomotion: steered", "locomotion: captured"), r"agents\.0: captured characters go to a region; give 'loc"),
+        (("locomotion: steered", "locomotion: captured"), r"agents\.0: captured agents go to a region; give 'loc"),
         (("[-3, 0, 17, 3], p", "[-3, 0, 5, 3], p"), r"floor: a periodic floor is 10 m long at least, this one 8 m"),
         (
             ("rectangle: [-3, 0, 17, 3], p", "derive: true, p"),
@@ -184,7 +184,7 @@ def test_what_cannot_be_is_refused_with_its_place(changes: tuple[str, str], mess
 
 def test_captured_characters_need_a_floor_with_ends() -> None:
     text = scene("name: a, count: 1, start: {point: [1, 1]}, goal: {point: [5, 1]}")
-    with pytest.raises(ScenarioError, match=r"agents\.0\.locomotion: captured characters need a floor with ends"):
+    with pytest.raises(ScenarioError, match=r"agents\.0\.locomotion: captured agents need a floor with ends"):
         parse_scenario(text.replace("locomotion: steered", "locomotion: captured"))
 
 

@@ -83,7 +83,7 @@ def test_a_route_belongs_to_its_group_alone() -> None:
     [
         (f"{GOAL}, route: rund", r"9:\d+: agents\.0\.route: there is no route 'rund'; did you mean 'round'"),
         (f"goals: [{GOAL[6:]}], route: round", r"9:\d+: agents\.0: a 'route' leads to one 'goal' or to 'exits'; list"),
-        (f"{GOAL}, wait: 3, route: round", r"9:\d+: agents\.0: characters do not wait on a 'route'; list its places"),
+        (f"{GOAL}, wait: 3, route: round", r"9:\d+: agents\.0: agents do not wait on a 'route'; list its places"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_line(group: str, message: str) -> None:

@@ -176,7 +176,7 @@ def test_who_stays_takes_place_and_comes_back_if_it_is_pushed_away() -> None:
 
 @pytest.mark.parametrize("name", ["corridor", "apartment", "clutter"])
 def test_narrow_places_are_passed_as_planned(name: str, tmp_path: Path) -> None:
-    """The shares of captured characters, in README.md and docs/images, are those of the same plans."""
+    """The shares of captured agents, in README.md and docs/images, are those of the same plans."""
     groups = len(load_scenario(name).agents)
     scenario = load_scenario(name, [f"agents.{number}.locomotion=steered" for number in range(groups)])
     with Simulation(scenario).run(tmp_path / "run.h5") as recording:

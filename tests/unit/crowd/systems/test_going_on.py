@@ -1,4 +1,4 @@
-"""What characters do in the kernel is what they do in Python, to the bit."""
+"""What agents do in the kernel is what they do in Python, to the bit."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Posing characters: against the slow twin, against the clips, and across seams."""
+"""Posing agents: against the slow twin, against the clips, and across seams."""
 
 import numpy as np
 import pytest

@@ -57,8 +57,8 @@ def test_everyone_from_a_source_is_placed():
     ("keys", "line"),
     [
         ("rate: 0", "16:11: agents.0.rate: must be greater than 0"),
-        ("rate: 0.0001", "16:11: agents.0.rate: no character comes at this rate"),
-        ("rate: 900\n    until: 600", "16:11: agents.0.rate: more than 100000 characters come at this rate"),
+        ("rate: 0.0001", "16:11: agents.0.rate: no agent comes at this rate"),
+        ("rate: 900\n    until: 600", "16:11: agents.0.rate: more than 100000 agents come at this rate"),
         ("rate: 1\n    interval: 2", "15:5: agents.0: a source has a 'rate', not an 'interval'"),
         ("rate: 1\n    start_time: 5\n    until: 5", "15:5: agents.0: 'until' (5 s) must lie after 'start_time' (5 s)"),
         ("rate: 1\n    until: 700", "17:12: agents.0.until: the run ends at 600 s, before the source does at 700 s"),

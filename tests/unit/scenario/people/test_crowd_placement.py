@@ -1,4 +1,4 @@
-"""Steered characters start beside each other, however many there are."""
+"""Steered agents start beside each other, however many there are."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_many_start_in_rows_that_leave_every_body_its_room(density: float, seed:
 
 
 def test_too_many_are_refused() -> None:
-    with pytest.raises(ScenarioError, match=r"agents\.0\.start: only \d+ of 2000 characters found a place"):
+    with pytest.raises(ScenarioError, match=r"agents\.0\.start: only \d+ of 2000 agents found a place"):
         placed(f"name: g, count: 2000, start: {{rectangle: [1, 1, 11, 11]}}, {GOAL}")
 
 
@@ -58,7 +58,7 @@ def test_a_floor_beyond_what_steering_can_sort_is_refused() -> None:
 
 
 def test_two_cannot_start_at_one_point_at_once_but_one_after_the_other() -> None:
-    with pytest.raises(ScenarioError, match="2 characters cannot start at once at one point"):
+    with pytest.raises(ScenarioError, match="2 agents cannot start at once at one point"):
         placed(f"name: g, count: 2, start: {{point: [5, 5]}}, {GOAL}")
     cast = placed(f"name: g, count: 2, interval: 1, start: {{point: [5, 5]}}, {GOAL}")
     np.testing.assert_array_equal(cast.starts, [[5, 5], [5, 5]])

@@ -1,4 +1,4 @@
-"""Placing of characters: room around each, apart at one time, the same for one seed."""
+"""Placing of agents: room around each, apart at one time, the same for one seed."""
 
 import numpy as np
 import pytest
@@ -69,7 +69,7 @@ def test_those_that_stay_get_goals_apart():
     assert nearest_pair(np.concatenate(apart.goals)) >= 2.0 * RADIUS + STAND_ROOM
     assert not together.stays.any()
     assert apart.stays.tolist() == [True] * 8
-    with pytest.raises(ScenarioError, match=r"agents.0.goal: 4 characters cannot stay at one point"):
+    with pytest.raises(ScenarioError, match=r"agents.0.goal: 4 agents cannot stay at one point"):
         parse_scenario(change(("leave", "stay"), ("{circle: {center: [8, 4], radius: 1.0}}", "{point: [8, 4]}")))
 
 
@@ -113,9 +113,7 @@ def test_a_region_with_many_corners_is_cut_into_pieces_that_make_it_up():
 
 def test_too_many_for_the_room_end_in_an_error_that_says_how_many_fit():
     scenario = parse_scenario(change(("[1, 1, 3, 4]", "[1, 1, 2.5, 2.5]")))
-    with pytest.raises(
-        ScenarioError, match=r"<text>:17:12: agents.0.start: only [1-3] of 4 characters .* 0.80 m around"
-    ):
+    with pytest.raises(ScenarioError, match=r"<text>:17:12: agents.0.start: only [1-3] of 4 agents .* 0.80 m around"):
         place_agents(scenario, 0.8)
     with pytest.raises(ScenarioError, match=r"no spot with 3\.50 m of free floor"):
         place_agents(scenario, 3.5)

@@ -1,4 +1,4 @@
-"""Speeds, breadths and delays of steered characters are drawn from what the file says."""
+"""Speeds, breadths and delays of steered agents are drawn from what the file says."""
 
 import numpy as np
 import pytest
@@ -99,7 +99,7 @@ def test_captured_characters_are_neither_broader_nor_later() -> None:
     for key in ("breadth", "delay"):
         text = steered_scene(GROUP.format(count=3) + f", {key}: 0.5", floor=FLOOR).replace("steered,", "captured,")
         with pytest.raises(
-            ScenarioError, match=f"'{key}' is about steered characters; give 'locomotion: auto' or 'steered'"
+            ScenarioError, match=f"'{key}' is about steered agents; give 'locomotion: auto' or 'steered'"
         ):
             parse_scenario(text)
 
@@ -131,5 +131,5 @@ def test_a_neighborhood_of_captured_motion_needs_somebody_who_may_change() -> No
 
 def test_another_rate_is_refused() -> None:
     text = steered_scene(GROUP.format(count=3), floor=FLOOR, rest="steps_per_second: 30\n")
-    with pytest.raises(ScenarioError, match="steps_per_second: auto and steered characters take 10 steps a second"):
+    with pytest.raises(ScenarioError, match="steps_per_second: auto and steered agents take 10 steps a second"):
         parse_scenario(text)
