@@ -128,7 +128,7 @@ def shown_agents(frame: RecordedFrame) -> NDArray[np.int64]:
 class CrowdMesh:
     """Points, normals and colors of ``count`` bodies, and soft shadows on the floor.
 
-    By default there are as many bodies as characters are present at once at most. The first ones are those shown, in
+    By default there are as many bodies as agents are present at once at most. The first ones are those shown, in
     order. Unused bodies shrink to a point, which draws nothing. ``triangles`` (F, 3) and ``shadow_triangles`` never
     change; :meth:`update` rewrites the rest. ``sides`` is the number of corners of a body's cross-sections.
     """
