@@ -25,7 +25,7 @@ from crowdsim.scenario.scenario import Scenario
 
 SECONDS = 60.0
 """Default time for which each simulation is watched [s]."""
-CHARACTERS = 100
+AGENTS = 100
 BETWEEN_CLICKS = 0.5
 """Time between an answer and the next click [s]."""
 
@@ -48,7 +48,7 @@ agents:
 """
 
 
-def measure(seconds: float = SECONDS, agents: int = CHARACTERS) -> Measurement:
+def measure(seconds: float = SECONDS, agents: int = AGENTS) -> Measurement:
     """Watch a simulation of each level for ``seconds`` of real time; clicks begin when all have come."""
     if find_spec("websockets") is None:
         raise CrowdSimError("websockets is not installed; pip install 'crowdsim[live]'")

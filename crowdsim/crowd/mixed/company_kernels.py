@@ -96,6 +96,8 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
         # Outputs are ordered by agent, as rows change their order with every step.
         near[order[me]] = count
         confined[order[me]] = distance_at(walls[0], mine.x, mine.y) < _NO_ROOM
+        # An agent that goes somewhere is in a lane if torso walls leave too little room across its intent, here and on
+        # the way behind it.
         in_lane[order[me]] = (
             goes
             and is_lane(walls[1], mine.x, mine.y, mine.ix, mine.iy, lane_width)
