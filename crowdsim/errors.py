@@ -39,7 +39,9 @@ class Problem:
     message: str
 
     def __str__(self) -> str:
+        """Return ``file:line:column: key: message``, or ``origin: key: message`` without a position."""
         if self.line is None:
+            # An origin such as ``--set agents.0.count`` ends with the key already.
             key = "" if self.file.endswith(f" {self.key}") else self.key
             return ": ".join(part for part in (self.file, key, self.message) if part)
         return ": ".join(part for part in (f"{self.file}:{self.line}:{self.column}", self.key, self.message) if part)

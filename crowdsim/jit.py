@@ -70,6 +70,7 @@ def kernel_sources(package: Path) -> dict[Path, bytes]:
 
 
 def _sources_key(kind: str) -> str:
+    """Return a hash of all kernel sources, numba's version and the options: 16 hexadecimal digits."""
     digest = hashlib.sha256(f"{numba.__version__} {sorted(_OPTIONS.items())} {kind}".encode())
     package = Path(__file__).parent
     for path, content in kernel_sources(package).items():

@@ -112,7 +112,7 @@ def measure_behaviors(tracks: Tracks, places: Places) -> Result:
             rows.append({"place": place, **values[place]})
         else:
             values[place] = None
-    told = [
+    sentences = [
         f"{place}: "
         + ", ".join(f"{behavior} {share:.0%}" for behavior, share in shares.items() if share >= 0.005)
         + "."
@@ -121,8 +121,8 @@ def measure_behaviors(tracks: Tracks, places: Places) -> Result:
         for place, shares in values.items()
     ]
     if not rows:
-        return Result(name, title, values, (*told,))
-    told.append("Shares are of the time of all agents; `crowdsim run` prints those of the way.")
+        return Result(name, title, values, (*sentences,))
+    sentences.append("Shares are of the time of all agents; `crowdsim run` prints those of the way.")
     shares_table = pandas.DataFrame(rows)
 
     def draw(figure: Figure) -> None:
@@ -137,4 +137,4 @@ def measure_behaviors(tracks: Tracks, places: Places) -> Result:
         axes.invert_yaxis()
         axes.legend(frameon=False, fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(names))
 
-    return Result(name, title, values, (*told,), shares_table, draw)
+    return Result(name, title, values, (*sentences,), shares_table, draw)

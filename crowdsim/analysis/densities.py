@@ -98,8 +98,8 @@ def _usable(tracks: Tracks, places: Places) -> tuple[dict[str, pedpy.Measurement
     free = tracks.recording.walkable()
     for name, place in places.areas.items():
         area = place.shape
-        if place.told:
-            sentences.append(f"{name} is measured{place.told}.")
+        if place.times_in_words:
+            sentences.append(f"{name} is measured{place.times_in_words}.")
         # A circle is a polygon of many corners, whose last bits are not convex.
         hull = area.convex_hull
         if hull.area - area.area > 1e-6 * area.area:
@@ -168,7 +168,7 @@ def fundamental_diagram(measured: Measured, _: Tracks) -> Result:
             "at_density": _by_density(rows),
         }
         sentences.append(
-            f"{area}: {rows.density.mean():.2f} /m2 ({rows.density.max():.2f} at most), {_told(rows.speed.mean())} "
+            f"{area}: {rows.density.mean():.2f} /m2 ({rows.density.max():.2f} at most), {_in_words(rows.speed.mean())} "
             f"while it is not empty."
         )
     sentences.append(
@@ -198,7 +198,7 @@ def fundamental_diagram(measured: Measured, _: Tracks) -> Result:
     return Result(name, title, values, (*sentences,), table, draw)
 
 
-def _told(speed: float) -> str:
+def _in_words(speed: float) -> str:
     return f"{speed:.2f} m/s" if np.isfinite(speed) else "no speed is known"
 
 

@@ -49,7 +49,7 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
             "flow_per_m": flow / width if flow is not None and width > 0.0 else None,
             "measured_flow_per_m": None if band is None else {**band._asdict(), "source": FLOW_SOURCE},
         }
-        sentences.append(_sentence(f"{line_name}{place.told}", values[line_name], band))
+        sentences.append(_sentence(f"{line_name}{place.times_in_words}", values[line_name], band))
         passed = np.arange(1, len(times) + 1)
         parts.append(
             pandas.DataFrame({"line": line_name, "agent": _agents(tracks, crossings), "time": times, "passed": passed})
@@ -136,6 +136,7 @@ def _agents(tracks: Tracks, crossings: pandas.DataFrame) -> NDArray[np.int64]:
 
 
 def _sentence(name: str, values: dict[str, Any], band: FlowBand | None) -> str:
+    """Say in a sentence what passed a line, beside what was measured of people at bottlenecks as wide."""
     text = f"{name} ({values['width']:.2f} m): {values['passages']} passages"
     if values["flow"] is None:
         return f"{text}, too few for a flow."

@@ -153,6 +153,7 @@ def _spread(values: Floats) -> dict[str, float] | None:
 
 
 def _sentence(group: str, values: dict[str, Any]) -> str:
+    """Say in a sentence how a group arrived; what is None was not measured."""
     parts = [f"{values['arrived']} of {values['characters']} arrived"]
     for column, unit in (("travel_time", " s"), ("way", " m"), ("detour", ""), ("waiting", " s")):
         if values[column] is not None:

@@ -53,6 +53,7 @@ def _of_scenario(record: ShapeRecord) -> Place:
 
 
 def _read(text: str, option: str, known: dict[str, Place]) -> tuple[str, list[tuple[float, float]]]:
+    """Return name and corners [m] of a place given on the command line as ``name=x0,y0,x1,y1,...``."""
     name, equals, numbers = text.partition("=")
     name = name.strip()
     try:

@@ -87,6 +87,7 @@ def _draw_places(analysis: Analysis) -> Figure:
 
 
 def _page(analysis: Analysis) -> str:
+    """Return the report as a page of HTML, beside whose file those of pictures and tables lie."""
     values = analysis.values()
     title = html.escape(f"{values['scenario']}, seed {values['seed']}")
     parts = [

@@ -29,8 +29,8 @@ class Place(NamedTuple):
         return np.asarray((times >= self.start) & (times < self.end))
 
     @property
-    def told(self) -> str:
-        """Return the times for readers; nothing if they are those of the whole run."""
+    def times_in_words(self) -> str:
+        """Return the times as the end of a sentence; nothing if they are those of the whole run."""
         if self.start <= 0.0 and self.end == math.inf:
             return ""
         return f" from {self.start:g} s on" if self.end == math.inf else f" from {self.start:g} to {self.end:g} s"

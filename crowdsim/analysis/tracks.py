@@ -121,7 +121,10 @@ def read_tracks(recording: Recording, rate: float | None = None) -> Tracks:
 
 
 def individual_speeds(trajectory: pedpy.TrajectoryData) -> pandas.DataFrame:
-    """Return PedPy's speeds over SPEED_SECONDS; at the ends of a track over half of it, nan for a single frame."""
+    """Return PedPy's speeds [m/s] over SPEED_SECONDS, in a row for each of the track's frames.
+
+    At the ends of a track they are taken over half of that time; they are nan for a track of a single frame.
+    """
     half = max(1, round(0.5 * SPEED_SECONDS * trajectory.frame_rate))
     with np.errstate(divide="ignore", invalid="ignore"):
         return pedpy.compute_individual_speed(

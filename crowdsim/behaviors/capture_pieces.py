@@ -157,5 +157,5 @@ def widths(pieces: Sequence[Piece]) -> tuple[Floats, tuple[str, ...]]:
     """Return the largest reach (bands,) of ``pieces`` [m], and the clip and frame that it comes from in each band."""
     reaches = np.array([piece.reach for piece in pieces])
     widest = np.argmax(reaches, axis=0)
-    told = tuple(f"clip '{pieces[k].clip.name}', frame {pieces[k].at[band]}" for band, k in enumerate(widest))
-    return reaches.max(axis=0), told
+    places = tuple(f"clip '{pieces[k].clip.name}', frame {pieces[k].at[band]}" for band, k in enumerate(widest))
+    return reaches.max(axis=0), places

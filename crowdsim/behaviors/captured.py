@@ -157,6 +157,11 @@ def read_captures(
     skeleton : Skeleton or None
         Skeleton that all clips are brought to, if others walk on it.
 
+    Returns
+    -------
+    Captures
+        The clips, the pieces to use, the space that they may take, and notes on what is left out.
+
     Raises
     ------
     MotionError
@@ -168,8 +173,10 @@ def read_captures(
     pieces = find_pieces(clips, _DETECTORS, bands)
     cut = {piece.clip.name for piece in pieces}
     idle = [clip.name for clip in clips if clip.name not in cut]
-    told = [*notes, *(f"clip '{name}' is left out: it contains no whole stride" for name in idle)]
+    all_notes = [*notes, *(f"clip '{name}' is left out: it contains no whole stride" for name in idle)]
+    # The largest space that a piece may take, and what makes motions that the captures lack from one of their walks.
     room, maker = room_of(pieces), find_maker(clips)
+    # No piece walks: measure a walk that is made instead.
     if room is None:
         if maker is None:
             raise MotionError(
@@ -180,7 +187,7 @@ def read_captures(
         assert room is not None, "a walk that is made has strides"
     kept, out = sort_out(pieces, room, layers)
     left_out = frozenset(piece.key for piece, _ in out)
-    return Captures(folder, clips, bands, tuple(kept), left_out, room, (*told, *_left_out(out)), maker)
+    return Captures(folder, clips, bands, tuple(kept), left_out, room, (*all_notes, *_left_out(out)), maker)
 
 
 def captured_set(
@@ -218,19 +225,19 @@ def captured_set(
     if rest is None and "halts" not in needs:
         needs.insert(0, "halts")
     kept = list(captures.kept)
-    told = [NEEDS[need] for need in needs] + (["steps to the side"] if LATERAL in names else [])
+    lacking = [NEEDS[need] for need in needs] + (["steps to the side"] if LATERAL in names else [])
     if maker is not None:
         made = make_walks(maker, needs)
         kept += find_pieces(made, _DETECTORS, captures.bands)
         if "halts" in needs:
             rest = _rest(made, captures.room)
-        if told:
+        if lacking:
             why = "" if make_all else ", as no clip shows it"
-            notes.append(f"made of a cycle of clip '{maker.clip.name}'{why}: {', '.join(told)}")
-    elif told:
+            notes.append(f"made of a cycle of clip '{maker.clip.name}'{why}: {', '.join(lacking)}")
+    elif lacking:
         raise MotionError(
             f"no clip in the captures of {folder} walks ahead for a whole cycle, from one landing of the left foot to "
-            f"the next, of which what they lack could be made ({', '.join(told)}); {_ADD_A_WALK}"
+            f"the next, of which what they lack could be made ({', '.join(lacking)}); {_ADD_A_WALK}"
         )
     if rest is None:
         raise MotionError(
@@ -302,8 +309,8 @@ def _lateral_behavior(maker: MotionMaker, captures: Captures) -> CapturedBehavio
             reaches.append((reach[widest, np.arange(len(bands))], clip.name, frames[widest]))
     most = np.max([reach for reach, _, _ in reaches], axis=0)
     widest_of = [max(reaches, key=lambda entry: float(entry[0][band])) for band in range(len(bands))]
-    told = tuple(f"clip '{name}', frame {at[band]}" for band, (_, name, at) in enumerate(widest_of))
-    return CapturedBehavior(BehaviorClips(steps, (rest,), tuple(turns)), frozenset(), most, told, maker.side_speed)
+    widest_at = tuple(f"clip '{name}', frame {at[band]}" for band, (_, name, at) in enumerate(widest_of))
+    return CapturedBehavior(BehaviorClips(steps, (rest,), tuple(turns)), frozenset(), most, widest_at, maker.side_speed)
 
 
 def _rest(walks: Sequence[Clip], room: Room) -> Clip | None:

@@ -152,7 +152,9 @@ def load_behavior_set(
     )
     if any(is_own(name) for name in names):
         notes += _never_used(behaviors)
-        notes += [_told(behavior, _layer_names(bands)) for behavior in behaviors if behavior.folder.parent != library]
+        notes += [
+            _note_on_width(behavior, _layer_names(bands)) for behavior in behaviors if behavior.folder.parent != library
+        ]
     else:
         _require_worth(behaviors)
     graph = build_motion_graph(_sources(files, clips, order, radii, left_out))
@@ -308,7 +310,7 @@ def _never_used(behaviors: Sequence[Behavior]) -> list[str]:
     ]
 
 
-def _told(behavior: Behavior, layers: Sequence[str]) -> str:
+def _note_on_width(behavior: Behavior, layers: Sequence[str]) -> str:
     """How wide and how fast an own behavior was measured to be."""
     reach = ", ".join(f"{radius:.3f} m at the {layer}" for layer, radius in zip(layers, behavior.radii, strict=True))
     return f"'{behavior.name}' reaches {reach} to a side of its way, and goes at {behavior.speed:.2f} m/s"

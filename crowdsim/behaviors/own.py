@@ -55,12 +55,12 @@ def read_own(
     found: dict[str, CapturedBehavior] = {}
     notes: list[str] = []
     for number, (name, file) in enumerate(files.items()):
-        made, maker, told = _made(name, file, folders[name], bands, layers, skeleton)
+        made, maker, made_notes = _made(name, file, folders[name], bands, layers, skeleton)
         skeleton = maker.clip.skeleton
         color = file.color or COLORS[number % len(COLORS)]
         complete[name] = file.model_copy(update={"speed": file.speed or maker.speed, "color": color})
         makers[name], found[name] = maker, made
-        notes += [f"'{name}': {note}" for note in told]
+        notes += [f"'{name}': {note}" for note in made_notes]
     hub, walk = _hub(others, complete, makers)
     for name, behavior in found.items():
         if name != hub:

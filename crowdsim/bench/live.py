@@ -84,7 +84,7 @@ def _watched(level: str, rate: int, seconds: float, agents: int) -> dict[str, An
             its.close()
             mine.recv()  # it watches
             begun.append(time.perf_counter())
-            session.run(None)
+            session.step_until_stopped(None)
         clicks = mine.recv()
         client.join()
     steps, milliseconds = np.array(clicks["steps"]), np.array(clicks["milliseconds"])

@@ -99,6 +99,7 @@ def _stages(file: Path) -> dict[str, float]:
 
 
 def _child(arguments: list[str]) -> str:
+    """Run Python with ``arguments`` in a process of its own; return what it prints."""
     child = subprocess.run([sys.executable, *arguments], capture_output=True, text=True)
     if child.returncode:
         last = (child.stderr.strip().splitlines() or ["no message"])[-1]

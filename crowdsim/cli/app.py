@@ -48,6 +48,7 @@ app.add_typer(motion, name="motion")
 
 
 def _show_version(wanted: bool) -> None:
+    """Print the version and exit, if ``wanted``."""
     if wanted:
         from crowdsim.version import __version__
 

@@ -78,6 +78,7 @@ class Interruption:
             raise self.asked
 
     def _note(self, number: int, frame: FrameType | None) -> None:
+        """Note a signal for the end of the step; raise at once for the second one, or if nothing waits."""
         again = number == signal.SIGINT and self.asked is not None
         asked = Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
         if again or not self.waits:

@@ -169,6 +169,7 @@ def _notes_on_captures(scenario: LoadedScenario) -> tuple[str, ...]:
 
 
 def _draw(scenario: LoadedScenario, file: Path) -> None:
+    """Draw the scenario into ``file``."""
     from crowdsim.crowd.state.assets import load_behaviors
     from crowdsim.figures import write_figure
     from crowdsim.scenario.picture import draw_scenario

@@ -77,7 +77,7 @@ def _serve(
             typer.echo("open this address in a browser; Ctrl-C ends the simulation", err=True)
             if open_page:
                 typer.launch(server.local_address)
-            session.run(file)
+            session.step_until_stopped(file)
     assert interruption.asked is not None
     return interruption.asked, session.steps, session.late
 

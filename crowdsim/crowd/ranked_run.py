@@ -107,15 +107,15 @@ class RankedRun:
                 places = MeasuredPlaces(self.scenario)
                 parties = PartyStatistics(self.scenario)
                 rate = self.scenario.steps_per_second
-                told = AttributeStatistics(draw_attributes(self.scenario), rate, self.scenario.span)
-                self._join(part, (writer, places, parties, told))
+                attributes = AttributeStatistics(draw_attributes(self.scenario), rate, self.scenario.span)
+                self._join(part, (writer, places, parties, attributes))
                 summary = {
                     **crowd.summary(),
                     "removed": 0,
                     "not_added": int((~crowd.expected).sum()),
                     **places.summary(),
                     "together": parties.summary(),
-                    "attributes": told.summary(),
+                    "attributes": attributes.summary(),
                     "real_time_factor": crowd.step_count / rate / seconds,
                 }
                 writer.finish(summary, places.measured())

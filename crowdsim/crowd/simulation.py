@@ -253,8 +253,8 @@ class Simulation(Commandable, Extensible):
                     progress(self.step_count, self.step_limit, self)
             seconds = time.perf_counter() - started
             if begins:
-                told = measures.summary(self._removed, crowd.expected)
-                self._summary = {**crowd.summary(), **told, "real_time_factor": self.step_count / rate / seconds}
+                measured = measures.summary(self._removed, crowd.expected)
+                self._summary = {**crowd.summary(), **measured, "real_time_factor": self.step_count / rate / seconds}
             if writer is not None:
                 writer.finish(self.summary, measures.measured())
         return None if output is None else Recording.open(Path(output))

@@ -156,7 +156,7 @@ class World:
     def apply_changes(self) -> None:
         """Remove and add the rows requested since the last call."""
         if self._removing:
-            # Close the gaps; the remaining rows keep their order.
+            # Close the gaps; the remaining rows keep their order. Records are copied as plain bytes (`opaque`).
             keep = ~np.isin(self.column("id"), np.concatenate(self._removing))
             kept = int(keep.sum())
             for array in map(opaque, self._arrays.values()):

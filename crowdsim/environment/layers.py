@@ -119,8 +119,10 @@ def clearance_layers(
     ordered = sorted(bands, key=lambda band: (band.low, -band.high, band.name))
     obstacles = []
     for number, layer in enumerate(ordered):
-        told = None if progress is None else partial(_tell, progress, number * len(solids), len(ordered) * len(solids))
-        obstacles.append(union_all(areas_between(solids, layer.low, layer.high, told)))
+        of_layer = (
+            None if progress is None else partial(_tell, progress, number * len(solids), len(ordered) * len(solids))
+        )
+        obstacles.append(union_all(areas_between(solids, layer.low, layer.high, of_layer)))
     obstacles[0] = union_all(obstacles)
     return tuple(
         ClearanceLayer(

@@ -51,7 +51,7 @@ def incircle(ax, ay, bx, by, cx, cy, dx, dy, cells):
 @helper
 def _exact_incircle(ax, ay, bx, by, cx, cy):
     """Return the sign of the origin against the circle through the counter-clockwise a, b, c, all integers."""
-    # The same determinant: each lift is the squared distance of a corner.
+    # The determinant of `incircle` in integers: each lift is the squared distance of a corner.
     aix = int(ax)
     aiy = int(ay)
     bix = int(bx)

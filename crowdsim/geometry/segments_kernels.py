@@ -6,7 +6,7 @@ from crowdsim.jit import helper, kernel
 
 @kernel
 def point_segment_distance2(px, py, ax, ay, bx, by):
-    """Return the squared distance from p to the segment ab, which may be a point [m2]."""
+    """Return the squared distance from p to the segment from a to b, which may be a point [m2]."""
     ux = bx - ax
     uy = by - ay
     wx = px - ax
@@ -26,7 +26,10 @@ def point_segment_distance2(px, py, ax, ay, bx, by):
 
 @kernel
 def segment_segment_distance2(px, py, qx, qy, ax, ay, bx, by):
-    """Return the squared distance between the segments pq and ab, which may be points [m2]; 0 if they cross."""
+    """Return the squared distance between two segments, which may be points [m2]; 0 if they cross.
+
+    One leads from p to q, the other from a to b.
+    """
     # They cross if each has its ends strictly on both sides of the other one's line.
     ux = qx - px
     uy = qy - py

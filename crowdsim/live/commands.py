@@ -36,6 +36,7 @@ def command(simulation: Simulation, request: Request) -> str:
 
 
 def _given(simulation: Simulation, request: Request) -> str:
+    """Give a request to the simulation; return in words what it does."""
     match request:
         case SetGoal():
             simulation.set_goal(request.agents, request.goal, request.on_arrival)

@@ -65,6 +65,7 @@ def things(simulation: Simulation) -> list[dict[str, Any]]:
 
 
 def _thing(movable: Movable, placing: Placing | None, door: bool) -> dict[str, Any]:
+    """Return a movable for the page: name, whether it is a door and there, and if so top, outline and surface [m]."""
     thing: dict[str, Any] = {"name": movable.name, "door": door, "there": placing is not None}
     if placing is None:
         return thing

@@ -112,6 +112,7 @@ class Server:
         self._loop.call_soon_threadsafe(self._audience.tell, "state", message)
 
     def _run(self) -> None:
+        """Serve until the server is closed; this is the body of its thread."""
         try:
             self._loop.run_until_complete(self._serve())
         finally:
@@ -224,6 +225,7 @@ def _header(request: HttpRequest, name: str) -> str:
 
 
 def _page(content: bytes) -> Response:
+    """Return an answer with the page; browsers are to keep no copy of it."""
     headers = Headers(
         {
             "Content-Type": "text/html; charset=utf-8",
@@ -239,6 +241,7 @@ def _page(content: bytes) -> Response:
 
 
 def _refusal(status: http.HTTPStatus, words: str) -> Response:
+    """Return an answer that refuses a request in words."""
     content = f"{words}\n".encode()
     headers = Headers(
         {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(content)), "Connection": "close"}

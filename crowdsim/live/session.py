@@ -87,8 +87,8 @@ class Session:
             self._refuse_all()
         return answer
 
-    def run(self, output: Path | None) -> None:
-        """Run until the session is stopped, and record it if ``output`` is given and a step was taken."""
+    def step_until_stopped(self, output: Path | None) -> None:
+        """Take steps until the session is stopped, and record it if ``output`` is given and a step was taken."""
         try:
             # A recording holds at least one step, so it begins with the first of them.
             if not self._wait(self.simulation):
@@ -157,6 +157,7 @@ class Session:
         return True
 
     def _obey(self, request: Request) -> str:
+        """Carry out a request; return in words what it does."""
         match request:
             case Pause():
                 self._paused = request.paused
@@ -172,6 +173,7 @@ class Session:
         return command(self.simulation, request)
 
     def _publish(self) -> None:
+        """Publish the people of the last step, and things if one came, moved or went."""
         simulation = self.simulation
         self._publisher.picture(picture(max(simulation.step_count - 1, 0), simulation.crowd.frame(), self._columns))
         placings = [placing for _, placing in simulation.movables()]
@@ -180,6 +182,7 @@ class Session:
             self._publisher.things(text("things", things=things(simulation)))
 
     def _publish_state(self) -> None:
+        """Publish pause, speed, end and who can be added, if any of it changed."""
         simulation, over = self.simulation, ""
         if simulation.finished:
             over = self._over()

@@ -47,6 +47,7 @@ def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
     if length > 0.0 and are_free(roadmap.layers, query.need.radii[-1], query.ends.reshape(1, 4)):
         whole = Section(query.need.count - 1, 0.0, length)
         return AnnotatedPath(query.ends, arc, (whole,), length * float(query.need.costs[-1]))
+    # Near goals: the shortest path with one behavior all along, in the area of each.
     uniform: AnnotatedPath | None = None
     if length <= NEAR:
         uniform, is_cheapest = cheapest_uniform(query, farthest=FARTHEST)
@@ -54,11 +55,14 @@ def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
             return uniform
     over_roadmap, estimate = _over_roadmap(query, roadmap)
     best = _cheaper(over_roadmap, uniform)
+    # No way, or a dearer one than estimated: something went wrong with the pull, so try all areas. A way that hardly
+    # needs narrow behaviors: a wide detour may beat it, so try the areas up to FARTHEST.
     below = math.inf if best is None else best.cost
     if over_roadmap is None or below > estimate * (1.0 + SURPRISE):
         best = _cheaper(best, cheapest_uniform(query, below).path)
     elif length > NEAR and _is_wide(over_roadmap, query):
         best = _cheaper(best, cheapest_uniform(query, below, FARTHEST).path)
+    # What the roadmap gave is shifted already, see `_over_roadmap`.
     if best is None:
         return None
     return best if best is over_roadmap else roadmap.shifted(best)

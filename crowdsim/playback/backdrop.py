@@ -59,6 +59,7 @@ class Backdrop:
         self._kept.ReleaseGraphicsResources(self._window)
 
     def _copy(self, source: Any, target: Any) -> None:
+        """Copy color and depth of one frame buffer to another."""
         state = self._window.GetState()
         state.PushFramebufferBindings()
         state.vtkglDisable(_SCISSOR)

@@ -253,6 +253,7 @@ def _repeat(triangles: NDArray[np.int64], size: int, count: int) -> NDArray[np.i
 
 
 def _disc_triangles() -> NDArray[np.int64]:
+    """Return the triangles (3 n, 3) of a shadow of n sides: a fan around the middle, and a band around the fan."""
     i = np.arange(_SHADOW_SIDES)
     j = (i + 1) % _SHADOW_SIDES
     inner, outer = 1 + i, 1 + _SHADOW_SIDES + i

@@ -165,6 +165,7 @@ def _memory_file() -> Path:
 
 
 def _recall(memory: Path, key: str) -> DrawingBackend | None:
+    """Return the backend that was found for this situation before; None if none is kept."""
     try:
         known = json.loads(memory.read_text())
         return DrawingBackend(**known["backend"]) if known["situation"] == key else None

@@ -333,6 +333,7 @@ class Scene:
         return self._pv.PolyData.from_regular_faces(np.ascontiguousarray(points, np.float32), triangles)
 
     def _add_flat(self, points: Floats, triangles: NDArray[np.int64], color: str, **look: Any) -> Any:
+        """Add triangles (k, 3) of points (n, 3) [m] in flat shades; return their actor, None without any."""
         if not len(triangles):
             return None
         return self.plotter.add_mesh(
@@ -340,6 +341,7 @@ class Scene:
         )
 
     def _add_lines(self, ends: Floats, color: str, width: float) -> Any:
+        """Add segments, whose ends (2 n, 3) [m] follow each other; return their actor, None without any."""
         if not len(ends):
             return None
         cells = np.column_stack([np.full(len(ends) // 2, 2), np.arange(len(ends)).reshape(-1, 2)]).ravel()

@@ -147,6 +147,7 @@ def grid_lines(header: RecordingHeader, spacing: float = 1.0) -> Floats:
 
 
 def _polygons(wkt: str, what: str) -> list[shapely.Polygon]:
+    """Return the polygons of a recorded shape; raise RecordingError if its text is damaged."""
     try:
         shape = shapely.from_wkt(wkt)
     except shapely.errors.ShapelyError as error:
@@ -157,6 +158,7 @@ def _polygons(wkt: str, what: str) -> list[shapely.Polygon]:
 
 
 def _cap(polygon: shapely.Polygon, height: float) -> tuple[Floats, NDArray[np.int64]]:
+    """Return points (n, 3) [m] and triangles (k, 3) that cover a polygon at a height, seen from above."""
     pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
     corners = np.array([np.asarray(piece.exterior.coords)[:3] for piece in pieces]).reshape(-1, 3, 2)
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

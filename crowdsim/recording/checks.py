@@ -68,6 +68,7 @@ class CheckedColumn:
     def __init__(self, path: Path, name: str, stored: _Stored, low: float, high: float) -> None:
         self._path, self._name, self._stored, self._range = path, name, stored, (low, high)
         width = int(np.prod(stored.shape[1:], dtype=np.int64))
+        # Steps of a block: as many as hold _MOST_KEPT values.
         self._kept = min(max(_MOST_KEPT // max(width, 1), 1), _STEPS_KEPT)
         self._rows: tuple[int, NDArray[Any]] = -1, np.zeros(0)
 
@@ -102,6 +103,7 @@ class CheckedColumn:
             raise RecordingError(f"{self._path} is damaged: steps/{self._name} ({error}); {AGAIN}") from None
 
     def _checked(self, values: Any) -> Any:
+        """Return values if they are within their bounds; raise RecordingError otherwise."""
         low, high = self._range
         counts = np.isfinite([low, high]).all()  # columns of indices have finite bounds; others may hold nan
         if counts and np.size(values) and not (np.min(values) >= low and np.max(values) <= high):

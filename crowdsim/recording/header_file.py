@@ -222,6 +222,7 @@ def _read_ends(ends: NDArray[np.float64]) -> Ends:
 
 
 def _read_attributes(group: h5py.Group) -> dict[str, NDArray[Any]]:
+    """Return the attributes of all agents by name: numbers, or words."""
     return {
         name: np.array(_read_strings(group, name), np.str_)
         if h5py.check_string_dtype(values.dtype)
@@ -243,6 +244,7 @@ def _read_solids(environment: h5py.Group, kind: str) -> tuple[SolidRecord, ...]:
 
 
 def _read_meshes(environment: h5py.Group) -> tuple[MeshRecord, ...]:
+    """Return the meshes of the place, whose points and triangles are stored one after the other."""
     points, triangles = values_of(environment, "mesh_points"), values_of(environment, "mesh_triangles")
     ends = np.cumsum(values_of(environment, "mesh_counts").reshape(-1, 2), axis=0)
     cut_points, cut_triangles = np.split(points, ends[:, 0]), np.split(triangles, ends[:, 1])

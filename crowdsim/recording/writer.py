@@ -245,6 +245,7 @@ class RecordingWriter:
         _growing(changes, "footprint", (), h5py.string_dtype("utf-8"), (256,), PACKED_TEXTS)
 
     def _open_file(self) -> h5py.File:
+        """Return the open file; raise RecordingError outside of the writer's block."""
         if self._file is None:
             raise RecordingError(
                 f"{self.path} is not open for writing; use the writer inside its 'with' block, before finish()"

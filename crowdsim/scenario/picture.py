@@ -90,6 +90,7 @@ def _panels(scenario: Scenario) -> tuple[Figure, list[Axes]]:
     """Return a figure with one panel per layer: side by side, or above each other if the floor is wide."""
     from matplotlib.figure import Figure
 
+    # The floor is in meters, figures are in inches: ``scale`` is inches per meter.
     low_x, low_y, high_x, high_y = scenario.environment.floor.bounds
     width, height = high_x - low_x, high_y - low_y
     scale = _PANEL / max(width, height)

@@ -9,6 +9,9 @@ captured agent, whose disc may be anywhere along it.
 Each neighbor so adds one half plane n . d <= room for the displacement d. Standing still (d = 0) satisfies all of them,
 so a feasible step always exists; the one nearest to the wanted displacement is taken. All agents read the positions
 before the step only, so the result depends neither on their order nor on the number of threads.
+
+``lines`` (MOST_LINES, 4) are the half planes, the first ``count`` of them in use: normal n, room [m], tolerance for
+rounding [m]; ``mine`` (ROW) is the agent; e is the unit vector of its heading, d its displacement [m].
 """
 
 import math
@@ -20,7 +23,7 @@ from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
-from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.row_kernels import CELL, FRAME_COLUMNS, FRAME_ROWS
 from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
 from crowdsim.steering.way_kernels import gap_to_way
 
@@ -89,7 +92,7 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
     column, row = cell_of(frame, x, y)
     cells = math.ceil(farthest / CELL)
     count = 0
-    for j in range(max(row - cells, 0), min(row + cells + 1, frame[3])):
+    for j in range(max(row - cells, 0), min(row + cells + 1, frame[FRAME_ROWS])):
         begin, end = rows_beside(starts, frame, column, j, cells)
         for number in range(begin, end):
             px = places[number, 0] - x
@@ -177,7 +180,7 @@ def add_ways(ways, frame, mine, most, lines, count):
     ``ways`` holds the reserved segments by cells of ``frame``, ``mine`` is the row of the agent.
     """
     column, row = cell_of(frame, mine.x, mine.y)
-    cell = row * frame[2] + column
+    cell = row * frame[FRAME_COLUMNS] + column
     if count < 0:
         return count
     for entry in range(ways.starts[cell], ways.starts[cell + 1]):

@@ -64,7 +64,7 @@ def take_in(rows, me, near_rows, near):
 
 @helper
 def gap_to(mine, other):
-    """Return the gap between an agent's body and that of a neighbor [m], negative if they overlap."""
+    """Return the gap between an agent's body and that of ``other`` [m], negative if they overlap."""
     _, _, distance = core_to_core(other.px, other.py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
     return distance - mine.radius - other.radius
 
@@ -224,7 +224,7 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
     """Return the speed along the unit vector ``(ux, uy)`` [m/s]: time gap to agents ahead, or pressing on if stuck.
 
     The time gap follows the collision-free speed model (Tordeux, Chraibi and Seyfried, Traffic and Granular Flow 2015):
-    speed <= (gap - standoff) / headway, plus a share of the leader's speed.
+    speed <= (gap - standoff) / headway (of its own ``in_file``), plus a share of the leader's speed.
     """
     # Free speed, lower with turned shoulders; half breadth of the body across its way.
     slowdown = rules.turned_slowdown if mine.turn < 0.0 else rules.sideways_slowdown
@@ -269,7 +269,7 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
 
 @helper
 def keep_right(mine, near, count, walls, rules, opposed):
-    """Return the angle by which an agent aims to the right of its guidance [rad], while it meets opposing traffic."""
+    """Return the angle by which an agent aims right of its guidance [rad], in opposing traffic (``opposed`` > 0)."""
     if opposed <= 0.0:
         return 0.0
     # Share of the angle for which there is room: walls near the point 0.5 m to the right, and the goal, reduce it.

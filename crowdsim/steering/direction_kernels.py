@@ -2,6 +2,8 @@
 
 After Moussaid, Helbing and Theraulaz, How simple rules determine pedestrian behavior and crowd disasters (PNAS 108,
 2011), equation 1, with added costs for turning.
+
+``near`` (NEAR[k]) are its neighbors, the first ``count`` of them in use.
 """
 
 import math

@@ -1,11 +1,15 @@
-"""Neighbor search of steered agents: which others each agent sees and takes into account."""
+"""Neighbor search of steered agents: which others each agent sees and takes into account.
+
+``frame`` is the grid: left and bottom edge [m], columns, rows; ``starts`` (cells + 1,) is the row at which each cell
+begins, cells row by row.
+"""
 
 import math
 
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.row_kernels import CELL, FRAME_COLUMNS, FRAME_ROWS
 
 MOST_NEAR = 12
 """Largest number of neighbors that an agent takes into account."""
@@ -24,7 +28,7 @@ def cell_of(frame, x, y):
 def rows_beside(starts, frame, column, j, cells):
     """Return the range [first, last) of sorted rows in grid row ``j``, up to ``cells`` columns from ``column``."""
     # Cells of one grid row are consecutive, so their agents are one range.
-    columns = frame[2]
+    columns = frame[FRAME_COLUMNS]
     first = starts[j * columns + max(column - cells, 0)]
     last = starts[j * columns + min(column + cells, columns - 1) + 1]
     return first, last
@@ -56,7 +60,7 @@ def look_rows(rows, places, starts, frame, first, last, order, moved, rules, nea
         Gets the rows of the neighbors, the most important first, -1 after the last.
     """
     weights = np.empty(MOST_NEAR)
-    rows_up = frame[3]
+    rows_up = frame[FRAME_ROWS]
     for me in range(first, last):
         if order[me] >= moved:
             continue

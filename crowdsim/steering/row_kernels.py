@@ -1,4 +1,7 @@
-"""State of steered agents, one record (row) each, and the sort that keeps spatial neighbors close in memory."""
+"""State of steered agents, one record (row) each, and the sort that keeps spatial neighbors close in memory.
+
+``state`` is ROW[n], agents by their numbers.
+"""
 
 import math
 
@@ -9,6 +12,9 @@ from crowdsim.jit import kernel
 
 CELL = 1.0
 """Side of a grid cell for the neighbor search [m]."""
+
+FRAME_COLUMNS, FRAME_ROWS = 2, 3
+"""Where the frame of a grid, a tuple, has the numbers of columns and rows; before are left and bottom edge [m]."""
 
 ROW = np.dtype(
     [

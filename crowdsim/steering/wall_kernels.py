@@ -1,6 +1,8 @@
 """Walls for steered agents: lists of the segments near a position, and a grid of distances to the nearest segment.
 
 The lists serve the exact commit; the grid, rounded to centimeters, serves only to look ahead.
+
+``walls`` is a :class:`crowdsim.steering.walls.Walls`.
 """
 
 import math

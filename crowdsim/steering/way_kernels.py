@@ -1,10 +1,14 @@
-"""Reserved segments of captured agents as steered agents meet them: each is kept clear along its whole length."""
+"""Reserved segments of captured agents as steered agents meet them: each is kept clear along its whole length.
+
+``ways`` is a :class:`crowdsim.steering.ways.ListedWays`, ``number`` one of its segments; a body has its core along or
+across u = (ux, uy), ``half`` meters to either side, and ``radius`` around it [m].
+"""
 
 from crowdsim.geometry.cell_kernels import cells_between, count_or_list, counts_to_starts
 from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_segment
 from crowdsim.steering.look_kernels import cell_of
-from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.row_kernels import CELL, FRAME_COLUMNS
 
 
 @kernel
@@ -73,7 +77,7 @@ def clear_of_ways(bodies, ways, frame, room, own, ignored, clear):
     for number in range(len(bodies)):
         body = bodies[number]
         column, row = cell_of(frame, body.x, body.y)
-        cell = row * frame[2] + column
+        cell = row * frame[FRAME_COLUMNS] + column
         clear[number] = True
         # One segment that is too near decides.
         for entry in range(ways.starts[cell], ways.starts[cell + 1]):

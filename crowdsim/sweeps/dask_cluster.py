@@ -30,7 +30,7 @@ class KeptRunner(distributed.WorkerPlugin):
         self.runner = Runner(self._recordings, self._keep)
 
 
-def run_on_dask(
+def run_points_on_dask(
     points: Sequence[Point], address: str, jobs: int, recordings: Path | None, keep: Keep
 ) -> Iterator[tuple[Point, Outcome]]:
     """Yield what comes of each point, as they are done, in any order.
@@ -74,6 +74,7 @@ def run_here(point: Point) -> Outcome:
 
 
 def _client(address: str, jobs: int) -> Any:
+    """Return a client of the scheduler at ``address``, or of ``jobs`` processes started here for ``local``."""
     if address == "local":
         cluster = distributed.LocalCluster(
             n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50

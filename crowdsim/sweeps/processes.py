@@ -20,7 +20,7 @@ TRIES = 3
 DIED = "the process died; is there too little memory?"
 
 
-def run_in_processes(
+def run_points(
     points: Sequence[Point], jobs: int, recordings: Path | None, keep: Keep
 ) -> Iterator[tuple[Point, Outcome]]:
     """Yield what comes of each point, as they are done, in any order.
@@ -71,6 +71,7 @@ def run_in_processes(
 
 
 def _start(recordings: Path | None, keep: Keep) -> tuple[SpawnProcess, Connection]:
+    """Start a process that runs points; return it, and the connection to it."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs, recordings, keep), daemon=True)
@@ -83,6 +84,7 @@ def _start(recordings: Path | None, keep: Keep) -> tuple[SpawnProcess, Connectio
 def _begin(
     point: Point, process: SpawnProcess, connection: Connection, at_work: dict[Connection, tuple[SpawnProcess, Point]]
 ) -> None:
+    """Send a point to a process, and note that it is at work."""
     at_work[connection] = process, point
     try:
         connection.send(point)

@@ -65,6 +65,7 @@ class Runner:
             return Outcome({}, f"internal error: {what}", lasting=False)
 
     def _run(self, point: Point) -> dict[str, Value]:
+        """Run a point; return its figures, and keep its recording if asked to."""
         scenario = parse_scenario(point.text, Path(point.file), point.overrides)
         # Beside the recordings, so that one that stays is renamed, not copied.
         with tempfile.TemporaryDirectory(prefix=".run-", dir=self._recordings) as folder:
@@ -78,6 +79,7 @@ class Runner:
         return figures
 
     def _motion_of(self, scenario: Scenario) -> BehaviorSet:
+        """Return the motion of a scenario, kept for the next ones with the same; the oldest is dropped."""
         key = motion_key(scenario)
         if key not in self._motion:
             while len(self._motion) >= MOST_KEPT:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from crowdsim.figures import write_figure
 from crowdsim.sweeps.picture import draw_sweep
 from crowdsim.sweeps.points import Point
-from crowdsim.sweeps.processes import run_in_processes
+from crowdsim.sweeps.processes import run_points
 from crowdsim.sweeps.running import Keep, Outcome
 from crowdsim.sweeps.store import Store
 from crowdsim.sweeps.table import Row, table_of, usual_figures
@@ -103,10 +103,11 @@ def sweep(
 def _outcomes(
     points: Sequence[Point], jobs: int, recordings: Path | None, keep: Keep, dask: str | None
 ) -> Iterator[tuple[Point, Outcome]]:
+    """Yield the outcome of each point, from processes here or from a cluster of Dask."""
     if not points:
         return iter(())
     if dask is None:
-        return run_in_processes(points, jobs, recordings, keep)
-    from crowdsim.sweeps.dask_cluster import run_on_dask
+        return run_points(points, jobs, recordings, keep)
+    from crowdsim.sweeps.dask_cluster import run_points_on_dask
 
-    return run_on_dask(points, dask, jobs, recordings, keep)
+    return run_points_on_dask(points, dask, jobs, recordings, keep)

@@ -186,6 +186,7 @@ def _events(text: str) -> Iterator[Event]:
 
 
 def _syntax_message(error: MarkedYAMLError) -> str:
+    """Return in words what the parser found wrong."""
     problem = shorten(str(error.problem or error.context or "malformed"), 120)
     if "\\t" in problem:
         return "a tab cannot indent YAML; use spaces"

@@ -107,6 +107,7 @@ def _literal_message(value: Any, expected: str) -> str:
 
 
 def _wanted_list(annotation: Any, context: dict[str, Any]) -> str:
+    """Return in words how long a list is to be."""
     arguments = typing.get_args(_bare(annotation))
     if arguments and arguments[-1] is not Ellipsis:
         return f"a list of {len(arguments)} numbers"

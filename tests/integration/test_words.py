@@ -97,3 +97,22 @@ def test_kernels_say_what_their_stages_are() -> None:
                 said += sum(node.lineno <= line <= node.end_lineno for line in commented)
     assert lines > 10_000
     assert said / lines >= LEAST_SHARE
+
+
+def without_docstring(tree: ast.Module) -> list[tuple[int, str]]:
+    """Functions of six lines or more that say nothing of themselves, but for those within others and dunders."""
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    within = {inner for outer in functions for inner in ast.walk(outer) if inner is not outer}
+    return [
+        (node.lineno, node.name)
+        for node in functions
+        if node not in within
+        and not node.name.startswith("__")
+        and node.end_lineno - node.lineno >= 5
+        and not ast.get_docstring(node)
+    ]
+
+
+@pytest.mark.parametrize("path", [path for path in SOURCES if path.is_relative_to(ROOT / "crowdsim")], ids=name)
+def test_functions_say_what_they_do(path: Path) -> None:
+    assert not without_docstring(ast.parse(path.read_text(encoding="utf-8")))

@@ -82,7 +82,7 @@ def living(scenario: Scenario, record: Path | None = None, speed: float = 1.0, p
 
         def run() -> None:
             try:
-                session.run(record)
+                session.step_until_stopped(record)
             except BaseException as error:
                 failed.append(error)
 

@@ -95,6 +95,7 @@ def _walked(drill: Drill, seconds: float) -> dict[str, Any]:
 
 
 def _bottleneck(drill: Drill, width: float) -> dict[str, Any]:
+    """Return the row of a drill through a gap of ``width`` [m]: flows per meter over all seeds, and arrivals."""
     results = [run_drill(drill, seed) for seed in SEEDS]
     flows = [result.flow() / width for result in results]
     failed = [_is_late(result, drill.seconds) or flow < LEAST_FLOW for result, flow in zip(results, flows, strict=True)]

@@ -173,6 +173,7 @@ Simulation(scenario, workers=1).run(sys.argv[1], progress=lambda step, steps, si
 
 
 def _call_kernel(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Call a kernel in a process of its own, whose kernel cache is ``folder``."""
     program = "from crowdsim.navmesh.mesh.half_edge_kernels import nxt; print(nxt(5))"
     return subprocess.run(
         [sys.executable, "-c", program],

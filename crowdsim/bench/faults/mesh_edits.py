@@ -52,6 +52,7 @@ def edit_at_random(seed: int, steps: int = STEPS) -> int:
 
 
 def _ground(kind: str, rng: np.random.Generator) -> shapely.Polygon | shapely.MultiPolygon:
+    """Return a walkable area of a kind with up to five holes; one is left out if it takes half of the area."""
     if kind == "apartment":
         return _apartment()
     area: Any = shapely.box(0, 0, _LATTICE, _LATTICE) if kind == "lattice" else shapely.box(0.0, 0.0, _ROOM, _ROOM)
@@ -140,6 +141,7 @@ def _box(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry:
 
 
 def _turned_box(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry:
+    """Return a box at a random place of the mesh, turned by up to half a turn."""
     x, y = _places(mesh, rng, 1)[0].tolist()
     box = shapely.box(x, y, x + rng.uniform(0.1, 2.5), y + rng.uniform(0.1, 2.5))
     c, s = rotation(rng.uniform(0.0, 180.0))

@@ -71,6 +71,7 @@ def mutate_parts(path: Path, rng: np.random.Generator) -> None:
 
 
 def _mutate_part(file: h5py.File, name: str, rng: np.random.Generator) -> None:
+    """Damage a dataset: delete it, or change its length, shape, type, content or kind."""
     values = file[name][()]
     kind = int(rng.integers(5))
     if kind == 0:

@@ -148,7 +148,11 @@ def _environment(density: float, count: int, seed: int) -> _Environment:
 def _search_all(
     name: str, graph: GraphArrays, probes: Probes, place: _Environment, budget: int, passes: int = PASSES
 ) -> list[tuple[SearchResult, float]]:
-    """Return the result of each query of an environment, and its shortest time [ms]."""
+    """Return the result of each query of an environment, and its shortest time [ms].
+
+    The words of ``name`` say how it is searched: ``bent`` with branch kinematics, ``1 cm`` to that distance from the
+    goal, ``channel`` in the path's channel and not with collision tests.
+    """
     options = SearchOptions(branch_kinematics="bent" in name, budget=budget)
     if "1 cm" in name:
         options = replace(options, goal_tolerance=0.01)

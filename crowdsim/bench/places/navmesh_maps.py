@@ -43,7 +43,10 @@ def read_maps(folder: Path) -> list[BenchMap]:
 
 
 def read_map(file: Path) -> BenchMap:
-    """Return the map of one file; raise CrowdSimError if it is missing or has another format."""
+    """Return the map of one file, with coordinates and lengths in meters.
+
+    Raise CrowdSimError if it is missing or has another format.
+    """
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
         obstacles = [shapely.Polygon(obstacle["polygon"]) for obstacle in content["obstacles"]]

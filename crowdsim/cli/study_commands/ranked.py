@@ -71,12 +71,12 @@ def _run(run: Any, file: Path, page: bool, rank: int) -> dict[str, Any] | None:
         summary = run.run(file, shown.step if shown is not None else None)
         if summary is None:
             return None
-        told = {**summary, "recording": str(file)}
+        results = {**summary, "recording": str(file)}
         if page:
             from crowdsim.export.page.page import write_page
             from crowdsim.recording.reader import Recording
 
             with Recording.open(file) as recording:
                 write_page(recording, file.with_suffix(".html"))
-            told["page"] = str(file.with_suffix(".html"))
-        return told
+            results["page"] = str(file.with_suffix(".html"))
+        return results

@@ -1,4 +1,9 @@
-"""Steps to a wall: an agent that has waited long in a narrow place steps aside, so that others can pass."""
+"""Steps to a wall: an agent that has waited long in a narrow place steps aside, so that others can pass.
+
+``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``obstacles`` (Obstacles),
+``everyone`` (Timelines, those of all rows), ``playback`` and ``draft``, a scratch chain, are those of
+:mod:`crowdsim.crowd.state.timelines`.
+"""
 
 import math
 

@@ -1,12 +1,13 @@
 """Priority inheritance with backtracking: standing agents in the way move aside, and make others move in turn.
 
-After K. Okumura, M. Machida, X. Defago and Y. Tamura, "Priority inheritance with backtracking for iterative multi-agent
-path finding", Artificial Intelligence 310, 2022, for motions of different lengths in continuous space.
+After Okumura, Machida, Defago and Tamura (Artificial Intelligence 310, 2022), for motions of different lengths.
 
-Arguments of all helpers: ``graph`` (GraphArrays); ``obstacles`` and ``everyone`` (the timelines of all rows),
-``playback``, and ``draft``, a scratch chain, as of :mod:`crowdsim.crowd.state.timelines`; ``asking``, with its moves,
-standing rows and trail, as of :mod:`crowdsim.crowd.giving_way.asking`. A timeline (K, 5) samples a body; a slot is the
-number of a sample since the run began, ``gone`` that from which the row takes no room.
+Arguments of all helpers: ``graph`` (GraphArrays); ``obstacles``, ``everyone`` (all rows), ``playback``, ``draft`` of
+:mod:`crowdsim.crowd.state.timelines`; ``asking`` with ``moves`` of :mod:`crowdsim.crowd.giving_way.asking`. A slot is
+the number of a sample since the run began, ``gone`` that from which the row takes no room. ``frame`` is that from which
+a row goes on; ``chain``, ``first``, ``available``, ``ends_plan`` and ``timeline`` those of
+:func:`~crowdsim.crowd.state.reservation_kernels.reserve`. ``ways``, ``ranks``, ``may_move`` and ``pose`` are columns of
+all rows.
 """
 
 import math
@@ -100,7 +101,7 @@ def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict
 
 @helper
 def _cheapest(moves, node, costs):
-    """Return the cheapest move left and remove it from ``costs``; -1 if there is none."""
+    """Return the cheapest move left from ``node`` and remove it from ``costs``; -1 if there is none."""
     best = -1
     least = math.inf
     for k in range(moves.begin[node], moves.begin[node + 1]):
@@ -180,7 +181,7 @@ def _save(everyone, row, trail, place):
 
 @helper
 def _put_back(everyone, row, trail, place):
-    """Restore the timeline that :func:`_save` saved."""
+    """Restore the timeline of a row that :func:`_save` saved at ``place`` of the trail."""
     for k in range(everyone.timeline.shape[1]):
         for axis in range(everyone.timeline.shape[2]):
             everyone.timeline[row, k, axis] = trail.timeline[place, k, axis]
@@ -378,6 +379,7 @@ def reserve_by_asking(
     """
     forever = np.int64(FOREVER)
     tried = 0
+    # As in ``reserve``: stop in a narrow passage (tolerant) only if the plan offers no other place to stand.
     for tolerant in range(2):
         stands = False
         for taken in range(first, available + 1):

@@ -4,7 +4,7 @@ import math
 
 from crowdsim.jit import kernel
 from crowdsim.steering.look_kernels import cell_of, rows_beside
-from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.row_kernels import CELL, FRAME_ROWS
 from crowdsim.steering.wall_kernels import distance_at, is_lane, is_lane_behind
 
 _SLOWEST = 0.15
@@ -61,7 +61,7 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
         count = 0
         first = math.inf
         first_wide = math.inf
-        for j in range(max(row - cells, 0), min(row + cells + 1, frame[3])):
+        for j in range(max(row - cells, 0), min(row + cells + 1, frame[FRAME_ROWS])):
             begin, end = rows_beside(starts, frame, column, j, cells)
             for number in range(begin, end):
                 other = rows[number]

@@ -1,10 +1,18 @@
-"""Rows sorted by cells: how far a row's timeline and way extend from its cell, and which cells to search."""
+"""Rows sorted by cells: how far a row's timeline and way extend from its cell, and which cells to search.
+
+``near`` are the :class:`crowdsim.crowd.near.neighbors.Neighbors`, of which ``spread`` is a field.
+"""
 
 import math
 
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.steering.look_kernels import cell_of
+from crowdsim.steering.row_kernels import FRAME_COLUMNS
+
+OF_TIMELINES, OF_WAYS, OF_BODIES = range(3)
+"""Entries of ``spread``: largest distance of a row to a point of its timeline, to the begin of its way, and largest
+radius of a body [m]."""
 
 ROUNDED = 1e-6
 """Margin added to the distances of a search, for rounding [m]."""
@@ -34,13 +42,15 @@ def measure_spread(places, circles, radii, ways, spread):
     """
     for row in range(len(places)):
         circle = circles[row]
-        spread[0] = max(spread[0], hypot(circle[0] - places[row, 0], circle[1] - places[row, 1]) + circle[2])
-        spread[2] = max(spread[2], radii[row])
+        spread[OF_TIMELINES] = max(
+            spread[OF_TIMELINES], hypot(circle[0] - places[row, 0], circle[1] - places[row, 1]) + circle[2]
+        )
+        spread[OF_BODIES] = max(spread[OF_BODIES], radii[row])
     for row in range(len(ways)):
         away = hypot(ways[row, 0, 0] - places[row, 0], ways[row, 0, 1] - places[row, 1])
         # False for a row without a way, whose points are nan.
-        if away > spread[1]:
-            spread[1] = away
+        if away > spread[OF_WAYS]:
+            spread[OF_WAYS] = away
 
 
 @kernel
@@ -50,8 +60,8 @@ def widen(near, row, circle):
     The way of a row begins at the end of its timeline, so the same distance bounds both.
     """
     away = hypot(circle[0] - near.places[row, 0], circle[1] - near.places[row, 1]) + circle[2]
-    near.spread[0] = max(near.spread[0], away)
-    near.spread[1] = max(near.spread[1], away)
+    near.spread[OF_TIMELINES] = max(near.spread[OF_TIMELINES], away)
+    near.spread[OF_WAYS] = max(near.spread[OF_WAYS], away)
 
 
 @helper
@@ -68,7 +78,7 @@ def cells_within(near, left, bottom, right, top, far):
 @helper
 def rows_of_line(near, line, low, high):
     """Return the range [first, last) in ``near.order`` of the cells ``low`` to ``high`` of one line."""
-    columns = near.frame[2]
+    columns = near.frame[FRAME_COLUMNS]
     return near.starts[line * columns + low], near.starts[line * columns + high + 1]
 
 

@@ -1,11 +1,14 @@
-"""Smallest gaps between steered bodies, and between bodies and walls."""
+"""Smallest gaps between steered bodies, and between bodies and walls.
+
+``rows`` are ROW[n] (:data:`crowdsim.steering.row_kernels.ROW`), the bodies of steered agents.
+"""
 
 import math
 
 from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
-from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.row_kernels import CELL, FRAME_ROWS
 from crowdsim.steering.wall_kernels import WALL_CELL, distance_at
 
 _ROUNDED = 0.1
@@ -31,7 +34,7 @@ def closest_bodies(crowd, broadest, limit):
         cells = math.ceil(farthest / CELL)
         column, row = cell_of(frame, mine.x, mine.y)
         # Each pair once: rows are sorted by cells, so the other one of a higher number is in this line or a later one.
-        for j in range(row, min(row + cells + 1, frame[3])):
+        for j in range(row, min(row + cells + 1, frame[FRAME_ROWS])):
             begin, end = rows_beside(starts, frame, column, j, cells)
             for number in range(max(begin, me + 1), end):
                 px = places[number, 0] - mine.x

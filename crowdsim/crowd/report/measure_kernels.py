@@ -1,4 +1,8 @@
-"""Measures of one step of a run."""
+"""Measures of one step of a run.
+
+``mesh`` is the mesh of a layer (MeshArrays). A grid of cells is a tuple ``frame``: left and bottom edge [m], columns,
+rows; the cells are CELL meters long and numbered row by row from the bottom.
+"""
 
 import math
 
@@ -8,7 +12,7 @@ from crowdsim.crowd.near.neighbor_kernels import ROUNDED
 from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.steering.look_kernels import cell_of
-from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.row_kernels import CELL, FRAME_COLUMNS, FRAME_ROWS
 
 
 @kernel
@@ -17,16 +21,21 @@ def closest_pair(places, order, starts, frame, limit):
 
     ``order``, ``starts`` and ``frame`` are the rows by cells, from :func:`crowdsim.crowd.near.neighbors.sorted_places`.
     """
+    # ``best`` is the least squared distance so far.
     best = math.inf
-    # Search the cells within the limit, then only within the least distance found so far; each pair once (j < i).
-    reach = min(limit, CELL * (frame[2] + frame[3]))
+    # Search the cells within the limit (or the whole grid, if that is smaller), then only within the least distance
+    # found so far; each pair once (j < i).
+    reach = min(limit, CELL * (frame[FRAME_COLUMNS] + frame[FRAME_ROWS]))
     for i in range(len(places)):
         x, y = places[i, 0], places[i, 1]
         far = reach + ROUNDED
         low, first = cell_of(frame, x - far, y - far)
         high, last = cell_of(frame, x + far, y + far)
+        # Cells of one row of the grid are consecutive, so their agents are one range.
         for line in range(first, last + 1):
-            for number in range(starts[line * frame[2] + low], starts[line * frame[2] + high + 1]):
+            for number in range(
+                starts[line * frame[FRAME_COLUMNS] + low], starts[line * frame[FRAME_COLUMNS] + high + 1]
+            ):
                 j = order[number]
                 if j < i:
                     dx = x - places[j, 0]

@@ -8,14 +8,18 @@ or a capsule along the way if it walks sideways.
 Arguments of all helpers: a timeline (K, 5) with its ``start`` and ``gone`` slots; ``first_slot``, before which meetings
 do not count; ``radius`` of the body at rest [m]; ``obstacles``, ``everyone`` or ``others`` (the timelines of all rows),
 ``chain``, ``draft`` (a scratch chain) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one
-of the present node from which a chain goes on.
+of the present node from which a chain goes on. ``graph`` is the motion graph
+(:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``a`` and ``b`` are two timelines (K, 5), each with its own start
+and gone slots; ``me`` and ``row`` are rows, ``other`` is a timeline. The five columns of a timeline are x and y of the
+track, the radius of the body's capsule, and half of its core as a vector [m]: see
+:data:`crowdsim.crowd.state.components.SAMPLE`.
 """
 
 import math
 
 import numpy as np
 
-from crowdsim.crowd.near.neighbor_kernels import cells_within, insert_row, rows_of_line
+from crowdsim.crowd.near.neighbor_kernels import OF_BODIES, OF_TIMELINES, cells_within, insert_row, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import CORE, RADIUS
 from crowdsim.crowd.state.timelines import Playback
@@ -82,9 +86,10 @@ def _moving_gap(a, i, j, b, k, m):
 def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, present):
     """Return True if two bodies touch along their timelines at or after ``first_slot``, or come to rest too near.
 
-    a, b: (K, 5) samples. Exact for the piecewise linear motion of the discs, to the end of time. At rest, their tracks
-    are at least ``at_rest`` + ELBOW_ROOM apart [m], so that either can turn on the spot. If both are ``present`` in the
-    world and nearer already, they may move as long as they do not come nearer still; otherwise they could never part.
+    a, b: (K, 5) samples, from the slots a_start and b_start to before a_gone and b_gone. Exact for the piecewise linear
+    motion of the discs, to the end of time. At rest, their tracks are at least ``at_rest`` + ELBOW_ROOM apart [m], so
+    that either can turn on the spot. If both are ``present`` in the world and nearer already, they may move as long as
+    they do not come nearer still; otherwise they could never part.
     """
     if first_slot >= a_gone or first_slot >= b_gone:
         return False
@@ -140,7 +145,7 @@ def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
     near, x, y = others.near, timeline[0, 0], timeline[0, 1]
     found = near.found
     count = 0
-    farthest = reach + radius + near.spread[0] + near.spread[2] + ELBOW_ROOM
+    farthest = reach + radius + near.spread[OF_TIMELINES] + near.spread[OF_BODIES] + ELBOW_ROOM
     low, high, first, last = cells_within(near, x, y, x, y, farthest)
     for line in range(first, last + 1):
         number, after = rows_of_line(near, line, low, high)
@@ -230,7 +235,10 @@ def append_stop(graph, chain, count):
 
 @helper
 def _set_sample(out, k, x, y, heading, breadth):
-    """Write track and body to sample ``k``: the core lies across the direction that the body faces."""
+    """Write track and body to sample ``k`` of ``out`` (K, 5): the core lies across the direction that the body faces.
+
+    ``breadth`` (2,) is the radius of the capsule and half the length of its core [m]; heading: [rad].
+    """
     out[k, 0] = x
     out[k, 1] = y
     out[k, RADIUS] = breadth[0]

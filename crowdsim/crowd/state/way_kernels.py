@@ -2,11 +2,13 @@
 
 A way is a polyline (P, 2) [m]: the next meters of an agent's plan after the end of its timeline; nan without one.
 The lower rank goes first. docs/waiting.md has the rules.
+
+``ways`` (N, P, 2) are those of all rows.
 """
 
 import math
 
-from crowdsim.crowd.near.neighbor_kernels import cells_within, insert_row, rows_of_line
+from crowdsim.crowd.near.neighbor_kernels import OF_WAYS, cells_within, insert_row, rows_of_line
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
@@ -111,7 +113,7 @@ def rank_behind(row, ways, ranks, width, reach, near):
     ox, oy = way[0, 0], way[0, 1]
     if math.isnan(ox):
         return best
-    low, high, first, last = cells_within(near, ox, oy, ox, oy, reach + near.spread[1])
+    low, high, first, last = cells_within(near, ox, oy, ox, oy, reach + near.spread[OF_WAYS])
     for line in range(first, last + 1):
         number, after = rows_of_line(near, line, low, high)
         while number < after:
@@ -145,7 +147,7 @@ def ways_before(row, ways, ranks, reach, near, out):
     if math.isnan(x):
         return 0
     count = 0
-    low, high, first, last = cells_within(near, x, y, x, y, reach + near.spread[1])
+    low, high, first, last = cells_within(near, x, y, x, y, reach + near.spread[OF_WAYS])
     for line in range(first, last + 1):
         number, after = rows_of_line(near, line, low, high)
         while number < after:

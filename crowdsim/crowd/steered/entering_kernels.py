@@ -8,7 +8,7 @@ from crowdsim.crowd.report.gap_kernels import wall_gap
 from crowdsim.jit import kernel
 from crowdsim.steering.capsule_kernels import core_to_core
 from crowdsim.steering.look_kernels import cell_of, rows_beside
-from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.row_kernels import CELL, FRAME_COLUMNS, FRAME_ROWS
 
 ROOM = 0.01
 """Least gap to other bodies and to walls with which an agent enters the world [m]."""
@@ -25,7 +25,7 @@ def admit(coming, crowd, broadest, walls, admitted):
     rows, starts, frame = crowd
     legs, torso, leg_radius = walls
     # Linked lists of the agents admitted so far, by cells of the same grid: head of each cell, next of each agent.
-    heads = np.full(frame[2] * frame[3], -1, np.int32)
+    heads = np.full(frame[FRAME_COLUMNS] * frame[FRAME_ROWS], -1, np.int32)
     nexts = np.full(len(coming), -1, np.int32)
     for number in range(len(coming)):
         one = coming[number]
@@ -35,7 +35,7 @@ def admit(coming, crowd, broadest, walls, admitted):
         free = True
 
         # Keep off agents that are present, then off those admitted in this step.
-        for j in range(max(row - cells, 0), min(row + cells + 1, frame[3])):
+        for j in range(max(row - cells, 0), min(row + cells + 1, frame[FRAME_ROWS])):
             begin, end = rows_beside(starts, frame, column, j, cells)
             for other_number in range(begin, end):
                 other = rows[other_number]
@@ -44,8 +44,8 @@ def admit(coming, crowd, broadest, walls, admitted):
                 if free and px * px + py * py < farthest * farthest:
                     _, _, apart = core_to_core(px, py, -one.hy, one.hx, one.half, -other.hy, other.hx, other.half)
                     free = apart - one.radius - other.radius >= ROOM
-            for i in range(max(column - cells, 0), min(column + cells + 1, frame[2])):
-                earlier = heads[j * frame[2] + i]
+            for i in range(max(column - cells, 0), min(column + cells + 1, frame[FRAME_COLUMNS])):
+                earlier = heads[j * frame[FRAME_COLUMNS] + i]
                 while earlier >= 0 and free:
                     other = coming[earlier]
                     px = other.x - one.x
@@ -61,5 +61,5 @@ def admit(coming, crowd, broadest, walls, admitted):
 
         admitted[number] = free
         if free:
-            nexts[number] = heads[row * frame[2] + column]
-            heads[row * frame[2] + column] = number
+            nexts[number] = heads[row * frame[FRAME_COLUMNS] + column]
+            heads[row * frame[FRAME_COLUMNS] + column] = number

@@ -277,6 +277,7 @@ class Errands:
         It may have been pushed off, or have given up. It does not get stuck: so it gives way to all who do.
         """
         self._stop(view, rows)
+        # Those that have reached a goal (``reached`` counts goals) turn as that one prescribes.
         at = rows[view.reached[rows] > 0]
         self._turn(view, at, self._asked(view, at, view.reached[at] - 1))
         stays = at[view.errand[at] == Errand.STAYS]

@@ -1,4 +1,7 @@
-"""Playback of the nodes: one step for every captured agent."""
+"""Playback of the nodes: one step for every captured agent.
+
+``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`).
+"""
 
 import numpy as np
 

@@ -5,7 +5,7 @@ Rows are processed in order, and each reads the timelines that earlier ones rese
 Arguments of all helpers: ``rows`` (columns of all rows), ``progress`` and ``scratch`` as of
 :mod:`crowdsim.crowd.systems.going_on`; ``table`` (PlanTable), the plans of all agents; ``obstacles``, ``everyone`` (the
 timelines of all rows) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of its node from
-which a row goes on.
+which a row goes on. ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`).
 """
 
 import math

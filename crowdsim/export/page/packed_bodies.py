@@ -46,6 +46,7 @@ def pack_looks(block: Block, skeleton: Skeleton, agents: Ints) -> None:
 
 
 def _pack(block: Block, name: str, body: BodyMesh) -> None:
+    """Add a body's mesh to the block, with values rounded to bytes or to whole units of PLACES."""
     block.add(f"{name}_triangles", body.triangles.astype(np.uint16))
     block.add(f"{name}_tissue", body.tissue.astype(np.uint8))
     block.add(f"{name}_joints", body.joints.astype(np.uint8))

@@ -15,9 +15,9 @@ from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, on_legs_of
 from crowdsim.recording.header import MotionRecord
 from crowdsim.recording.reader import Recording
-from crowdsim.recording.shown.foot_times import foot_times
 from crowdsim.recording.shown.steered_poses import gait_clip
 from crowdsim.recording.shown.steered_stretches import Stretches
+from crowdsim.recording.shown.swing_times import swing_times_after
 
 ROTATIONS = 10_000
 """Integer units per radian for rotation vectors: half a unit moves a wrist by 0.03 mm."""
@@ -121,7 +121,7 @@ def pack_switches(block: Block, recording: Recording, chosen: Chosen) -> None:
     blocks = switches.shown[some] // (_SWITCH_SECONDS * recording.steps_per_second)
     for number in np.unique(blocks).tolist():
         here = np.flatnonzero(blocks == number)
-        times = foot_times(recording, switches, some[here])
+        times = swing_times_after(recording, switches, some[here])
         since = (switches.shown[some[here]] / recording.steps_per_second)[:, None]
         cut = np.where(np.isfinite(times.cut), times.cut - since[:, 0], 0.0)[:, None]
         seconds = np.concatenate([times.hold - since, times.end - since, cut], axis=1)

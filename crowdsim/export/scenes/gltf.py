@@ -64,6 +64,7 @@ class _Scene:
         self._add_body()
 
     def _add_node(self, parent: int | None, node: dict[str, Any]) -> int:
+        """Append a node below ``parent``, or at the top; return its number."""
         self._nodes.append(node)
         number = len(self._nodes) - 1
         if parent is not None:

@@ -2,6 +2,10 @@
 
 The motion that a search has found is bent as a planar chain, whose joints are the planted feet at its transitions, and
 tested as the search tests its branches.
+
+Arguments of all helpers: ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``guide``,
+``rules``, ``search``, ``laid`` and ``chain`` are those of :mod:`crowdsim.following.follower.follow_workspace`;
+``count`` is the number of nodes of the solution; ``goal`` (3,) and ``heading`` are poses and directions [m, rad].
 """
 
 import math

@@ -6,7 +6,8 @@ it carries.
 
 Arguments of all helpers: ``graph`` (GraphArrays), ``maps`` (MapArrays), ``guide``, ``rules``, ``search`` and ``laid``
 as of :mod:`crowdsim.following.follower.follow_workspace`; ``root``, the map's row of the stage's node, -1 without one;
-``entry``, a row of the map; ``arc``, the arc length of the path beside a pose [m].
+``entry``, a row of the map; ``arc``, the arc length of the path beside a pose [m]. ``stage_end`` (3,) and ``stage_arc``
+are pose and arc length at the end of the stage [m, rad], ``mesh`` is the mesh of a layer (MeshArrays).
 """
 
 import math

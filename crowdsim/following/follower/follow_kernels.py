@@ -7,7 +7,7 @@ without candidates left is dropped, and the one before continues.
 Arguments of all helpers: ``graph`` (GraphArrays), ``maps`` (MapArrays), ``guide``, ``rules``, ``search`` and ``laid``
 as of :mod:`crowdsim.following.follower.follow_workspace`; ``top``, the row of the last stage; ``root``, the map's row
 of its node, -1 before the first; ``origin`` and ``end``, poses x, y [m], heading [rad]; ``arc``, the arc length of the
-path beside a pose [m].
+path beside a pose [m]. ``serial`` numbers stages; ``scores`` and ``items`` are columns of a list.
 """
 
 import math

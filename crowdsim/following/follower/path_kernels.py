@@ -3,6 +3,8 @@
 ``guide.pose`` (m, 3) are the samples, ``guide.step`` meters apart, ``guide.per_meter`` of them per meter. Arc length
 runs from 0 to the path's length. The path continues straight beyond both ends, so that a motion that starts before it
 or overshoots it still has a target.
+
+``low`` and ``high`` bound the arc length that is searched [m].
 """
 
 import math

@@ -1,4 +1,10 @@
-"""Test that every joint of a body stays within its section: the clearance that the path was planned with."""
+"""Test that every joint of a body stays within its section: the clearance that the path was planned with.
+
+``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``guide``, ``rules``, ``search`` and
+``laid`` are those of :mod:`crowdsim.following.follower.follow_workspace`; ``reach``
+(:class:`crowdsim.following.follower.body_reach.BodyReach`) holds the joints of each frame, of which ``row`` is one;
+``edge`` is the edge into a node, -1 for none; ``heading`` is that of the track [rad].
+"""
 
 import math
 
@@ -69,8 +75,8 @@ def _frame_of_passing(graph, guide, node, frames, x, y, heading, dx, dy, dh):
 def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, stage_arc, joined):
     """Return True if every joint in every frame of a laid branch, with blend offsets faded, stays in its section.
 
-    Else mark the first node that leaves unfit for the stage. Arguments as of
-    :func:`crowdsim.following.follower.branch_kernels.branch_is_free`; tested nodes are marked in the last column of
+    Else mark the first node that leaves unfit for the stage. ``depth``, ``stage_end``, ``stage_arc`` and ``joined`` are
+    those of :mod:`crowdsim.following.follower.branch_kernels`; tested nodes are marked in the last column of
     ``laid.free``. A motion that need not end standing ends where it passes the goal.
     """
     column = laid.free.shape[1] - 1

@@ -7,7 +7,8 @@ out. The jump between two nodes counts as walked; otherwise turning in place wou
 Arguments of all helpers: ``graph`` (GraphArrays); ``space`` (where bodies are tested), ``rules``, ``tree``, ``chain``
 and ``out`` as of :mod:`crowdsim.following.graph_search.graph_search`; ``start`` and ``goal`` (3,), x, y [m] and heading
 [rad], nan for any; ``start_node``, the node that begins at the start, -1 for any; ``row``, a search node laid in the
-tree; ``edge``, the one taken behind it.
+tree; ``edge``, the one taken behind it. ``count`` is the number of items in the queue, or of joints in the chain;
+``cost`` is f [m].
 """
 
 import math

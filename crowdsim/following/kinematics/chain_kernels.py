@@ -3,6 +3,9 @@
 A joint is the planted foot at a transition; turning it rotates all that comes after it.
 
 Arguments of all helpers are those of :func:`bend_chain`, and the pose e of the chain's end: ex, ey [m], eh [rad].
+``joint`` (J, 2) are places [m], ``limit`` (J, 2) least and largest turn and ``turn`` (J,) present turn of each [rad],
+``count`` how many there are, base first; ``lever`` weighs an error of heading [m/rad]. In a leap p = (px, py, ph) is a
+vector in the space of the end's pose.
 """
 
 import math

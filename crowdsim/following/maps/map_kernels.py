@@ -2,6 +2,10 @@
 
 An entry of a map is one node of that tree, stored by the pose at which the node *starts*, in the frame of the root's
 own start. The root is entry 0.
+
+A cell is numbered by (``ix``, ``iy``, ``heading_bin``) or, packed, by an int64 ``key``. The frontier is a hash table of
+three columns, ``table_key``, ``table_node`` and ``table_stamp``, whose length is a power of two. A ``heap`` (n,) holds
+entries, the first ``size`` of them in use, and ``cost`` is that of each entry [m].
 """
 
 import math

@@ -82,7 +82,7 @@ def without_still(raw: RawMotion, still: Sequence[str]) -> RawMotion:
     for joint in range(1, count + 1):
         turned = multiply(turned, raw.rotations[:, joint])
     rotations = np.concatenate([turned[:, None], raw.rotations[:, count + 1 :]], axis=1)
-    told = f"'{raw.names[count]}' is the root, as nothing above it moves ({', '.join(still)})"
+    reason = f"'{raw.names[count]}' is the root, as nothing above it moves ({', '.join(still)})"
     return replace(
         raw,
         names=raw.names[count:],
@@ -90,7 +90,7 @@ def without_still(raw: RawMotion, still: Sequence[str]) -> RawMotion:
         offsets=raw.offsets[count:],
         end_parents=(raw.end_parents - count).astype(np.int32),
         rotations=rotations,
-        assumed=(told, *raw.assumed),
+        assumed=(reason, *raw.assumed),
     )
 
 

@@ -2,6 +2,10 @@
 
 Rotations are unit quaternions (w, x, y, z) in tuples. World axes are x, y on the floor and z up. ``model`` is a
 :class:`crowdsim.motion.deformed.deformed_clip.ClipModel`; foot 0 is the left one, 1 the right one.
+
+``q`` is a rotation, ``rows`` an array of rotations or samples; ``bones`` (2, 5) are those of the model: thigh, shank,
+ankle to ball along the foot, heights of ankle and ball [m]; ``pitch`` is that of a foot, toes up [rad]; ``print_yaw``
+is the heading of a print [rad]; ``hip``, ``ankle`` and ``ball`` are points [m].
 """
 
 import math
@@ -13,6 +17,9 @@ from crowdsim.motion.deformed.spline_kernels import span_of, value_at, weights_o
 # Columns of the samples of a track.
 X, Y, HEADING, PHASE, SHARE, AHEAD, DROP, TWIST = 0, 1, 2, 3, 4, 5, 6, 7
 COLUMNS = 8
+
+THIGH, SHANK, FOOT_LENGTH, ANKLE_HEIGHT, BALL_HEIGHT = range(5)
+"""Columns of the bones of a model; the length of a foot is that from ankle to ball."""
 
 HEEL_BACK = 0.055
 """Distance from the ankle joint back to the end of the heel [m]."""
@@ -174,14 +181,14 @@ def ankle_over(bones, foot, pitch):
 
     The foot turns about its heel if the toes point up (pitch > 0), else about the ball joint.
     """
-    length = bones[foot, 2]
-    high = bones[foot, 3]
+    length = bones[foot, FOOT_LENGTH]
+    high = bones[foot, ANKLE_HEIGHT]
     c, s = cos_sin(pitch)
     if pitch > 0.0:
         return HEEL_BACK * (c - 1.0) - high * s - length, HEEL_BACK * s + high * c
-    # The ankle circles the ball joint, which is bones[foot, 4] above the floor.
-    rise = high - bones[foot, 4]
-    return -length * c - rise * s, -length * s + rise * c + bones[foot, 4]
+    # The ankle circles the ball joint, which is bones[foot, BALL_HEIGHT] above the floor.
+    rise = high - bones[foot, BALL_HEIGHT]
+    return -length * c - rise * s, -length * s + rise * c + bones[foot, BALL_HEIGHT]
 
 
 @helper
@@ -190,7 +197,7 @@ def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
 
     hip: place of the hip joint. ball: place of the ball on the floor. c, s: cosine and sine of the foot's heading.
     """
-    most = REACH * (bones[foot, 0] + bones[foot, 1])
+    most = REACH * (bones[foot, THIGH] + bones[foot, SHANK])
     # The hip seen from the ball in the foot's frame; done if the leg reaches the ankle as it is.
     x = c * (hip[0] - ball[0]) + s * (hip[1] - ball[1])
     y = c * (hip[1] - ball[1]) - s * (hip[0] - ball[0])
@@ -200,9 +207,9 @@ def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
         return pitch
     # Else raise the heel. The ankle moves on a circle about the ball joint; by the law of cosines in the triangle ball,
     # ankle, hip the leg has its full length at one angle above the direction to the hip.
-    z = hip[2] - bones[foot, 4]
-    length = bones[foot, 2]
-    rise = bones[foot, 3] - bones[foot, 4]
+    z = hip[2] - bones[foot, BALL_HEIGHT]
+    length = bones[foot, FOOT_LENGTH]
+    rise = bones[foot, ANKLE_HEIGHT] - bones[foot, BALL_HEIGHT]
     radius = math.sqrt(length * length + rise * rise)
     flat = math.sqrt(x * x + z * z)
     share = (x * x + y * y + z * z + radius * radius - most * most) / (2.0 * radius * flat)
@@ -214,7 +221,7 @@ def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
 def lacking(bones, foot, hip, ankle):
     """Return how far the pelvis must come down for a leg to reach its ankle [m]; negative if it need not."""
     # Pythagoras: the hip's largest height above the ankle at this horizontal distance.
-    most = REACH * (bones[foot, 0] + bones[foot, 1])
+    most = REACH * (bones[foot, THIGH] + bones[foot, SHANK])
     x = hip[0] - ankle[0]
     y = hip[1] - ankle[1]
     return hip[2] - ankle[2] - math.sqrt(max(most * most - x * x - y * y, 0.01))

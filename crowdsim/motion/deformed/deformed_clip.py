@@ -16,6 +16,7 @@ from crowdsim.geometry.elementary import atan2, cos, hypot, sin
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import Floats, about_axis, conjugate, forward_kinematics, multiply, rotate
 from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.motion.deformed.body_kernels import ANKLE_HEIGHT, FOOT_LENGTH, SHANK, THIGH
 from crowdsim.motion.deformed.clip_cycle import SAMPLES, Cycle, find_cycle
 from crowdsim.motion.deformed.leg_frames import foot_shape, leg_turns, mean_rotation
 
@@ -364,7 +365,7 @@ def _standing_height(turn: Floats, hips: Floats, bones: Floats) -> float:
     heights = []
     for foot, side in ((0, 1.0), (1, -1.0)):
         hip = rotate(turn, hips[foot])
-        reach = _STAND_REACH * (bones[foot, 0] + bones[foot, 1])
-        apart = hypot(0.5 * bones[foot, 2] + hip[0], side * _STAND_HALF_WIDTH - hip[1])
-        heights.append(bones[foot, 3] + np.sqrt(reach * reach - apart * apart) - hip[2])
+        reach = _STAND_REACH * (bones[foot, THIGH] + bones[foot, SHANK])
+        apart = hypot(0.5 * bones[foot, FOOT_LENGTH] + hip[0], side * _STAND_HALF_WIDTH - hip[1])
+        heights.append(bones[foot, ANKLE_HEIGHT] + np.sqrt(reach * reach - apart * apart) - hip[2])
     return float(min(heights))

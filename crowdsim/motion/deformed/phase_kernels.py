@@ -2,6 +2,8 @@
 
 The phase counts cycles: the left foot lands at whole numbers, the right one half a cycle later. Cadence follows the
 walk ratio of human gait, step length over cadence, which hardly changes with speed: 0.0065 m per step a minute.
+
+``ahead`` and ``side`` are speeds in the frame of the shoulders [m/s].
 """
 
 import math

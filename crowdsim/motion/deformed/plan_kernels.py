@@ -2,6 +2,11 @@
 
 There is one row per half cycle, the left foot's in even half cycles. Each row depends only on about a cycle of the
 track before and after it, so a plan of any long enough part of a track gives the same poses.
+
+Arguments of all helpers: ``model`` (ClipModel); ``samples``, padded rows of tracks, ``step`` seconds apart; ``firsts``
+and ``counts`` (A,), first row and number of the samples of each track, or ``first`` and ``last`` of one; ``halves``
+(A,), half cycle of each track's first row of ``steps``, the rows of footsteps, which begin at ``rows`` (A + 1,);
+``scratch``, room for a number a sample; ``heading`` of a foot [rad].
 """
 
 import math
@@ -11,6 +16,7 @@ from crowdsim.jit import helper, kernel
 from crowdsim.motion.deformed.body_kernels import (
     AHEAD,
     DROP,
+    FOOT_LENGTH,
     HEADING,
     PHASE,
     SHARE,
@@ -232,7 +238,7 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
             side = 1.0 - 2.0 * foot
             # Blend from feet under a standing body to the clip's prints, by the share of its steps ahead.
             width = (1.0 - ahead) * model.width + ahead * abs(model.prints[foot, 1])
-            place = (1.0 - ahead) * 0.5 * model.bones[foot, 2] + ahead * model.prints[foot, 0]
+            place = (1.0 - ahead) * 0.5 * model.bones[foot, FOOT_LENGTH] + ahead * model.prints[foot, 0]
             c, s = cos_sin(track[HEADING])
             steps[row, PRINT] = track[X] + c * place - side * s * width
             steps[row, PRINT + 1] = track[Y] + s * place + side * c * width

@@ -3,7 +3,8 @@
 Arguments of all helpers: ``model`` (ClipModel); ``steps``, rows of the :class:`StepPlan
 <crowdsim.motion.deformed.step_plan.StepPlan>`; ``foot``, 0 for the left and 1 for the right; ``track``, the sample of
 the plan at the time; ``place`` and ``turn``, position [m] and rotation of the root; ``out`` (P, J, 4), rotations of the
-joints of all bodies, of which row ``body`` is written. Quaternions are (w, x, y, z).
+joints of all bodies, of which row ``body`` is written. Quaternions are (w, x, y, z). ``q`` is a rotation, ``phase``
+that of the gait [cycles].
 """
 
 import math
@@ -12,10 +13,14 @@ from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.deformed.body_kernels import (
     AHEAD,
+    ANKLE_HEIGHT,
+    FOOT_LENGTH,
     HEEL_BACK,
     PHASE,
     REACH,
+    SHANK,
     SHARE,
+    THIGH,
     TWIST,
     conjugate,
     ease,
@@ -40,7 +45,10 @@ _CLEAR = 0.015
 
 @helper
 def _cubic(u, start, start_speed, end, end_speed):
-    """Interpolate between two values with given speeds, u in [0, 1] (cubic Hermite)."""
+    """Interpolate between ``start`` and ``end``, u in [0, 1], with given speeds there (cubic Hermite).
+
+    start_speed, end_speed: change per unit of u.
+    """
     rest = 1.0 - u
     return (
         (1.0 + 2.0 * u) * rest * rest * start
@@ -53,9 +61,10 @@ def _cubic(u, start, start_speed, end, end_speed):
 def _swing_ankle(model, foot, old, new, u, track):
     """Return ankle, pitch, heading and toe bend of a foot that swings from print ``old`` to ``new`` (rows of steps).
 
-    u: share of the foot's cycle, from STANCE on.
+    u: share of the foot's cycle, from STANCE on. The ankle is (x, y, z) [m], the others are angles [rad].
     """
-    # v: share of the swing; speeds per cycle become speeds per swing.
+    # v: share of the swing; speeds per cycle become speeds per swing. A bump over the swing, from 0 over 1 in its
+    # middle back to 0, is 16 v^2 (1 - v)^2 if it begins and ends without speed, else 4 v (1 - v).
     length = 1.0 - STANCE
     v = (u - STANCE) / length
     rest = 1.0 - v
@@ -63,12 +72,13 @@ def _swing_ankle(model, foot, old, new, u, track):
     y = _cubic(v, old[LIFT + 1], length * old[LIFT + 6], new[LAND + 1], length * new[LAND + 6])
     z = _cubic(v, old[LIFT + 2], length * old[LIFT + 7], new[LAND + 2], length * new[LAND + 7])
     yaw = old[LIFT + 4] + ease(v) * (new[LAND + 4] - old[LIFT + 4])
-    # Pass the other foot at a distance; outward is left for the left foot.
+    # Pass the other foot at a distance, ASIDE meters in the middle; outward is left for the left foot.
     c, s = cos_sin(yaw)
     aside = (1.0 - 2.0 * foot) * old[ASIDE] * 16.0 * v * v * rest * rest
     x -= aside * s
     y += aside * c
-    # Lift as the clip does, by the share of its stride, and at least as in steps on the spot.
+    # Lift as the clip does, by the share of steps ahead, and add what a step on the spot is lifted by: less of it the
+    # more the body walks ahead (half at a share of 0.2), and between 0.6 and all of it as strides grow.
     ahead = track[AHEAD]
     share = min(track[SHARE], 1.0)
     z += ahead * sampled(model.lift, foot, u)
@@ -79,8 +89,8 @@ def _swing_ankle(model, foot, old, new, u, track):
     pitch += least * (old[LIFT + 3] - planned_pitch(model, foot, STANCE, ahead))
     # Keep ball and heel off the floor.
     pc, ps = cos_sin(pitch)
-    high = model.bones[foot, 3]
-    ball = model.bones[foot, 2] * ps - high * pc
+    high = model.bones[foot, ANKLE_HEIGHT]
+    ball = model.bones[foot, FOOT_LENGTH] * ps - high * pc
     heel = -HEEL_BACK * ps - high * pc
     z = max(z, _CLEAR * 4.0 * v * rest - min(ball, heel))
     # Toes stay level while the foot points down; their tips would go through the floor.
@@ -102,7 +112,10 @@ def _foot_at(model, steps, row, foot, u, track, place, turn):
 
 @helper
 def _frame_rotation(x0, x1, x2, y0, y1, y2, z0, z1, z2):
-    """Return the rotation of the frame whose axes are the unit vectors x, y, z (matrix to quaternion)."""
+    """Return the rotation of the frame with the axes x = (x0, x1, x2), y = (y0, y1, y2), z = (z0, z1, z2).
+
+    They are unit vectors, the columns of a rotation matrix, which is turned into a quaternion.
+    """
     # Divide by the largest of the four components, whichever it is, for accuracy.
     trace = x0 + y1 + z2
     if trace > 0.0:
@@ -138,8 +151,8 @@ def _pose_leg(model, foot, hip, turn, target, forward, out, body):
     cosines.
     """
     ankle, pitch, yaw, bend = target
-    thigh = model.bones[foot, 0]
-    shank = model.bones[foot, 1]
+    thigh = model.bones[foot, THIGH]
+    shank = model.bones[foot, SHANK]
     x, y, z = ankle[0] - hip[0], ankle[1] - hip[1], ankle[2] - hip[2]
     far = math.sqrt(x * x + y * y + z * z)
     reach = min(far, REACH * (thigh + shank))

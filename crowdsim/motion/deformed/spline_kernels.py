@@ -2,6 +2,8 @@
 
 Values are weighted means of neighboring samples, so a curve never leaves their range. It passes each sample within a
 sixth of its second difference.
+
+``samples`` (n, columns) are ``step`` seconds apart; ``count`` of them, from row ``first`` on, are one curve.
 """
 
 from crowdsim.jit import helper

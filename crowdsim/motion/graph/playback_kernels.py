@@ -1,6 +1,8 @@
 """How far an agent plays its nodes in a given time, at a rate that changes gradually.
 
 Rates are in ticks per step. A body between two frames is shown between their poses.
+
+``playback`` is a :class:`crowdsim.crowd.state.timelines.Playback` or has its fields.
 """
 
 from crowdsim.jit import kernel

@@ -1,4 +1,10 @@
-"""Joints of agents from their node, frame and track pose, as recordings store them."""
+"""Joints of agents from their node, frame and track pose, as recordings store them.
+
+Arguments of all helpers: ``table`` (PoseTable); ``node``, its ``frame`` (a part of one counts), and the node
+``previous`` to it, -1 for none; ``a`` and ``b``, values or quaternions (w, x, y, z), also written a0 to a3 and b0 to
+b3, and ``part``, 0 at a and 1 at b; ``q``, a quaternion; ``out_positions`` (A, J, 3) [m] and ``out_rotations`` (A, J,
+4), the joints of all bodies.
+"""
 
 import math
 
@@ -10,7 +16,7 @@ from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, blend_weight
 
 @helper
 def _multiply(a0, a1, a2, a3, b0, b1, b2, b3):
-    """Return the Hamilton product a b: rotation b followed by a."""
+    """Return the Hamilton product of (a0, a1, a2, a3) and (b0, b1, b2, b3): rotation b followed by a."""
     return (
         a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
         a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,

@@ -2,6 +2,8 @@
 
 Units are meters and radians; a pose is (x, y, heading). ``graph`` is a
 :class:`crowdsim.motion.graph.arrays.GraphArrays`.
+
+``dx``, ``dy`` and ``dheading`` are a blend offset [m, rad].
 """
 
 from crowdsim.geometry.elementary_kernels import cos_sin

@@ -2,7 +2,9 @@
 
 Arguments of all helpers: ``work`` (:class:`~crowdsim.motion.planted.follow_feet.Step`); ``a``, the row of the body;
 ``node`` and ``previous``, what it plays and what it played before, -1 for none; ``share``, ``early`` and ``late``,
-moments of the step, 0 to 1; ``count``, the number of events noted so far, which is returned, increased.
+moments of the step, 0 to 1; ``count``, the number of events noted so far, which is returned, increased. ``frame`` is
+that of the node. ``mode``, ``since``, ``until`` and ``pose`` (x, y [m], heading [rad]) are the columns of a foot's
+state that :mod:`crowdsim.motion.planted.pin_kernels` names.
 """
 
 from crowdsim.geometry.planar_kernels import wrap_angle
@@ -32,6 +34,7 @@ LONGEST_FADE = 24.0
 @helper
 def _track_at(work, a, share):
     """Return the track pose of body ``a`` at a share of the step."""
+    # ``work.spans``: lengths of a periodic floor, across whose ends the way from old to new may be shorter.
     old, new = work.old_track[a], work.new_track[a]
     if share >= 1.0:
         return new[0], new[1], new[2]
@@ -130,6 +133,7 @@ def _shown(work, a, node, frame, foot):
 @helper
 def _appear(work, a, node, previous, frame, count):
     """Begin with a body that has just come: it stands where its clip has it."""
+    # At the end of the step (share 1), each foot stands from this frame on, or is free.
     row = work.table.node_first[node] + int(frame)
     _pose(work, a, node, previous, frame, 1.0)
     for foot in range(2):

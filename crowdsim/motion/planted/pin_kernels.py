@@ -5,7 +5,9 @@ rolls and turns in the clip that is played moves it. While it swings, its displa
 
 Arguments of all helpers: ``table`` (PoseTable) and ``feet`` (FootTable); ``foot``, 0 for the left and 1 for the right;
 ``positions`` and ``rotations`` of the joints of all bodies, of which row ``a`` is one body; hip, knee, ankle and other
-points are triples [m], rotations are quaternions (w, x, y, z).
+points are triples [m], rotations are quaternions (w, x, y, z). ``a`` and ``b`` are vectors in products; ``turn`` is a
+rotation, ``target`` the ankle's place to be reached [m], ``most`` the share of its length to which the leg may stretch;
+``spans`` are the lengths of a periodic floor along x and y, 0 without ends [m].
 """
 
 import math

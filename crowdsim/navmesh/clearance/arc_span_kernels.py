@@ -4,6 +4,10 @@ An arc starts at bearing ``start`` from its center and spans ``turn`` radians (n
 given by the angle u in [0, |turn|] from its start. The roots found here are the angles u at which the arc crosses the
 obstacle's outline grown by the radius: circles around its ends and lines beside it. Between two roots the arc is
 entirely too close or entirely clear; the caller tests the middle to see which.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``arc`` is a record :data:`ARC`; ``lo`` and
+``hi`` bound the roots that count [rad]; ``roots`` holds the first ``count`` of them in ascending order; n = (nx, ny) is
+the unit normal of a line, v, a and b are points [m].
 """
 
 import math

@@ -1,4 +1,8 @@
-"""Intervals on which a disc, swept along a chain of arcs, comes too close to the obstacles of a mesh."""
+"""Intervals on which a disc, swept along a chain of arcs, comes too close to the obstacles of a mesh.
+
+``marks`` (nt,) holds the number ``mark`` for triangles that were visited for the present piece; ``near`` lists them,
+``roots`` is scratch for angles. ``radius`` is that of the disc [m].
+"""
 
 import math
 

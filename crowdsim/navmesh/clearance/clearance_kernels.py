@@ -2,6 +2,10 @@
 
 Every vertex of a free triangle is on an obstacle. A disc that holds no vertex cuts each side it meets as a chord, so
 the triangles it reaches form a tree. They can be walked without marking those already visited.
+
+Arguments of all helpers: ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; p0 = (x0, y0) and
+p1 = (x1, y1) are the ends 0 and 1 of a segment, 0-1, along which a disc is swept; a and b are those of a side ab;
+``hint`` is a triangle from which the one that holds p0 is searched, -1 for none.
 """
 
 import math

@@ -5,6 +5,10 @@ p on one obstacle's outline grown by the radius, or a point where two such outli
 are within the radius of q, and so of the triangle that holds q. So triangles are visited in the order of their distance
 from p. Blocked ones are only crossed. Each free one offers the candidates of the obstacles near it, until the next
 triangle is farther than the best place.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, t a triangle; p = (px, py) is the query
+point; ``other`` is an outline as ``one``; ``tolerance`` is a distance that rounding may take [m]; ``triangle_marks``
+and ``vertex_marks`` say what was visited already.
 """
 
 import math

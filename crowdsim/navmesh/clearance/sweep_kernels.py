@@ -1,4 +1,9 @@
-"""Test if a disc can move along a segment without touching an obstacle; much cheaper than a distance."""
+"""Test if a disc can move along a segment without touching an obstacle; much cheaper than a distance.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
+SIDE and VERTEX; h is a half-edge, of which triangle t has 3 t to 3 t + 2; ``stack`` (k,) records :data:`SWEPT`, sides
+still to be crossed; ``least`` is the distance that must be kept [m].
+"""
 
 import math
 
@@ -173,7 +178,8 @@ def walk(sides, vertices, t, x, y):
         by = b.y - y
         cx = c.x - x
         cy = c.y - y
-        # Look for a side that has the point on its right, h counting the sides passed, and step across it.
+        # Look for a side that has the point on its right, h counting the sides passed, and step across it. A side of
+        # the hull has no twin, -1, and so no triangle behind it.
         if ax * by - ay * bx >= 0.0:
             h += 1
             if bx * cy - by * cx >= 0.0:

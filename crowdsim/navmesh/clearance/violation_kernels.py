@@ -1,6 +1,10 @@
 """Intervals on which a disc, swept along a polyline, comes too close to the obstacles of a mesh.
 
 A place on a piece of the polyline is p + s u with u of unit length, so s is arc length [m].
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; p0 = (x0, y0) and p1 = (x1, y1) are the ends
+of a piece, 0-1, a and b those of a side ab; an interval lo..hi of s is empty if lo > hi; ``spans`` (k,) are intervals;
+``frame`` is a record FRAME of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, with the box.
 """
 
 import math

@@ -1,4 +1,9 @@
-"""Paths between two places around one more obstacle, guided by the lengths of ways without it."""
+"""Paths between two places around one more obstacle, guided by the lengths of ways without it.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``work`` is the
+:class:`crowdsim.navmesh.paths.workspace.Workspace`; ``least`` is the clearance that counts as enough, the radius less
+the tolerance [m].
+"""
 
 from __future__ import annotations
 

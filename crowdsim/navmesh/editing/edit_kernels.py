@@ -1,4 +1,10 @@
-"""Obstacles inserted into a finished mesh and removed again; only what is around them is repaired."""
+"""Obstacles inserted into a finished mesh and removed again; only what is around them is repaired.
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`. An obstacle is given by its corners ``points`` (n, 2) [m], ring after ring,
+that end at ``ends``, by ``winding``, 1 for rings with the obstacle on their left and 0 for polylines and points, by the
+``slot`` that names it, and by the vertices ``ids`` (n,) of its corners.
+"""
 
 from crowdsim.errors import BoundExceeded
 from crowdsim.jit import helper, kernel

@@ -1,4 +1,8 @@
-"""Checks of the outlines of obstacles before they enter a mesh."""
+"""Checks of the outlines of obstacles before they enter a mesh.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`. ``points`` (n, 2) [m] are the corners as
+given, ``snapped`` (n, 2) those on the grid.
+"""
 
 from crowdsim.geometry.predicates_kernels import orient2d
 from crowdsim.jit import helper, kernel

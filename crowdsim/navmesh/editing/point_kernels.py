@@ -1,4 +1,8 @@
-"""Point obstacles inserted into a finished mesh and removed again: without sides there is much less to do."""
+"""Point obstacles inserted into a finished mesh and removed again: without sides there is much less to do.
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`; v is a vertex, ``hint`` a triangle from which a search begins.
+"""
 
 import numpy as np
 

@@ -1,6 +1,9 @@
 """Which vertices of a constrained Delaunay triangulation an edit can remove.
 
 The half-edges that leave a vertex are its spokes; see removal_kernels.
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`; v, a, b and ``far`` are vertices.
 """
 
 from crowdsim.errors import BoundExceeded

@@ -2,6 +2,9 @@
 
 The half-edges that leave a vertex are its spokes. ``nxt(h)`` of a spoke h is the outer side of its triangle, and
 sides[prv(h)].twin the next spoke counter-clockwise.
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`; h is a half-edge, ``fixed`` the number of constrained spokes.
 """
 
 from crowdsim.errors import BoundExceeded

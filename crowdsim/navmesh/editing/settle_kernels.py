@@ -1,6 +1,9 @@
 """Repairs after an edit: Delaunay sides, vertices that nothing needs, refinement and corner clearances.
 
 Only what is around the touched vertices (see work_kernels) is looked at.
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`; t is a triangle, h a half-edge, v a vertex.
 """
 
 from crowdsim.errors import BoundExceeded
@@ -12,11 +15,10 @@ from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS
 from crowdsim.navmesh.triangulation.refine_kernels import (
     add_foot,
     find_bottleneck,
-    inside_circle,
     measure_triangle,
     refine,
 )
-from crowdsim.navmesh.triangulation.triangulation_kernels import restore_delaunay
+from crowdsim.navmesh.triangulation.triangulation_kernels import inside_circle, restore_delaunay
 from crowdsim.navmesh.triangulation.work_kernels import (
     CHANGED,
     KEPT,

@@ -1,4 +1,8 @@
-"""Undo the insertion of a point by copying back what it changed, which is cheaper than to remove the point."""
+"""Undo the insertion of a point by copying back what it changed, which is cheaper than to remove the point.
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`.
+"""
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.mesh.address_kernels import mesh_at, workshop_at

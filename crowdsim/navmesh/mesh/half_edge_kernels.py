@@ -1,4 +1,8 @@
-"""Steps on half-edges, and the search for a triangle or a side."""
+"""Steps on half-edges, and the search for a triangle or a side.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
+SIDE and VERTEX; h is a half-edge, t a triangle.
+"""
 
 import numpy as np
 

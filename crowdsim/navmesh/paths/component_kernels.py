@@ -3,6 +3,10 @@
 Two sides of a triangle belong together if the disc can turn around their common corner. A corner close to a wall can
 divide a triangle between components, so sides carry the labels, not triangles. Two sides are related as in
 :func:`crowdsim.navmesh.paths.search_kernels.find_channel`, so a path is found exactly within a component.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``parent`` (half-edges,) leads from each
+half-edge to the one that stands for its set (union-find); ``radius`` is that of the disc and ``least`` the clearance
+that counts as enough [m].
 """
 
 import numpy as np

@@ -3,6 +3,9 @@
 Sides are known by the vertices at their ends, which keep their numbers when obstacles come and go. The distances are
 those of the mesh without these obstacles. A guide only says where to look first, so an unknown or changed side does no
 harm.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``guide`` is a table of rows :data:`GUIDE`;
+a side goes from vertex ``origin`` to vertex ``end``; ``radius`` is that of the disc [m].
 """
 
 import math

@@ -6,6 +6,11 @@ corners decide what can be crossed, as in :mod:`crowdsim.navmesh.paths.search_ke
 
 Arguments of all helpers are those of :func:`find_way`; ``label`` is a record LABEL of the workspace: an interval of a
 side that is seen from a root r, between the ends l (left) and p (right). ``spent`` is the length up to the root [m].
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``work`` is the
+:class:`crowdsim.navmesh.paths.workspace.Workspace`, of which ``labels`` (the first ``used`` in use), ``waypoints`` and
+``reached`` are arrays and ``stamp`` is the number of the query; ``regions`` (nt,) are records
+:data:`crowdsim.navmesh.paths.region_kernels.REGION`; s = (sx, sy) is the start and g = (gx, gy) the goal [m]. h,
+``before`` and ``corner`` are fields of a label.
 """
 
 import math

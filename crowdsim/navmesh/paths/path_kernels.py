@@ -1,6 +1,11 @@
 """Paths of discs, one or many: the straight one if it is free, else the way that the search finds, pulled taut.
 
 Nodes are records :data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`; the first is the start, the last the goal.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``work`` is the
+:class:`crowdsim.navmesh.paths.workspace.Workspace`, ``regions`` are those of
+:mod:`crowdsim.navmesh.paths.region_kernels`, ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; s
+= (sx, sy) is the start and g = (gx, gy) the goal [m].
 """
 
 import math

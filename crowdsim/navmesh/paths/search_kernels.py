@@ -2,6 +2,9 @@
 
 A state is a half-edge by which the path leaves its triangle, with the best point to cross it. In a refined mesh the
 widths of sides and corners decide exactly if the disc fits; near the ends of the path `can_leave` decides.
+
+``sides`` and ``vertices`` are the records SIDE and VERTEX of the mesh; p = (px, py) is a place before side h, g = (gx,
+gy) the goal [m].
 """
 
 import numpy as np

@@ -1,4 +1,9 @@
-"""Turn the taut string of a disc into a path: check its polyline piece by piece and repair it where it is too close."""
+"""Turn the taut string of a disc into a path: check its polyline piece by piece and repair it where it is too close.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
+SIDE and VERTEX; ``nodes`` are records :data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`, the first ``count``
+of them in use; ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; a and b are unit vectors.
+"""
 
 import math
 

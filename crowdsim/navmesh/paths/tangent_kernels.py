@@ -1,4 +1,8 @@
-"""Taut strings around discs: their nodes, tangents and arcs, and the funnel that pulls them through a channel."""
+"""Taut strings around discs: their nodes, tangents and arcs, and the funnel that pulls them through a channel.
+
+``node`` is a record :data:`STRING_NODE`; q is the signed radius of its circle, positive if the string turns left around
+it [m], and ``vertex`` the corner at its center.
+"""
 
 import math
 

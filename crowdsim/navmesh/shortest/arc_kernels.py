@@ -2,7 +2,10 @@
 
 Arguments of all helpers: ``radius`` of the disc and ``least``, the clearance that counts as enough, slightly less [m];
 angles are measured from the direction n, up to ``extent`` [rad]; ``sights``, ``found`` and ``spans`` are scratch: a
-stack of views, what is seen, and the intervals of angles that are taken.
+stack of views, what is seen, and the intervals of angles that are taken. ``m`` is the mesh (MeshArrays) of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records SIDE and VERTEX; n = (nx, ny) is a
+unit vector, c = (cx, cy) a corner and v a vertex relative to it, a and b the ends of a wall [m]; p is the place of a
+corner.
 """
 
 import math

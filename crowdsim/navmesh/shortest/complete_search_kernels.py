@@ -2,6 +2,10 @@
 
 Arguments are those of :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`; ``arrivals`` are records ARRIVAL, and
 ``first`` (nodes,) is the arrival last added at each node, -1 for none.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``radius`` is that of the disc [m],
+``cost``, ``turned`` and ``before`` are fields of an arrival, ``count`` is the number of arrivals. ``graph``,
+``scratch``, ``start`` and ``goal`` are those of the other search.
 """
 
 import numpy as np

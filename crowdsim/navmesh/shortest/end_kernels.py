@@ -1,4 +1,10 @@
-"""The ends of shortest paths: where they stand, what they see, and the tangents between them and arcs."""
+"""The ends of shortest paths: where they stand, what they see, and the tangents between them and arcs.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``graph`` (TangentGraph), ``scratch`` and
+``disc`` are those of :mod:`crowdsim.navmesh.shortest.shortest_scratch`; ``least`` is the clearance that counts as
+enough [m]; ``found`` is the number of tangents in the view so far; p0 = (x0, y0), the end 0 of a line, is where one
+looks from.
+"""
 
 import math
 

@@ -1,4 +1,8 @@
-"""The shortest path of a disc: straight if possible, otherwise along arcs and tangents."""
+"""The shortest path of a disc: straight if possible, otherwise along arcs and tangents.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``graph`` is the TangentGraph of the disc,
+``scratch`` a ShortestScratch, ``asked`` (k,) the rows of the batch to be searched.
+"""
 
 import math
 

@@ -1,4 +1,8 @@
-"""Tangents between the arcs of a mesh that a disc of one radius can follow."""
+"""Tangents between the arcs of a mesh that a disc of one radius can follow.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; n = (nx, ny) is a unit vector; ``stack`` is
+scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; ``least`` is the clearance that counts as enough [m].
+"""
 
 import math
 
@@ -30,6 +34,7 @@ def touches(arc, nx, ny):
 def turned_to(arc, nx, ny):
     """Return the angle [rad] from the begin of the arc to its place in direction n, or -1.0 if it is not on the arc."""
     angle = atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
+    # Counter-clockwise from the begin n of the arc, in [0, 2 pi); a little before the begin counts as on it.
     if angle < -TOLERANCE:
         angle += 2.0 * math.pi
     if angle > arc.extent + TOLERANCE:

@@ -10,7 +10,9 @@ costs less may, but hardly ever does; then all arrivals have to be kept, see
 Arguments of all helpers: ``graph`` (TangentGraph); ``scratch``, ``disc``, ``start`` and ``goal`` (Stand), labels and
 ``goals`` (END, the tangents to the goal) as of :mod:`crowdsim.navmesh.shortest.shortest_scratch`; ``stamp``, the number
 of the query; ``n``, a node: a way around an arc, counter-clockwise if even. ``turned`` is the angle from the begin of
-the arc to the place of arrival [rad], ``straight`` the length of the tangent before it [m].
+the arc to the place of arrival [rad], ``straight`` the length of the tangent before it [m]. ``m`` is the mesh
+(MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; d = (dx, dy) is a vector [m]; ``longest`` is the length beyond
+which no way is followed [m]; ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
 """
 
 import math

@@ -1,4 +1,9 @@
-"""The corners to which a disc can go straight: the view from a point or an arc across the triangles around it."""
+"""The corners to which a disc can go straight: the view from a point or an arc across the triangles around it.
+
+``aim``, ``sight``, ``seen`` and ``ellipse`` are records AIM, SIGHT, SEEN and ELLIPSE of
+:mod:`crowdsim.navmesh.shortest.view_arrays`; ``radius`` is that of the disc [m], ``reach`` the distance behind a vertex
+from which on it bounds headings [m]; point 0 is (x0, y0), point 1 is (x1, y1). ``eye`` is the Viewpoint.
+"""
 
 import math
 

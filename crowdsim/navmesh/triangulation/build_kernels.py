@@ -1,4 +1,7 @@
-"""Build a finished mesh from snapped rings: constraints, free triangles, refinement, corner clearances, hints."""
+"""Build a finished mesh from snapped rings: constraints, free triangles, refinement, corner clearances, hints.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`.
+"""
 
 import numpy as np
 

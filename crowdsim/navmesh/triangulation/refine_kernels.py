@@ -3,6 +3,10 @@
 A bottleneck is a place where the passage between a vertex and its foot on a wall is narrowest: the disc with both as
 opposite points touches nothing else. Refinement makes the foot of each bottleneck a vertex. Afterwards the lengths of
 sides and the heights of corners alone decide what fits where (docs/navmesh.md, "Refinement").
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`; h and s are half-edges, v a vertex, t a triangle; ``sight`` is a record SIGHT.
+A segment leads from a to b, l = (l0, l1) is a ray; vectors are relative to the vertex that looks [m].
 """
 
 import math
@@ -16,14 +20,8 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.mesh.half_edge_kernels import is_dirty, nxt, prv, side
 from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
-from crowdsim.navmesh.triangulation.triangulation_kernels import split_edge, split_is_robust
+from crowdsim.navmesh.triangulation.triangulation_kernels import TOLERANCE, inside_circle, split_edge, split_is_robust
 from crowdsim.navmesh.triangulation.work_kernels import CHANGED, STUCK, dequeue, enqueue, is_spent, touch
-
-_TOLERANCE = 1e-9
-"""Share of a side by which the bounds of a search are widened against rounding.
-
-The exact clearance decides in the end.
-"""
 
 
 @helper
@@ -107,7 +105,7 @@ def _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1):
     """
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, xx, xy)
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, yx, yy)
-    if lo > hi + _TOLERANCE:
+    if lo > hi + TOLERANCE:
         return lo, hi
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, ax, ay)
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, bx, by)
@@ -133,7 +131,7 @@ def find_bottleneck(m, v, qx, qy, w):
     py = vertices[v].y
     qx -= px
     qy -= py
-    least = (1.0 - _TOLERANCE) * (qx * qx + qy * qy)
+    least = (1.0 - TOLERANCE) * (qx * qx + qy * qy)
     # Turn around v: one search for each triangle between two spokes x and y.
     first = vertices[v].vhe
     corner = first
@@ -187,7 +185,7 @@ def find_bottleneck(m, v, qx, qy, w):
                 # The part of the side where a foot may be: far enough along q, and in view.
                 lo, hi = _cut(0.0, 1.0, least - ax * qx - ay * qy, least - bx * qx - by * qy)
                 lo, hi = _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1)
-                if lo > hi + _TOLERANCE:
+                if lo > hi + TOLERANCE:
                     continue
                 # An open side: look on beyond it.
                 if sides[h].constraints == 0:
@@ -200,7 +198,7 @@ def find_bottleneck(m, v, qx, qy, w):
                 ey = by - ay
                 length2 = ex * ex + ey * ey
                 part = -(ax * ex + ay * ey) / length2
-                if part < lo - _TOLERANCE or part > hi + _TOLERANCE:
+                if part < lo - TOLERANCE or part > hi + TOLERANCE:
                     continue
                 found, fx, fy = _foot_at(m, h, part, px, py, corner // 3)
                 if found:
@@ -209,42 +207,6 @@ def find_bottleneck(m, v, qx, qy, w):
         if corner == first:
             return NONE, 0.0, 0.0
     raise BoundExceeded
-
-
-@helper
-def inside_circle(m, t, ax, ay, bx, by, lo, hi):
-    """Return the part of lo..hi of segment ab (0 at a, 1 at b) inside the circle of triangle t, slightly widened."""
-    sides = m.sides
-    vertices = m.vertices
-    p = vertices[sides[3 * t].org]
-    q = vertices[sides[3 * t + 1].org]
-    r = vertices[sides[3 * t + 2].org]
-    # Center c of the circle, relative to corner p.
-    ux = q.x - p.x
-    uy = q.y - p.y
-    vx = r.x - p.x
-    vy = r.y - p.y
-    half = 0.5 / (ux * vy - uy * vx)
-    u2 = ux * ux + uy * uy
-    v2 = vx * vx + vy * vy
-    cx = (vy * u2 - uy * v2) * half
-    cy = (ux * v2 - vx * u2) * half
-    ex = bx - ax
-    ey = by - ay
-    wx = ax - p.x
-    wy = ay - p.y
-    # At parameter s the power of the point is length2 s * s + 2 middle s + first. It is taken relative to p, which
-    # loses no digits for large circles.
-    length2 = ex * ex + ey * ey
-    middle = (wx - cx) * ex + (wy - cy) * ey
-    first = wx * (wx - 2.0 * cx) + wy * (wy - 2.0 * cy)
-    root = middle * middle - length2 * first
-    root += _TOLERANCE * (middle * middle + length2 * abs(first))
-    # The line misses the circle: an empty part.
-    if root < 0.0:
-        return 1.0, 0.0
-    root = math.sqrt(root)
-    return max(lo, (-middle - root) / length2), min(hi, (-middle + root) / length2)
 
 
 @helper
@@ -297,7 +259,7 @@ def _find_foot(m, s, w):
         zy = z.y
         part = ((zx - ax) * ex + (zy - ay) * ey) / length2
         # The far corner z is a corner of an obstacle and its foot falls into that part.
-        if z.vref > 0 and part >= lo - _TOLERANCE and part <= hi + _TOLERANCE:
+        if z.vref > 0 and part >= lo - TOLERANCE and part <= hi + TOLERANCE:
             found, fx, fy = _foot_at(m, s, part, zx, zy, g // 3)
             if found:
                 return True, fx, fy

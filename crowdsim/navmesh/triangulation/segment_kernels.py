@@ -1,6 +1,11 @@
 """Segments of a constrained Delaunay triangulation.
 
 Flips change the numbers of half-edges, so a side that must survive a flip is kept as a pair of vertices.
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`; h and e are half-edges, a, b, ``start`` and ``goal`` vertices;
+``constraints``, ``winding`` and ``use`` are what a way adds to its half-edges, and ``back`` is its list of uses in the
+opposite direction.
 """
 
 import math

@@ -1,4 +1,12 @@
-"""Points of an incremental Delaunay triangulation with exact predicates; constrained sides are never flipped."""
+"""Points of an incremental Delaunay triangulation with exact predicates; constrained sides are never flipped.
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records SIDE and VERTEX; ``cell`` is the
+side of a grid cell [m]; e, f and h are half-edges, t is a triangle; ``hint`` is one from which a search begins; u, v, p
+and q are vertices.
+"""
+
+import math
 
 import numpy as np
 
@@ -10,6 +18,12 @@ from crowdsim.navmesh.triangulation.work_kernels import STUCK, is_spent, touch_t
 
 FULL = -2
 """Status: the arrays have no room for another vertex; build again in larger arrays."""
+
+TOLERANCE = 1e-9
+"""Share of a side by which the bounds of a search are widened against rounding.
+
+The exact clearance decides in the end.
+"""
 
 
 @helper
@@ -292,3 +306,39 @@ def split_is_robust(sides, vertices, h, x, y):
     for e in (nxt(h), prv(h), nxt(g), prv(g)):
         inside = inside and side(vertices, sides[e].org, sides[nxt(e)].org, x, y) > 0.0
     return inside
+
+
+@helper
+def inside_circle(m, t, ax, ay, bx, by, lo, hi):
+    """Return the part of lo..hi of segment ab (0 at a, 1 at b) inside the circle of triangle t, slightly widened."""
+    sides = m.sides
+    vertices = m.vertices
+    p = vertices[sides[3 * t].org]
+    q = vertices[sides[3 * t + 1].org]
+    r = vertices[sides[3 * t + 2].org]
+    # Center c of the circle, relative to corner p.
+    ux = q.x - p.x
+    uy = q.y - p.y
+    vx = r.x - p.x
+    vy = r.y - p.y
+    half = 0.5 / (ux * vy - uy * vx)
+    u2 = ux * ux + uy * uy
+    v2 = vx * vx + vy * vy
+    cx = (vy * u2 - uy * v2) * half
+    cy = (ux * v2 - vx * u2) * half
+    ex = bx - ax
+    ey = by - ay
+    wx = ax - p.x
+    wy = ay - p.y
+    # At parameter s the power of the point is length2 s * s + 2 middle s + first. It is taken relative to p, which
+    # loses no digits for large circles.
+    length2 = ex * ex + ey * ey
+    middle = (wx - cx) * ex + (wy - cy) * ey
+    first = wx * (wx - 2.0 * cx) + wy * (wy - 2.0 * cy)
+    root = middle * middle - length2 * first
+    root += TOLERANCE * (middle * middle + length2 * abs(first))
+    # The line misses the circle: an empty part.
+    if root < 0.0:
+        return 1.0, 0.0
+    root = math.sqrt(root)
+    return max(lo, (-middle - root) / length2), min(hi, (-middle + root) / length2)

@@ -1,6 +1,10 @@
 """Lists of the inserted obstacles that run along a half-edge.
 
 Lists are sorted by owner, kept in a pool and never changed, so that half-edges can share them or their ends.
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``uses`` is the pool of records USE, ``use``, ``one`` and ``other`` are lists
+in it: the number of their first record, -1 if they are empty.
 """
 
 import numpy as np

@@ -1,6 +1,9 @@
 """Winding numbers: how many obstacles cover each triangle, from the winding along half-edges.
 
 Across a half-edge the winding number on its left is that on its right plus the half-edge's winding.
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``stack`` (k,) is scratch for half-edges.
 """
 
 import numpy as np

@@ -1,6 +1,9 @@
 """Lists of vertices that an edit still has to look at; each vertex is at most once in each list.
 
 The marks are bits of the field ``mark`` of :data:`crowdsim.navmesh.mesh.mesh_arrays.TO_DO`.
+
+``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` are its records SIDE; v is a vertex, t a triangle.
 """
 
 from crowdsim.jit import helper

@@ -1,4 +1,10 @@
-"""Where each behavior fits along a path: exact intervals for all behaviors in one pass, then the cheapest sections."""
+"""Where each behavior fits along a path: exact intervals for all behaviors in one pass, then the cheapest sections.
+
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``radii`` (n, m) and ``costs``, ``turned``
+and ``terms`` are those of :class:`Fitting`, ``k`` a layer; ``lasts`` (n,) is the index of each behavior's last interval
+on this layer, -1 for none; ``spans`` are records OWN_SPAN; a and b are the ends of a side ab in the frame of a
+:class:`Piece`; ``length`` is that of the piece, or of the path [m].
+"""
 
 from __future__ import annotations
 

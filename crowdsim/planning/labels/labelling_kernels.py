@@ -1,4 +1,7 @@
-"""The cheapest behavior for every stretch of a path (2018 paper, algorithm 2, by dynamic programming)."""
+"""The cheapest behavior for every stretch of a path (2018 paper, algorithm 2, by dynamic programming).
+
+``turned`` (n,) is True for behaviors that face away from the direction of motion.
+"""
 
 import math
 

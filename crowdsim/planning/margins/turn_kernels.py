@@ -1,4 +1,9 @@
-"""Bend a path at its turns, where a turning body reaches farther than the path's clearance."""
+"""Bend a path at its turns, where a turning body reaches farther than the path's clearance.
+
+``points`` (n, 2) is the path and ``arc`` (n,) its arc length [m]; ``layers`` (m, 5, 2) are the mesh addresses of
+`layers_of`; ``radii`` (n, m) are the clearances of n behaviors, the widest last, and ``turning`` (n, 2, m) those of
+turns into and out of them [m].
+"""
 
 import numpy as np
 
@@ -81,7 +86,7 @@ def _lacking(layers, radii, turning, label, back, x, y):
 def _lead_aside(layers, radii, turning, label, back, places):
     """Move ``places`` (s, 2) [m] to where they have the clearance of the turn; return True if any lacked it.
 
-    The first and the last place stay. Other arguments as of :func:`_lacking`.
+    The first and the last place stay. ``label``, ``back`` and others are those of :func:`_lacking`.
     """
     bends = False
     x = places[0, 0]

@@ -3,6 +3,8 @@
 The sides that the way crosses are its channel; the vertices of these sides are the corners. The path is kept as a
 string: nodes (:data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`) are circles around corners, joined by their
 tangents. ``m`` is the legs' mesh; half-edge h belongs to triangle h // 3.
+
+``filled`` is the number of corners.
 """
 
 import numpy as np

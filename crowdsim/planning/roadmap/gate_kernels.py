@@ -4,6 +4,8 @@ A gate is a stretch of the channel that the widest behavior does not pass. The c
 the gate's first side meet in front of the gate: a path can be walked with the widest behavior up to there. Those of the
 last side meet behind the gate: from there on it can again. ``m`` is the legs' mesh, ``around`` (nv, n) the distance
 that each behavior keeps from each of its vertices [m].
+
+``sign`` is 1 for the left of a direction, -1 for the right; a and b are centers of circles [m].
 """
 
 import math
@@ -36,16 +38,18 @@ _OFF = 2e-6
 def circles_meet(ax, ay, bx, by, one, other, sign):
     """Return (True, x, y) if circles of radii ``one`` around a and ``other`` around b meet, else (False, 0, 0).
 
-    Of the two points it is the one to the left of a -> b for a ``sign`` of 1, to the right for -1.
+    Of the two points it is the one to the left of a -> b for a ``sign`` of 1, to the right for -1; all in meters.
     """
     dx = bx - ax
     dy = by - ay
     gap = hypot(dx, dy)
+    # Both around one point, or too far apart to meet.
     if gap == 0.0 or gap >= one + other:
         return False, 0.0, 0.0
     # Distance from a along ab to the line through both points, and from ab to each of them.
     along = 0.5 * (gap * gap + one * one - other * other) / gap
     off2 = one * one - along * along
+    # One circle is inside the other.
     if off2 <= 0.0:
         return False, 0.0, 0.0
     off = sign * math.sqrt(off2)

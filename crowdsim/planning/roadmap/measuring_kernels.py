@@ -3,6 +3,9 @@
 A behavior's number is called its level here: 0 is the narrowest, n - 1 the widest. ``layers`` (m, 5, 2) are the mesh
 addresses of `layers_of`, ``radii`` (n, m) the clearances of all behaviors on all layers [m], ``hints`` (m,) triangles
 near the last place on each layer.
+
+The ends of a way are p = (px, py) and q = (qx, qy) [m], and c = (cx, cy) is the corner that it goes around [m];
+``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
 """
 
 import math

@@ -1,4 +1,8 @@
-"""A* over the states (point of the roadmap, behavior), with landmarks for the lower bound."""
+"""A* over the states (point of the roadmap, behavior), with landmarks for the lower bound.
+
+Arguments of all helpers: ``graph`` (RoadGraph); ``goal`` (_Goal); n ``behaviors``, of which ``turned`` (n,) are those
+that face away from the direction of motion; ``preferred``, the cost of a meter with the widest one; p, a point.
+"""
 
 from __future__ import annotations
 

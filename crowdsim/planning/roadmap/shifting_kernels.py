@@ -3,6 +3,10 @@
 A taut path has one radius around each corner. But the cheapest path through a gap often leaves the corner straight
 outward and then goes around it as wide as the next behavior needs: it refracts where the cost per meter changes
 (Snell's law).
+
+``points`` (n, 2) is the polyline [m] and ``sections`` (k, 3) its sections; ``layers`` (m, 5, 2), ``radii`` (n, m) and
+``hints`` (m,) are those of :mod:`crowdsim.planning.roadmap.measuring_kernels`, ``costs`` (n,) those of a meter;
+``spread`` is the largest shift [m]; ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
 """
 
 import math

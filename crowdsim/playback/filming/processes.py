@@ -89,6 +89,7 @@ def _received(connection: Connection) -> list[Packet] | None:
 
 
 def _start(recording: Path, shooting: Shooting, pictures: range) -> tuple[SpawnProcess, Connection]:
+    """Start a process that draws ``pictures``; return it, and the connection to it."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs, recording, shooting, pictures), daemon=True)

@@ -11,8 +11,8 @@ from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.motion.clips.kinematics import conjugate, forward_kinematics, multiply
 from crowdsim.recording.columns import RecordedPoses
 from crowdsim.recording.header import AgentState, RecordedFrame
-from crowdsim.recording.shown.foot_times import LONGEST, FootTimes, foot_times
 from crowdsim.recording.shown.steered_poses import SteeredPoses
+from crowdsim.recording.shown.swing_times import LONGEST, SwingTimes, swing_times_after
 from crowdsim.recording.shown.switch_offsets import Body, Offsets, faded, offsets_between, with_feet
 from crowdsim.recording.shown.switches import Switches
 from crowdsim.recording.shown.track_blocks import BLOCK_TICKS, TICKS_PER_SECOND
@@ -27,7 +27,7 @@ class _Block(NamedTuple):
     """Switches that are shown in one block of time: their numbers (n,), ascending, foot times and offsets."""
 
     numbers: Ints
-    feet: FootTimes
+    feet: SwingTimes
     offsets: Offsets
 
     def rows(self, numbers: Ints) -> Ints:
@@ -127,7 +127,7 @@ class SwitchBlends:
         """Return all switches that are shown in a block of time, with their offsets."""
         if number not in self._blocks:
             numbers = np.flatnonzero(self._block_of == number)
-            feet = foot_times(self._recording, self._switches, numbers)
+            feet = swing_times_after(self._recording, self._switches, numbers)
             block = _Block(numbers, feet, _empty(self._times(numbers), feet, self._skeleton.joint_count))
             self._blocks[number] = block
             # In order of time: the rest of the switch before is part of an offset.
@@ -224,7 +224,7 @@ def _put(into: Body, mine: NDArray[np.bool_], body: Body) -> None:
     into.roots[mine], into.rotations[mine] = body.roots, body.rotations
 
 
-def _empty(times: Floats, feet: FootTimes, joints: int) -> Offsets:
+def _empty(times: Floats, feet: SwingTimes, joints: int) -> Offsets:
     """Return zero offsets, which are measured later."""
     shapes = ((3,), (3,), (joints, 3), (joints, 3), (2, 3), (2, 3), (2,), (2, 3), (2,))
     values = [np.zeros((len(times), *shape)) for shape in shapes]

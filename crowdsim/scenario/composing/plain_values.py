@@ -127,6 +127,7 @@ class _Reader:
         return name
 
     def _ring(self, shape: BaseGeometry, path: KeyPath) -> list[list[float]]:
+        """Return the corners of a polygon without holes, the first one not repeated [m]."""
         if shape.geom_type != "Polygon":
             raise self._refusal(path, f"expected a Polygon, got a {shape.geom_type}; give each part by itself")
         if shape.interiors:

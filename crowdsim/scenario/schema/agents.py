@@ -42,6 +42,7 @@ class Motion(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Motion:
+        """Refuse keys of captures without captures."""
         if self.only("set", "captures") == "set":
             for key in ("clips", "unit", "joints"):
                 if key in self.model_fields_set:

@@ -35,6 +35,7 @@ MAX_DENSITY = 0.4
 
 
 def _as_share(value: Any) -> Any:
+    """Replace the name of a density by its share of the floor."""
     if isinstance(value, str):
         if value not in DENSITIES:
             raise ValueError(f"expected {' or '.join(DENSITIES)}, or the share of the floor to cover, got '{value}'")

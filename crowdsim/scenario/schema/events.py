@@ -41,6 +41,7 @@ class Move(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Move:
+        """Require that the move goes somewhere or turns, and in one way."""
         if self.by is not None and self.to is not None:
             raise ValueError("give one of 'by' and 'to'")
         if self.by is None and self.to is None and not self.rotation:

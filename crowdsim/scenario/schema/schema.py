@@ -113,6 +113,7 @@ class ScenarioFields(Part):
     @field_validator("steps_per_second")
     @classmethod
     def _check_rate(cls, value: int) -> int:
+        """Require a rate that divides the frame rate of captures."""
         if CAPTURE_RATE % value:
             rates = [rate for rate in range(1, CAPTURE_RATE + 1) if CAPTURE_RATE % rate == 0]
             nearest = min(rates, key=lambda rate: abs(rate - value))

@@ -142,8 +142,8 @@ def spread_schema(number: dict[str, Any], model: type[Spread] = Spread, **more: 
     positive = {"type": "number", "exclusiveMinimum": 0.0}
 
     def mapping(model: type[Part], required: tuple[str, ...], **keys: Any) -> dict[str, Any]:
-        told = {key: {**value, "description": model.model_fields[key].description} for key, value in keys.items()}
-        return {"type": "object", "properties": told, "required": list(required), "additionalProperties": False}
+        described = {key: {**value, "description": model.model_fields[key].description} for key, value in keys.items()}
+        return {"type": "object", "properties": described, "required": list(required), "additionalProperties": False}
 
     shaped = mapping(Shaped, ("shape", "scale"), shape=positive, scale=positive)
     kinds: dict[str, Any] = {

@@ -36,6 +36,7 @@ def _checked_rectangle(rectangle: tuple[float, float, float, float]) -> tuple[fl
 
 
 def _checked_ring(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """Return the corners if they go around a valid polygon."""
     try:
         polygon_from_points(points, "polygon")
     except GeometryError as error:

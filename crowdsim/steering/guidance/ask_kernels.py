@@ -1,4 +1,7 @@
-"""Behaviors along the paths of a solved field, and boxes in which all agents may head straight for the anchor."""
+"""Behaviors along the paths of a solved field, and boxes in which all agents may head straight for the anchor.
+
+``ground`` is the Ground of the place.
+"""
 
 import math
 

@@ -1,4 +1,9 @@
-"""Density of a crowd, its effect on the cost of a path, and whether another path is cheaper."""
+"""Density of a crowd, its effect on the cost of a path, and whether another path is cheaper.
+
+Arguments of all helpers: ``ground`` (Ground), ``crowding`` (Crowding) and ``field`` (Field) of
+:mod:`crowdsim.steering.guidance`; ``weights`` (rows, columns), the density of the crowd in each cell, in units of 1 /
+GRAIN per square meter.
+"""
 
 import math
 

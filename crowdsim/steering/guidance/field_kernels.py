@@ -7,7 +7,9 @@ along anchors, so there are no local minima. The cost of a line is integrated al
 narrow behaviors, or through a crowd, costs more than its length, and paths go around them if that is cheaper.
 
 Arguments of all helpers are those of :func:`solve`; ``box`` is the number of a box, row by row, and an anchor is the
-number of a box, or of a point of the goal plus the number of boxes.
+number of a box, or of a point of the goal plus the number of boxes. ``ground`` is the Ground of the place, ``points``
+(k, 2) are those of the goal [m]; p is the pin of a box, s the position of an anchor, d a direction and q a point
+relative to the pin [m].
 """
 
 import math
@@ -215,7 +217,7 @@ def _test_box(ground, crowding, points, field, state, box):
 def _seed(ground, crowding, points, inside, field, state, heap, count):
     """Push the boxes in the goal with cost 0, and those around its points with the cost of the line there.
 
-    Return the heap and the number of its items.
+    Return the heap and the ``count`` of its items.
     """
     boxes = len(ground.widest)
     # Pins in the goal are their own anchors.

@@ -6,6 +6,10 @@ point at which the widest behavior that fits anywhere in the box has most room. 
 are and however they lie to the boxes.
 
 Behaviors are numbered by width, the narrowest is 0; -1 stands for none.
+
+``ground`` (Ground) and ``crowding`` (Crowding) are those of :mod:`crowdsim.steering.guidance.ground`; ``frame`` is left
+and bottom edge of the boxes [m], columns and rows; ``starts`` (boxes + 1,) is the index in ``lists`` at which each box
+begins; p = (px, py) and q = (qx, qy) are the ends of a line [m].
 """
 
 import math
@@ -240,6 +244,7 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
         off_x = x - (ground.left + (column + 0.5) * BOX)
         off_y = y - (ground.bottom + (row + 0.5) * BOX)
         room = ground.far[row, column] * FAR_UNIT - math.sqrt(off_x * off_x + off_y * off_y) - ground.reach
+        # Factor of the crowd, and the length on which it cannot change.
         if crowding.crowded:
             load, longest = load_at(crowding, x, y)
         # Far from walls, the widest behavior fits on the whole step.

@@ -1,7 +1,8 @@
 """Pins, the points that represent boxes, and the straight lines between pins of adjacent boxes.
 
 Arguments of all helpers: ``ground`` (Ground), ``crowding`` (Crowding) or ``nobody``, that of an empty place; a window
-of boxes from ``first_row`` to before ``last_row``, and likewise the columns.
+of boxes from ``first_row`` to before ``last_row``, and likewise the columns. ``first_column`` and ``last_column`` bound
+the window as the rows do; ``row`` and ``column`` are those of a box.
 """
 
 import math

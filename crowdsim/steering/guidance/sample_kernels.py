@@ -4,6 +4,9 @@ The ground is divided into square boxes with a pin each. An anchor is what a way
 pin of a box, or a point of the goal. A box whose agents all head for one anchor has it in ``field.anchor``; any other
 has a slot, a row in which each of its PARTS x PARTS parts has its own target. ``nobody`` is the density of an empty
 crowd: lines are tested against walls alone.
+
+``ground`` (Ground) and ``field`` (Field) are those of the place; p = (px, py) and q = (qx, qy) are the ends of a line
+[m].
 """
 
 import math

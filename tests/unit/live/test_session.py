@@ -186,7 +186,7 @@ def test_what_waits_at_the_end_is_refused():
         assert gone.cancel()
         # All are asked before the first step, in which the session ends.
         asked += [session.ask(request), session.ask(request), session.ask(request)]
-        session.run(None)
+        session.step_until_stopped(None)
         asked.append(session.ask(request))
         for answer in asked:
             with pytest.raises(RequestRefused, match="has ended"):

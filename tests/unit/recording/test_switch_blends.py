@@ -12,7 +12,7 @@ from crowdsim.recording.header import AgentState
 from crowdsim.recording.levels import Level
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.shown import switch_blends
-from crowdsim.recording.shown.foot_times import LONGEST, foot_times
+from crowdsim.recording.shown.swing_times import LONGEST, swing_times_after
 from crowdsim.recording.shown.switch_offsets import FADE, Body, Offsets, faded
 from tests.support.steered_recording import behavior_set, write_frames
 from tests.support.switched_recording import Walk, mixed_header, switched_frames, write_switched
@@ -103,7 +103,7 @@ def test_feet_that_stand_stay_where_they_are(recording):
     toes = [skeleton.roles["left_toe"], skeleton.roles["right_toe"]]
     held = 0
     found = recording.switches
-    feet = foot_times(recording, found, np.arange(len(found.steps)))
+    feet = swing_times_after(recording, found, np.arange(len(found.steps)))
     for number, (agent, time, steered) in enumerate(zip(found.agents, found.shown / 10.0, found.steered, strict=True)):
         after = found.shown[number + 1 :][found.agents[number + 1 :] == agent] / 10.0
         for foot, toe in enumerate(toes):
@@ -217,7 +217,7 @@ def test_who_leaves_and_comes_back_is_not_blended(tmp_path):
 def test_feet_of_who_stands_come_right_one_after_the_other(recording):
     found = recording.switches
     number = int(np.flatnonzero((found.agents == 5) & (found.shown < 30))[0])
-    feet = foot_times(recording, found, np.array([number]))
+    feet = swing_times_after(recording, found, np.array([number]))
     time = found.shown[number] / 10.0
     assert feet.forced.all()
     assert feet.hold[0] - time == pytest.approx([4.0, 5.0])

@@ -3,6 +3,10 @@
 Each decision has a model, two estimates of the probability that it comes out 0: one that adapts within some 16
 decisions, and one within some 128. Their mean is what is coded with. Coding follows Martin (1979), with the carry
 of LZMA. The viewer's twin is ``source/range_decoder.js``; both hold all numbers exactly.
+
+Arguments of all helpers: ``state`` (5,) int64, the coder; ``out`` (n,) uint8, the bytes written so far, with room for
+more; ``models`` (k, 2) uint16, the two estimates of each decision, of which ``model`` or ``first`` is a row; ``bit``, 0
+or 1; ``value`` and ``leaf``, integers to be coded.
 """
 
 from __future__ import annotations

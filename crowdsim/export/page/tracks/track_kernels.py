@@ -10,6 +10,12 @@ have been of late. What is expected follows from values that are coded before, s
 - phases: on with the cadence of the speed, see :mod:`crowdsim.motion.deformed.phase_kernels`.
 
 The viewer's twin is ``source/track_decoder.js``. Both use only operations that IEEE 754 rounds in one way.
+
+Arguments of all helpers: ``state``, ``out`` and ``models`` of the coder, as of
+:mod:`crowdsim.export.page.tracks.range_kernels`; columns of one person, (T,) integers, one for each step: ``x`` and
+``y`` in units of place, ``heading`` in units of turn, ``steered`` (0 or 1), ``node`` and ``frame`` of captured ones,
+``phase`` of steered ones; ``first`` and ``end``, the steps from and before which they are coded; ``units`` as of
+:func:`code_chunk`.
 """
 
 from __future__ import annotations
@@ -145,6 +151,8 @@ def _put_places(state, out, models, x, y, steered, first, end):
             context = _PLAIN_X + (lately << PLACE_BITS)
         ax = x[t] - 2 * x[t - 1] + x[t - 2]
         put_number(state, out, models, context, PLACE_BITS, ax)
+        # The context of the second axis packs the size of ax, the class of the last ay in two classes each, and its
+        # sign.
         across = 10 * min(abs(ax), _MOST_ACROSS) + 2 * (bucket(abs(ay)) // 2) + (1 if ay > 0 else 0)
         context = _Y + (3 * across + min(lately // 3, 2) << PLACE_BITS)
         if steered[t] == 0:
@@ -156,6 +164,8 @@ def _put_places(state, out, models, x, y, steered, first, end):
 @helper
 def _put_headings(state, out, models, x, y, heading, steered, first, end, units):
     """Code headings (T,) from step ``first`` to before ``end``."""
+    # Units a meter and a turn, steps a second, and the largest turn in a step. ``close``: whether the last turn was not
+    # near the expected one.
     place, turn, rate, most = units[0], units[1], units[2], units[4]
     close = 0
     last = 0
@@ -256,6 +266,7 @@ def code_chunk(tracks, here, steered, node, stretches, phases, units, models, st
         x = tracks[0, who]
         y = tracks[1, who]
         heading = tracks[2, who]
+        # Places and headings, in each run of steps in which the agent is present.
         first = 0
         while first < steps:
             if here[who, first] == 0:
@@ -267,6 +278,7 @@ def code_chunk(tracks, here, steered, node, stretches, phases, units, models, st
             _put_places(state, out, models, x, y, steered[who], first, end)
             _put_headings(state, out, models, x, y, heading, steered[who], first, end, units)
             first = end
+        # Frames, in each run of steps in which it plays nodes.
         first = 0
         while first < steps:
             if node[who, first] < 0:
@@ -277,6 +289,7 @@ def code_chunk(tracks, here, steered, node, stretches, phases, units, models, st
                 end += 1
             _put_frames(state, out, models, tracks[3, who], node[who], first, end, natural)
             first = end
+        # Phases, in its stretches as a steered agent.
         while stretch < len(stretches) and stretches[stretch, 0] == who:
             first = stretches[stretch, 1]
             end = stretches[stretch, 2]

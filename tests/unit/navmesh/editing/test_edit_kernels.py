@@ -13,8 +13,8 @@ from crowdsim.navmesh.editing.settle_kernels import settle
 from crowdsim.navmesh.mesh.address_kernels import mesh_at, places_of, workshop_at
 from crowdsim.navmesh.mesh.mesh_arrays import resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.triangulation.refine_kernels import inside_circle
-from crowdsim.navmesh.triangulation.triangulation_kernels import restore_delaunay
+from crowdsim.navmesh.triangulation.refine_kernels import measure_triangle
+from crowdsim.navmesh.triangulation.triangulation_kernels import inside_circle, restore_delaunay
 from crowdsim.navmesh.triangulation.winding_kernels import flood
 from crowdsim.navmesh.triangulation.work_kernels import KEPT, TOUCHED
 from tests.reference.edits_reference import feet_missing, wrong_widths
@@ -223,3 +223,20 @@ def test_feet_around_points_that_come_and_go_are_those_of_a_full_refinement():
         if step % 10 == 0:
             assert feet_missing(mesh.arrays) == 0
             assert wrong_widths(mesh.arrays) == 0
+
+
+@kernel
+def _measure(m):
+    for t in range(m.frame[0].triangles):
+        measure_triangle(m, t)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_corners_are_measured_anew_as_they_were_built(seed):
+    mesh = NavMesh(random_area(np.random.default_rng(seed), ("boxes", "walls", "lattice")[seed % 3])).arrays
+    built = mesh.sides["corner_clearance"].copy()
+    mesh.sides["corner_clearance"] = -1.0
+    assert wrong_widths(mesh) > 0
+    _measure(mesh)
+    assert wrong_widths(mesh) == 0
+    np.testing.assert_array_equal(mesh.sides["corner_clearance"], built)

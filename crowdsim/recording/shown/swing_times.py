@@ -33,7 +33,7 @@ _STANDING, _LATE, _SWINGING, _RIGHT = 0, 1, 2, 3
 removes the offset; without offset."""
 
 
-class FootTimes(NamedTuple):
+class SwingTimes(NamedTuple):
     """Times of both feet, left first, after n switches.
 
     Attributes
@@ -54,7 +54,7 @@ class FootTimes(NamedTuple):
     cut: Floats
 
 
-def foot_times(recording: RecordedTracks, switches: Switches, some: Ints) -> FootTimes:
+def swing_times_after(recording: RecordedTracks, switches: Switches, some: Ints) -> SwingTimes:
     """Return the times of the feet after the switches ``some`` (n,), at least one."""
     rate = recording.steps_per_second
     shares, same, gone = _foot_phases(recording, switches, some)
@@ -86,7 +86,7 @@ def foot_times(recording: RecordedTracks, switches: Switches, some: Ints) -> Foo
     late = state == _LATE
     hold, end = np.where(late, times[:, None], hold), np.where(late, times[:, None] + FADE, end)
     cut = np.where(gone.any(axis=0), times + np.argmax(gone, axis=0) / rate, np.inf)
-    return FootTimes(hold, end, state == _STANDING, cut)
+    return SwingTimes(hold, end, state == _STANDING, cut)
 
 
 def _foot_phases(
