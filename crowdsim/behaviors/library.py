@@ -66,7 +66,20 @@ class BehaviorSet:
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def once(self, name: str, make: Callable[[], Made]) -> Made:
-        """Return what ``make`` computes from this set, under a name; it is called once, and shared by all runs."""
+        """Return what ``make`` computes from this set; it is called once, and shared by all runs.
+
+        Parameters
+        ----------
+        name : str
+            Name of the result.
+        make : callable
+            Computes it; called without arguments, at the first call for the name.
+
+        Returns
+        -------
+        result of ``make``
+            The same object for all runs.
+        """
         if name not in self._made:
             self._made[name] = make()
         made: Made = self._made[name]
@@ -105,6 +118,11 @@ def load_behavior_set(
         Unit and joint names of captures, if they cannot be found automatically.
     beside : Path or None
         Folder that these paths are relative to; None for the working directory.
+
+    Returns
+    -------
+    BehaviorSet
+        The behaviors, measured, with their motion graph.
 
     Raises
     ------

@@ -98,24 +98,63 @@ class Commandable(ABC):
     def remove(self, agents: int | Sequence[int] | NDArray[Any]) -> None:
         """Take agents out of the world with the next step; those who are yet to come never come.
 
-        ScenarioError if there is no such agent, or one has left.
+        Parameters
+        ----------
+        agents : int or sequence of int
+            Numbers of the agents.
+
+        Raises
+        ------
+        ScenarioError
+            If there is no such agent, or one has left.
         """
         self._give(remove_agents={"agents": _numbers(agents)})
 
     def set_speed(self, agents: int | Sequence[int] | NDArray[Any], speed: float) -> None:
-        """Let agents walk at ``speed`` [m/s] from the next step on, if nothing is in their way.
+        """Let agents walk at a speed from the next step on, if nothing is in their way.
 
-        ``captured`` agents walk at the nearest speed that their motion can be played at. ScenarioError if there is
-        no such agent, one has left, or the speed is not within 0.1 to 3 m/s.
+        Parameters
+        ----------
+        agents : int or sequence of int
+            Numbers of the agents.
+        speed : float
+            Speed [m/s], 0.1 to 3; ``captured`` agents walk at the nearest one that their motion can be played at.
+
+        Raises
+        ------
+        ScenarioError
+            If there is no such agent, one has left, or the speed is out of range.
         """
         self._give(set_speed={"agents": _numbers(agents), "speed": speed})
 
     def open_door(self, name: str) -> None:
-        """Open a door with the next step; ScenarioError if there is no such door, or it is open."""
+        """Open a door with the next step.
+
+        Parameters
+        ----------
+        name : str
+            Name of the door.
+
+        Raises
+        ------
+        ScenarioError
+            If there is no such door, or it is open.
+        """
         self._give(open=name)
 
     def close_door(self, name: str) -> None:
-        """Close a door with the next step, or as soon as no agent is in the way; raise as :meth:`open_door`."""
+        """Close a door with the next step, or as soon as no agent is in the way.
+
+        Parameters
+        ----------
+        name : str
+            Name of the door.
+
+        Raises
+        ------
+        ScenarioError
+            If there is no such door, or it is closed.
+        """
         self._give(close=name)
 
     def insert(self, obstacle: Mapping[str, Any]) -> None:
@@ -162,7 +201,18 @@ class Commandable(ABC):
         self._give(move={key: value for key, value in keys.items() if value is not None})
 
     def remove_obstacle(self, name: str) -> None:
-        """Remove an obstacle; raise as :meth:`move` does."""
+        """Remove an obstacle with the next step.
+
+        Parameters
+        ----------
+        name : str
+            Name of the obstacle.
+
+        Raises
+        ------
+        ScenarioError
+            As for :meth:`move`.
+        """
         self._give(remove=name)
 
     @property

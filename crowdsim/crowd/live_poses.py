@@ -50,7 +50,13 @@ class Poses(NamedTuple):
     skeleton: Skeleton
 
     def matrices(self) -> NDArray[np.float32]:
-        """Return (n, J, 4, 4) the matrices that take points of a joint into the world, for instanced drawing."""
+        """Return the matrices that take points of a joint into the world, for instanced drawing.
+
+        Returns
+        -------
+        (n, J, 4, 4) float32
+            A matrix for each joint, lengths in meters.
+        """
         w, x, y, z = np.moveaxis(self.rotations, -1, 0)
         matrices = np.zeros((*self.joints.shape[:2], 4, 4), np.float32)
         matrices[..., 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=-1)

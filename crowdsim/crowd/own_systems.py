@@ -35,7 +35,15 @@ class System(Protocol):
     writes: tuple[str, ...]
 
     def run(self, columns: Columns, simulation: Commandable) -> None:
-        """Read and write columns, and give commands; these are carried out with the next step."""
+        """Read and write columns, and give commands; these are carried out with the next step.
+
+        Parameters
+        ----------
+        columns : Columns
+            The declared columns.
+        simulation : Commandable
+            The simulation, for commands.
+        """
 
 
 class Columns:
@@ -43,6 +51,15 @@ class Columns:
 
     ``columns["x"]`` is a column, read-only; ``columns["infected"] = values`` replaces one. What is written counts when
     the system returns, and is dropped if it raises.
+
+    Parameters
+    ----------
+    system : System
+        What declares the columns.
+    agents : Agents
+        The agents as the last step left them.
+    own : mapping of str to array
+        Own columns of all systems by name, (N, ...).
     """
 
     def __init__(self, system: System, agents: Agents, own: Mapping[str, NDArray[Any]]) -> None:

@@ -260,7 +260,13 @@ class Simulation(Commandable, Extensible):
         return None if output is None else Recording.open(Path(output))
 
     def movables(self) -> list[tuple[Movable, Placing | None]]:
-        """Return everything that may move, come or go, doors too, with its placing; None while it is absent."""
+        """Return everything that may move, come or go, doors too.
+
+        Returns
+        -------
+        list of (Movable, Placing or None)
+            Each with its placing; None while it is absent.
+        """
         movables = self._commands.timetable().movables
         return [(movable, self.crowd.placing(number)) for number, movable in enumerate(movables)]
 
@@ -270,13 +276,34 @@ class Simulation(Commandable, Extensible):
         return tuple(self._commands.given)
 
     def on_call(self) -> dict[str, int]:
-        """Return how many agents of each group on call can still be added."""
+        """Return how many agents of each group on call can still be added.
+
+        Returns
+        -------
+        dict of str to int
+            Number of agents left by name of the group.
+        """
         return self._commands.left_on_call()
 
     def save_scenario(self, path: str | os.PathLike[str]) -> list[Path]:
-        """Write the scenario with all commands given so far, and return the files; see :meth:`Scenario.save`.
+        """Write the scenario with all commands given so far; see :meth:`Scenario.save`.
 
         A run of it gives the same states in the same steps.
+
+        Parameters
+        ----------
+        path : str or path
+            File to write; meshes made in Python are written beside it.
+
+        Returns
+        -------
+        list of Path
+            The files.
+
+        Raises
+        ------
+        CrowdSimError
+            If a file cannot be written.
         """
         return self.scenario.save(path, self._commands.given)
 

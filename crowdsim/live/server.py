@@ -120,6 +120,7 @@ class Server:
             self._ready.set()
 
     async def _serve(self) -> None:
+        """Serve on the port until the end; note why if that is not possible."""
         self._end = asyncio.Event()
         try:
             server = await self._listening()
@@ -132,6 +133,7 @@ class Server:
             await self._end.wait()
 
     async def _listening(self) -> SocketServer:
+        """Open the port; return the server that listens there."""
         return await serve(
             self._talk,
             self._host,
@@ -207,6 +209,7 @@ class Server:
                 await connection.send(await self._answer(message))
 
     async def _answer(self, message: str | bytes) -> str:
+        """Give a request to the session; return the message that answers it."""
         number = number_of(message)
         try:
             request = read_request(message)

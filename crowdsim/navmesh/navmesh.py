@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import warnings
 from collections.abc import Iterator
@@ -17,18 +16,15 @@ from shapely.geometry.base import BaseGeometry
 from crowdsim.errors import GeometryError, GeometryWarning
 from crowdsim.geometry.polygons import LARGE_EXTENT, clean_polygon
 from crowdsim.geometry.snapping import snap
-from crowdsim.navmesh.clearance import arc_violation_kernels, clearance_kernels, nearest_kernels, violation_kernels
 from crowdsim.navmesh.editing.obstacles import Handle, Obstacles
-from crowdsim.navmesh.mesh import half_edge_kernels
 from crowdsim.navmesh.mesh.address_kernels import places_of
-from crowdsim.navmesh.mesh.mesh_arrays import NONE, MeshArrays
+from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.path_search import PathSearch
 from crowdsim.navmesh.paths.paths import (
     MIN_RADIUS,
     Floats,
     Path,
     Paths,
-    as_limit,
     as_optimality,
     as_path_radii,
     as_point,
@@ -37,13 +33,14 @@ from crowdsim.navmesh.paths.paths import (
     as_workers,
 )
 from crowdsim.navmesh.paths.workspace import Workspaces
+from crowdsim.navmesh.queries import MeshQueries
 from crowdsim.navmesh.triangulation.builders import triangulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class NavMesh:
+class NavMesh(MeshQueries):
     """A constrained Delaunay triangulation of a walkable area, refined so that it serves any clearance.
 
     Parameters
@@ -96,17 +93,24 @@ class NavMesh:
         self.workspaces = Workspaces()
         self._obstacles: Obstacles | None = None
 
-    def tolerance(self, radius: Any) -> Any:
-        """Return how much less than ``radius`` counts as clear [m]: a millionth of it, plus two cells of the grid."""
-        return 1e-6 * radius + 2.0 * float(self.arrays.frame["cell"][0])
-
     def find_path(self, start: ArrayLike, goal: ArrayLike, radius: float, optimality: str = "fast") -> Path:
-        """Find a short path from ``start`` to ``goal`` that keeps ``radius`` from every obstacle.
+        """Find a short path that keeps ``radius`` from every obstacle; it is found if there is one.
 
-        If there is a path it is found. Start and goal are x, y [m]. With ``optimality`` "fast" the path is some tenths
-        of a percent longer than the shortest on average, and quick to find after any edit. With "best" it is the
-        shortest. The first call for a radius then makes a graph of all tangents around corners, which is kept until an
-        edit.
+        Parameters
+        ----------
+        start, goal : (x, y)
+            Ends of the path [m].
+        radius : float
+            Distance that the path keeps from obstacles [m].
+        optimality : "fast" or "best"
+            "fast": some tenths of a percent longer than the shortest on average, and quick to find after any edit.
+            "best": the shortest; the first call for a radius then makes a graph of all tangents around corners, which
+            is kept until an edit.
+
+        Returns
+        -------
+        Path
+            The path.
 
         Raises
         ------
@@ -140,6 +144,11 @@ class NavMesh:
             "fast" or "best", as for :meth:`find_path`.
         workers
             Number of threads, which does not affect the results; by default one for few paths, all processors for many.
+
+        Returns
+        -------
+        Paths
+            The paths, in the order of the starts.
 
         Raises
         ------
@@ -175,95 +184,30 @@ class NavMesh:
             self._search = PathSearch(self.arrays, self.workspaces)
         return self._search
 
-    def clearances(self, points: ArrayLike, limit: float = math.inf) -> Floats:
-        """Return the distances (n,) [m] from points (n, 2) to the nearest obstacle, at most ``limit``.
-
-        It is 0 for a point that is not free.
-        """
-        array = as_points(points, "points")
-        out = np.empty(len(array))
-        clearance_kernels.clearances(self.arrays, array, as_limit(limit), out)
-        return out
-
-    def clearance(self, point: ArrayLike, limit: float = math.inf) -> float:
-        """Return the distance [m] from ``point`` (x, y) to the nearest obstacle, at most ``limit``; 0 if not free."""
-        return float(self.clearances([as_point(point, "point")], limit)[0])
-
-    def is_free(self, point: ArrayLike, radius: float) -> bool:
-        """Return True if a disc of ``radius`` [m] at ``point`` touches no obstacle, up to :meth:`tolerance`."""
-        radius = as_radius(radius)
-        clearance = self.clearance(point, 2.0 * radius + 1.0)
-        return clearance > 0.0 and clearance >= radius - self.tolerance(radius)
-
-    def locate(self, point: ArrayLike) -> int:
-        """Return the index of a triangle that holds ``point`` (x, y), free or not; -1 outside of the mesh's box."""
-        x, y = as_point(point, "point")
-        x, y = snap(np.array([x, y]), float(self.arrays.frame["cell"][0])).tolist()
-        return int(half_edge_kernels.locate(self.arrays, x, y, NONE))
-
-    def nearest_free(self, point: ArrayLike, radius: float, limit: float = math.inf) -> tuple[float, float] | None:
-        """Find the place nearest to ``point`` (x, y) where a disc of ``radius`` is free.
-
-        Return None if there is none within ``limit``. It is the point itself if that is free, in the sense of
-        :meth:`is_free`. Otherwise it is a place with a clearance of exactly ``radius`` less half the tolerance. The
-        point may be in an obstacle or outside of the mesh. All lengths in meters.
-        """
-        x, y = as_point(point, "point")
-        radius, limit = as_radius(radius), as_limit(limit)
-        if self.is_free((x, y), radius):
-            return x, y
-        half = 0.5 * self.tolerance(radius)
-        distance, x, y = nearest_kernels.nearest_free(self.arrays, x, y, max(radius - half, half), 1e-3 * half, limit)
-        return (x, y) if distance < math.inf else None
-
-    def components(self, points: ArrayLike, radius: float) -> NDArray[np.int64]:
-        """Return the component (n,) int64 of a disc of ``radius`` at each of ``points`` (n, 2), -1 if not free.
-
-        A disc can go from one point to another exactly if both have the same number.
-        """
-        array = as_points(points, "points")
-        radius = as_radius(radius)
-        return self.search.components(array, radius, radius - self.tolerance(radius))
-
-    def reachable(self, start: ArrayLike, goal: ArrayLike, radius: float) -> bool:
-        """Return True if :meth:`find_path` finds a path, so False if the disc is not free at an end."""
-        one, other = self.components([as_point(start, "start"), as_point(goal, "goal")], radius)
-        return bool(one == other and one >= 0)
-
-    def violations(self, points: ArrayLike, radius: float) -> Floats:
-        """Return all maximal intervals (k, 2) of arc length [m] on which a way has less clearance than ``radius``.
-
-        The way is a polyline (n, 2) [m], or a chain of arcs (n, 3): x, y and the bulge of the piece to the next point.
-        The bulge is the tangent of a quarter of the arc's angle, positive counter-clockwise, and 0 for a straight
-        piece. Exact for the swept disc, in ascending order. Touching within the tolerance is no violation.
-        GeometryError for other shapes.
-        """
-        array = as_points(points, "points", with_bulge=True)
-        if len(array) == 0:
-            raise GeometryError("points: a polyline has at least one point")
-        radius = as_radius(radius)
-        find = violation_kernels.violations if array.shape[1] == 2 else arc_violation_kernels.arc_violations
-        found: Floats = find(self.arrays, array, max(radius - self.tolerance(radius), 0.0))
-        return found
-
-    def first_violation(self, points: ArrayLike, radius: float) -> float:
-        """Return the arc length [m] of the first point of a way with less clearance than ``radius``.
-
-        Return inf if there is none. The way is a polyline (n, 2) or a chain of arcs (n, 3), as in :meth:`violations`.
-        """
-        found = self.violations(points, radius)
-        return float(found[0, 0]) if len(found) else math.inf
-
     def picture(
         self,
         path: Path | ArrayLike | None = None,
         radius: float | None = None,
         file: str | os.PathLike[str] | None = None,
     ) -> Figure:
-        """Draw the mesh as a matplotlib figure, and write it to ``file`` (.png, .svg or .pdf) if one is given.
+        """Draw the mesh as a matplotlib figure, and write it to ``file`` if one is given.
 
-        The figure shows obstacles, triangles, the width of each corner and the vertices that refinement added; for a
-        ``radius`` the places where its disc is free; for a ``path`` (also as points (n, 2)) what its disc sweeps.
+        The figure shows obstacles, triangles, the width of each corner and the vertices that refinement added; with a
+        ``radius`` also the places where its disc is free.
+
+        Parameters
+        ----------
+        path : Path, (n, 2) float64 or None
+            Path whose swept disc is drawn [m].
+        radius : float or None
+            Radius of the disc [m]; by default that of ``path``.
+        file : str, path or None
+            File to write, .png, .svg or .pdf.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure.
 
         Raises
         ------
@@ -289,14 +233,17 @@ class NavMesh:
     def insert_obstacle(self, geometry: BaseGeometry | Floats) -> Handle:
         """Block what ``geometry`` covers, and repair the mesh around it.
 
-        Return a handle to remove or move the obstacle.
-
         Parameters
         ----------
         geometry
             Polygons (with or without holes), lines or points [m]. Arrays are quicker: the corners (n, 2) of a polygon,
             or a point (2,). Parts outside of the mesh's box, 5 % around the walkable area, have no effect until the
             obstacle is moved. Invalid polygons are repaired. Obstacles may overlap.
+
+        Returns
+        -------
+        Handle
+            What :meth:`remove` and :meth:`move` know the obstacle by.
 
         Raises
         ------
@@ -312,6 +259,11 @@ class NavMesh:
     def remove(self, handle: Handle) -> None:
         """Remove an obstacle that :meth:`insert_obstacle` inserted, and repair the mesh around it.
 
+        Parameters
+        ----------
+        handle : Handle
+            The obstacle.
+
         Raises
         ------
         StaleHandle
@@ -324,7 +276,14 @@ class NavMesh:
             self._update(obstacles)
 
     def move(self, handle: Handle, *place: Any) -> None:
-        """Move an obstacle, by ``move(handle, dx, dy)`` [m] or ``move(handle, geometry)``; its handle stays valid.
+        """Move an obstacle, by ``move(handle, dx, dy)`` or ``move(handle, geometry)``.
+
+        Parameters
+        ----------
+        handle : Handle
+            The obstacle; the handle stays valid.
+        *place
+            Two numbers dx, dy [m], or a geometry as for :meth:`insert_obstacle`.
 
         Raises
         ------
@@ -344,6 +303,11 @@ class NavMesh:
         """Yield the mesh editor for direct use by kernels.
 
         Refresh the arrays and drop what was computed from them on exit.
+
+        Yields
+        ------
+        Obstacles
+            The editor.
         """
         obstacles = self._edited()
         try:
@@ -364,7 +328,17 @@ class NavMesh:
         self._search = None
 
     def with_points(self, points: ArrayLike) -> NavMesh:
-        """Return a copy with point obstacles (n, 2) added; this mesh stays as it is.
+        """Return a copy with point obstacles added; this mesh stays as it is.
+
+        Parameters
+        ----------
+        points : (n, 2) float64
+            Point obstacles [m].
+
+        Returns
+        -------
+        NavMesh
+            The copy.
 
         Raises
         ------

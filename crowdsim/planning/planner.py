@@ -141,7 +141,18 @@ class Planner:
         return replace(joined, missing=missing, certificate=partial(lower_bound, query))
 
     def query(self, start: ArrayLike, goal: ArrayLike) -> Query:
-        """Prepare a query from start to goal (x, y); move ends too close to obstacles to free places nearby."""
+        """Prepare a query from ``start`` to ``goal``.
+
+        Parameters
+        ----------
+        start, goal : (x, y)
+            Ends of the path [m]; those too close to obstacles move to free places nearby.
+
+        Returns
+        -------
+        Query
+            What the planners take.
+        """
         ends = clear_ends(self.meshes, self.need, np.array([start, goal], dtype=np.float64))
         return Query(self.meshes, self.need, self.areas, ends, self.terms)
 
@@ -160,7 +171,18 @@ class Planner:
         raise PathNotFound(why)
 
     def cheapest(self, query: Query) -> AnnotatedPath | None:
-        """Return the path that the chosen planner finds, without a clearance margin; None if there is none."""
+        """Find the path that the chosen planner finds, without a clearance margin.
+
+        Parameters
+        ----------
+        query : Query
+            Ends, meshes and behaviors.
+
+        Returns
+        -------
+        AnnotatedPath or None
+            The path; None if there is none.
+        """
         if self.name == "layered":
             return plan_layered(query, self.roadmap())
         if self.name == "collision3d":
@@ -169,7 +191,13 @@ class Planner:
         return plan_greedy(query, self._copies)
 
     def roadmap(self) -> Roadmap:
-        """Return the roadmap of the meshes as they are, made at the first call and after every edit."""
+        """Return the roadmap of the meshes as they are.
+
+        Returns
+        -------
+        Roadmap
+            The roadmap, made at the first call and after every edit.
+        """
         revisions = tuple([mesh.revision for mesh in self.meshes])
         with self._making:
             if self._roadmap is None or self._revisions != revisions:

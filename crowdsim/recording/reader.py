@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -23,12 +22,12 @@ from crowdsim.recording.checks import (
     CheckedColumn,
     check_frames,
     check_header,
-    check_paths,
     check_place,
     column_ranges,
     require_readable,
 )
 from crowdsim.recording.columns import Column, ConstantColumn
+from crowdsim.recording.events import RecordedEvents
 from crowdsim.recording.free_floor import free_floor
 from crowdsim.recording.header import (
     COLUMN_TYPES,
@@ -37,22 +36,16 @@ from crowdsim.recording.header import (
     LEFT_OUT,
     WHOLE_FRAMES,
     AgentState,
-    MovableChange,
-    PlannedPath,
     RecordedFrame,
-    SolidRecord,
     stored_columns,
 )
 from crowdsim.recording.header_file import read_header, read_versions
 from crowdsim.recording.levels import LevelColumn
 from crowdsim.recording.measured import Measured, read_measured
-from crowdsim.recording.shown.bodies import ShownBodies
 from crowdsim.recording.storage.checksums import require_unchanged
 from crowdsim.recording.storage.values import values_of
 from crowdsim.recording.track_rows import all_rows, steps_a_frame, track_blocks, track_frame
 from crowdsim.whole_files import require_regular
-from crowdsim.yamlfile.document import read_document
-from crowdsim.yamlfile.written import written_document
 
 if TYPE_CHECKING:
     import pandas
@@ -63,13 +56,20 @@ _CACHED = 16_000_000
 """Size of HDF5's cache of unpacked chunks per column [bytes]. A step of 100,000 agents needs chunks of 4 MB."""
 
 
-class Recording(ShownBodies):
+class Recording(RecordedEvents):
     """A finished recording, open for reading until :meth:`close` or the end of its ``with`` block.
 
     The columns ``x``, ``y``, ``heading``, ``node``, ``previous``, ``frame``, ``behavior``, ``state``, ``phase`` (steps,
     N) and ``state_hash`` (steps,) are read from the file when they are indexed. Columns without information are not
     stored, and read as -1, -1, 0 or nan. ``levels`` (steps, N) int8 holds the :class:`~crowdsim.recording.levels.Level`
     of each agent.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+    file : h5py.File
+        The same file, open; :meth:`open` opens and checks it.
     """
 
     path: Path
@@ -106,7 +106,23 @@ class Recording(ShownBodies):
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Recording:
-        """Open ``path``; raise RecordingError if it is missing, unfinished, damaged, foreign or of a newer version."""
+        """Open a recording.
+
+        Parameters
+        ----------
+        path : str or path
+            File that a run wrote.
+
+        Returns
+        -------
+        Recording
+            The open recording.
+
+        Raises
+        ------
+        RecordingError
+            If the file is missing, unfinished, damaged, of another program or of a newer version.
+        """
         path = Path(path)
         if path.suffix == ".part":
             raise RecordingError(
@@ -156,7 +172,18 @@ class Recording(ShownBodies):
         return int(self.state_hash.shape[0])
 
     def stay(self, agent: int) -> tuple[int, int] | None:
-        """Return the first and the last step in which an agent is present; None if it never is."""
+        """Return when an agent is present.
+
+        Parameters
+        ----------
+        agent : int
+            Number of the agent.
+
+        Returns
+        -------
+        (int, int) or None
+            The first and the last step in which it is present; None if it never is.
+        """
         if agent not in self._stays:
             present = np.flatnonzero(self.state[:, agent] != AgentState.ABSENT)
             self._stays[agent] = (int(present[0]), int(present[-1])) if len(present) else None
@@ -172,103 +199,63 @@ class Recording(ShownBodies):
         for first in range(0, self.steps, _STEPS_AT_ONCE):
             yield np.count_nonzero(self.state[first : first + _STEPS_AT_ONCE] != AgentState.ABSENT, axis=1)
 
-    @cached_property
-    def paths(self) -> tuple[PlannedPath, ...]:
-        """Return all planned paths in the order in which they were planned."""
-        group = self._file["paths"]
-        try:
-            points, behaviors, counts, agents = (
-                values_of(group, name) for name in ("points", "behaviors", "count", "agent")
-            )
-            ends = check_paths(counts, agents, points, self.header)
-            rows = zip(agents, values_of(group, "step"), ends - counts, ends, strict=True)
-            return tuple(
-                PlannedPath(int(agent), int(step), points[first:end], behaviors[first:end])
-                for agent, step, first, end in rows
-            )
-        except (RecordingError, *UNREADABLE) as error:
-            raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
+    def table(self, rate: float | None = None) -> pandas.DataFrame:
+        """Return a table of all present agents.
 
-    def paths_at(self, time: float) -> tuple[PlannedPath, ...]:
-        """Return the path that each agent follows at ``time`` [s], the latest planned by then, in agent order."""
-        step = self._step_at(time)
-        latest = {path.agent: path for path in self.paths if path.step <= step}
-        return tuple(latest[agent] for agent in sorted(latest))
+        Parameters
+        ----------
+        rate : float or None
+            Rows per second and agent [1/s], a divisor of the steps per second; by default that.
 
-    @cached_property
-    def changes(self) -> tuple[MovableChange, ...]:
-        """Return all changes of movables, in order of time."""
-        if "changes" not in self._file:
-            return ()
-        group = self._file["changes"]
-        try:
-            rows = zip(*(values_of(group, name) for name in ("movable", "step", "footprint")), strict=True)
-            changes = tuple(MovableChange(int(movable), int(step), shape or None) for movable, step, shape in rows)
-            shapely.from_wkt([change.footprint for change in changes])
-            if any(change.movable not in range(len(self.header.movables)) for change in changes):
-                raise ValueError("a change of a movable that does not exist")
-        except (RecordingError, *UNREADABLE) as error:
-            raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
-        return changes
-
-    def movables_at(self, time: float) -> tuple[SolidRecord, ...]:
-        """Return the movables that are present at ``time`` [s], where they then stand, in the order of the header."""
-        step = self._step_at(time)
-        latest = {change.movable: change.footprint for change in self.changes if change.step <= step}
-        return tuple(
-            replace(self.header.movables[movable], footprint=footprint)
-            for movable, footprint in sorted(latest.items())
-            if footprint is not None
-        )
-
-    @cached_property
-    def commands(self) -> tuple[dict[str, Any], ...]:
-        """Return the commands that the run carried out, in order, each with its keys in a scenario file."""
-        if "commands" not in self._file:
-            return ()
-        try:
-            commands = [json.loads(text) for text in values_of(self._file, "commands")]
-            if not all(isinstance(command["at"], int | float) for command in commands):
-                raise ValueError("a command without a time")
-        except (RecordingError, *UNREADABLE) as error:
-            raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
-        return tuple(commands)
-
-    def scenario_yaml(self) -> str:
-        """Return the text of a scenario file for the folder of the recording, whose run gives the same states.
-
-        It has the overrides and all commands of the run, and those of its scenario that were still to come. Meshes, and
-        floors with holes, that were given in Python are named, but not part of it.
+        Returns
+        -------
+        pandas.DataFrame
+            Columns id, frame, time [s], x, y [m], heading [rad], behavior, state and group of all present agents.
 
         Raises
         ------
         RecordingError
-            If the file is from before overrides and commands were kept.
-        """
-        if not self.header.scenario_keys:
-            raise RecordingError(f"{self.path} was written before overrides and commands were kept; {AGAIN}")
-        keys = dict(read_document(self.header.scenario_keys, str(self.path))[0].value)
-        # The last command may be of a step that a kill cut off.
-        done = max((round(command["at"] * self.steps_per_second) for command in self.commands), default=-1)
-        done = max(done, self.steps - 1)
-        later = [each for each in keys.get("commands", ()) if round(each["at"] * self.steps_per_second) > done]
-        return written_document({**keys, "commands": [*self.commands, *later]})
-
-    def table(self, rate: float | None = None) -> pandas.DataFrame:
-        """Return a pandas frame: id, frame, time, x, y, heading, behavior, state, group of all present agents.
-
-        ``rate`` [1/s] is by default that of the steps. Raise RecordingError unless it divides that, or without pandas.
+            If ``rate`` does not divide the steps per second, or pandas is not installed.
         """
         every = steps_a_frame(self, rate)
         rows = all_rows(track_blocks(self, every))
         return track_frame(self, rows, self.steps_per_second // every)
 
     def walkable(self, layer: str | None = None, time: float | None = None) -> shapely.MultiPolygon:
-        """Return the free floor of a layer (default: ground layer), at ``time`` [s] also without movables."""
+        """Return the free floor of a layer.
+
+        Parameters
+        ----------
+        layer : str or None
+            Name of the layer; by default the ground layer.
+        time : float or None
+            Time at which movables count [s]; by default none of them does.
+
+        Returns
+        -------
+        shapely.MultiPolygon
+            The free floor [m].
+        """
         return free_floor(self, layer, () if time is None else self.movables_at(time))
 
     def goals_of(self, agent: int) -> NDArray[np.float64]:
-        """Return (k, 2) the goals of an agent in turn [m]; raise RecordingError if the file holds only the first."""
+        """Return the goals of an agent.
+
+        Parameters
+        ----------
+        agent : int
+            Number of the agent.
+
+        Returns
+        -------
+        (k, 2) float64
+            The goals in turn [m].
+
+        Raises
+        ------
+        RecordingError
+            If there is no such agent, or the file holds only first goals.
+        """
         ends = self.header.agents.route_ends
         if not len(ends):
             raise RecordingError(f"{self.path} was written before all goals were kept, and holds the first; {AGAIN}")
@@ -281,12 +268,24 @@ class Recording(ShownBodies):
         """Return when each agent appeared, arrived and left [s]."""
         return find_times(self)
 
-    def _step_at(self, time: float) -> int:
-        """Return the last step recorded by ``time`` [s]."""
-        return int(np.floor(time * self.steps_per_second + 1e-9))
-
     def at_step(self, step: int) -> RecordedFrame:
-        """Return row ``step`` as arrays (N,); raise RecordingError outside the recording."""
+        """Return the state of all agents in a step.
+
+        Parameters
+        ----------
+        step : int
+            Row of the recording.
+
+        Returns
+        -------
+        RecordedFrame
+            The columns at this step, arrays (N,).
+
+        Raises
+        ------
+        RecordingError
+            Outside of the recording.
+        """
         if not 0 <= step < self.steps:
             raise RecordingError(f"{self.path} has steps 0 to {self.steps - 1}; there is no step {step}")
         frame = RecordedFrame(*(getattr(self, name)[step] for name in RecordedFrame._fields))

@@ -29,6 +29,11 @@ def load_scenario(
     progress : callable or None
         Called as ``progress(done, all)`` with parts of files of triangles, if they are many.
 
+    Returns
+    -------
+    Scenario
+        The checked scenario.
+
     Raises
     ------
     ScenarioError

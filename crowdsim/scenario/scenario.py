@@ -97,6 +97,16 @@ def _with_signature(init: Init) -> Init:
 class Scenario(ScenarioFields):
     """The keys of a scenario as attributes, and its environment; use :func:`load_scenario` for files.
 
+    Parameters
+    ----------
+    **keys
+        The keys of a scenario file, see docs/scenarios.md.
+
+    Raises
+    ------
+    ScenarioError
+        With every problem, each with its key: ``Scenario: agents.0.count: must be at least 1, got 0``.
+
     Examples
     --------
     >>> scenario = Scenario(
@@ -106,11 +116,6 @@ class Scenario(ScenarioFields):
     ... )
     >>> scenario.agents[0].count
     2
-
-    Raises
-    ------
-    ScenarioError
-        With every problem, each with its key: ``Scenario: agents.0.count: must be at least 1, got 0``.
     """
 
     _document: Document = PrivateAttr()
@@ -141,7 +146,28 @@ class Scenario(ScenarioFields):
         files: Files,
         environment: Environment,
     ) -> Scenario:
-        """Return a scenario of validated keys, with their source and the environment they describe."""
+        """Return a scenario of validated keys, with their source and the environment they describe.
+
+        Parameters
+        ----------
+        keys : ScenarioFields
+            Validated keys.
+        document : Document
+            Their source, with the positions of the entries.
+        text : str
+            Text of the file.
+        path : Path or None
+            The file; None without one.
+        files : Files
+            What the scenario names.
+        environment : Environment
+            What the keys describe.
+
+        Returns
+        -------
+        Scenario
+            The scenario.
+        """
         scenario = cls.model_construct(keys.model_fields_set, **dict(keys))
         scenario._document, scenario._text, scenario._path = document, text, path
         scenario._files, scenario._environment = files, environment
@@ -163,11 +189,30 @@ class Scenario(ScenarioFields):
         return self._environment
 
     def problem(self, path: KeyPath, message: str) -> Problem:
-        """Return a problem with the entry at ``path``, with its position in the file."""
+        """Return a problem with an entry.
+
+        Parameters
+        ----------
+        path : tuple of str and int
+            Keys and indices that lead to the entry.
+        message : str
+            What is wrong, and the remedy.
+
+        Returns
+        -------
+        Problem
+            The problem, with its position in the file.
+        """
         return self._document.problem(path, message)
 
     def area_polygons(self) -> dict[str, Polygon]:
-        """Return the polygons of the named areas, in the order of the file."""
+        """Return the named areas.
+
+        Returns
+        -------
+        dict of str to Polygon
+            Polygons by name [m], in the order of the file.
+        """
         return {area.name: area.shape() for area in self.areas}
 
     @property
@@ -176,7 +221,13 @@ class Scenario(ScenarioFields):
         return self._files.folder
 
     def captures_folder(self) -> Path | None:
-        """Return the folder of the motion captures; None if the scenario uses a built-in motion set."""
+        """Return the folder of the motion captures.
+
+        Returns
+        -------
+        Path or None
+            The folder; None if the scenario uses a built-in motion set.
+        """
         return None if self.motion.captures is None else self._files.folder / self.motion.captures
 
     def to_yaml(self, folder: Path | None = None) -> str:
@@ -188,6 +239,11 @@ class Scenario(ScenarioFields):
         ----------
         folder : Path or None
             Folder that file names start from; by default that of the scenario.
+
+        Returns
+        -------
+        str
+            Text of the file.
         """
         if folder is None:
             return written_document(self._document.value)

@@ -94,7 +94,7 @@ FRONTS = {
         "tests/unit/motion/planted/test_pinned_feet.py",
     ),
     "navmesh.clearance.clearance_kernels.clearances": (
-        "navmesh.navmesh:NavMesh",
+        "navmesh.queries:clearances",
         "tests/unit/navmesh/clearance/test_clearance.py",
     ),
     "planning.labels.labelling_kernels.label_stretches": (

@@ -379,8 +379,7 @@ def reserve_by_asking(
     """
     forever = np.int64(FOREVER)
     tried = 0
-    # As in ``reserve``: stop in a narrow passage (tolerant) only if the plan offers no other place to stand.
-    for tolerant in range(2):
+    for tolerant in range(2):  # as in ``reserve``: stop in a narrow passage only if there is no other place to stand
         stands = False
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available

@@ -134,6 +134,16 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
     Runs may share what it returns, in turn or in threads, if their scenarios agree in ``behaviors``, ``layers`` and
     ``motion``, and name files from the same folder. It is not changed by them.
 
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario.
+
+    Returns
+    -------
+    BehaviorSet
+        The behaviors.
+
     Raises
     ------
     BehaviorError, MotionError

@@ -164,7 +164,22 @@ class Character:
 
     @classmethod
     def of(cls, behaviors: Sequence[Behavior], graph: GraphArrays, maps: MotionMaps) -> Character:
-        """Return the character that walks with ``behaviors``, whose numbers are those of the graph."""
+        """Return the character that walks with ``behaviors``.
+
+        Parameters
+        ----------
+        behaviors : sequence of Behavior
+            What it can do, in the order of the graph's numbers.
+        graph : GraphArrays
+            Its motion graph.
+        maps : MotionMaps
+            The motion maps of the graph.
+
+        Returns
+        -------
+        Character
+            The character.
+        """
         radii = np.ascontiguousarray([behavior.radii for behavior in behaviors], np.float64)
         return cls(graph, maps, radii, facings_of(behaviors))
 

@@ -144,6 +144,11 @@ class MotionMaps:
         workers : int
             Number of threads; the result has the same bits for any number.
 
+        Returns
+        -------
+        MotionMaps
+            The maps.
+
         Raises
         ------
         MotionError

@@ -79,6 +79,11 @@ def build_motion_graph(
     whole : bool
         Leave out none for its drift if segments would fall out of the graph with them.
 
+    Returns
+    -------
+    MotionGraph
+        The graph.
+
     Raises
     ------
     MotionError

@@ -22,6 +22,10 @@ BETWEEN_TURNED = 2.0
 SWITCH_COST = 0.15
 """Cost of one change of behavior, in meters of the preferred behavior. A larger cost makes changes rarer."""
 
+CHANGE_COST, LEAST_SECTION, FOR_TURN, FOR_BETWEEN = range(4)
+"""Entries of :data:`TERMS`: cost of a change of behavior [m]; least length of a section, room for a turn of the body,
+and least length of a section between two turned ones [m]."""
+
 TERMS = np.array([SWITCH_COST, MIN_SECTION, TURN_ROOM, BETWEEN_TURNED])
 """What changes of behavior cost and need, (4,): SWITCH_COST, MIN_SECTION, TURN_ROOM, BETWEEN_TURNED. All 0: every place
 gets its cheapest behavior on its own."""
@@ -39,7 +43,7 @@ def required_length(before, label, after, turned, terms):
     """
     n = len(turned)
     # All lengths zero: no constraints at all, not even on turns.
-    if terms[1] + terms[2] + terms[3] == 0.0:
+    if terms[LEAST_SECTION] + terms[FOR_TURN] + terms[FOR_BETWEEN] == 0.0:
         return 0.0
     # Count the neighbors that need a turn of the body, and the ends of the path.
     turns = 0
@@ -55,10 +59,10 @@ def required_length(before, label, after, turned, terms):
     if ends == 2 or (ends == 1 and turned[label]):
         return 0.0
     if turned[label] or turns == 0:
-        return terms[1]
+        return terms[LEAST_SECTION]
     if turns == 2:
-        return terms[3]
-    return terms[2] if ends == 1 else terms[2] + terms[1]
+        return terms[FOR_BETWEEN]
+    return terms[FOR_TURN] if ends == 1 else terms[FOR_TURN] + terms[LEAST_SECTION]
 
 
 @kernel
@@ -94,7 +98,7 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
                 for before in range(first, last):
                     if before == label:
                         continue
-                    paid = 0.0 if start == 0 else best[start, before, label] + terms[0] * costs[n - 1]
+                    paid = 0.0 if start == 0 else best[start, before, label] + terms[CHANGE_COST] * costs[n - 1]
                     if paid == math.inf:
                         continue
                     paid += length * costs[label]
@@ -203,7 +207,7 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
         for k in range(ends[i - 1], ends[i]):
             spans, count = record(spans, count, blocked[k, 0], blocked[k, 1])
         grown = merged(spans, count)
-        spans, count = _lengthened(grown, terms[1], length, spans)
+        spans, count = _lengthened(grown, terms[LEAST_SECTION], length, spans)
         grown = merged(spans, count)
         counts[i] = grown.shape[0]
         for k in range(grown.shape[0]):

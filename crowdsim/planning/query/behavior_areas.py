@@ -64,6 +64,7 @@ def area_polygons(
 def area_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRACKING_MARGIN) -> NDArray[np.float64]:
     """Return (n, layers - 1): growth of the upper layers' obstacles in each behavior's area [m], 0 for none."""
     need = Requirements.of(behaviors, layers, margin)
+    # Grown corners are polygons inside of their circles; growing by more makes them circumscribe these.
     widened: NDArray[np.float64] = np.maximum(need.radii[:, 1:] - need.search_radius, 0.0) / cos(
         np.pi / 4.0 / _ARC_STEPS
     )

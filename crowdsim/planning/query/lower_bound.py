@@ -6,6 +6,7 @@ import math
 
 from crowdsim.errors import PathNotFound
 from crowdsim.geometry.elementary import distance
+from crowdsim.planning.labels.labelling_kernels import CHANGE_COST, FOR_BETWEEN, FOR_TURN, LEAST_SECTION
 from crowdsim.planning.query.behavior_areas import area_excess
 from crowdsim.planning.query.query import Query
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
@@ -42,9 +43,9 @@ def least_extra(query: Query, k: int, shortest: float, out: float) -> float:
     if k == need.count - 1:
         return 0.0
     more = float(need.costs[k]) - preferred
-    change = terms[0] * preferred
-    within = terms[1] if need.turned[k] else min(terms[1], terms[3])
-    at_end = 0.0 if need.turned[k] else min(terms[1], terms[2])
+    change = terms[CHANGE_COST] * preferred
+    within = terms[LEAST_SECTION] if need.turned[k] else min(terms[LEAST_SECTION], terms[FOR_BETWEEN])
+    at_end = 0.0 if need.turned[k] else min(terms[LEAST_SECTION], terms[FOR_TURN])
     return min(2.0 * change + more * within, more * shortest, change + more * max(out, at_end))
 
 
@@ -60,7 +61,7 @@ def way_out(query: Query, k: int) -> float:
     if k == need.count - 1:
         return 0.0
     more = float(need.costs[k] - need.costs[-1])
-    out = terms[1] + (terms[0] * float(need.costs[-1]) / more if more > 0.0 else 0.0)
+    out = terms[LEAST_SECTION] + (terms[CHANGE_COST] * float(need.costs[-1]) / more if more > 0.0 else 0.0)
     for mesh, own, radius in zip(query.meshes, need.radii[k].tolist(), need.radii[-1].tolist(), strict=True):
         if radius > own:
             out = min(out, float(mesh.clearances(query.ends, radius + out).min()) - radius)

@@ -16,6 +16,7 @@ from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.string_kernels import pull
 from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, funnel
 from crowdsim.planning.labels.fitting_kernels import annotate
+from crowdsim.planning.labels.labelling_kernels import LEAST_SECTION
 from crowdsim.planning.roadmap.funnel_kernels import (
     CORNER,
     channel_corners,
@@ -134,9 +135,8 @@ def shift_path(layers, fitting, points, sections, cost, radii, least):
     for _ in range(_ROUNDS):
         if spread < _LEAST_SPREAD:
             break
-        # terms[1] is the least length of a section.
         found = shifted_path(
-            layers, hints, radii, fitting.costs, points, sections, fitting.terms[1], spread, stack, least
+            layers, hints, radii, fitting.costs, points, sections, fitting.terms[LEAST_SECTION], spread, stack, least
         )
         value = math.inf
         if found.shape[0] > 0:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from crowdsim.navmesh.mesh.address_kernels import layers_of
 from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
-from crowdsim.planning.labels.labelling_kernels import TERMS
+from crowdsim.planning.labels.labelling_kernels import CHANGE_COST, LEAST_SECTION, TERMS
 from crowdsim.planning.query.query import with_sections
 from crowdsim.planning.query.requirements import Requirements
 from crowdsim.planning.roadmap import build_kernels, polishing_kernels, search_kernels
@@ -60,11 +60,11 @@ class Roadmap:
         self.around = build_kernels.corner_radii(self.layers, radii)
         self.ways = build_kernels.join_points(self.layers, radii, self.around, self.points, self.spans)
         steps = np.abs(need.costs[:, None] - need.costs)
-        self.change = terms[0] * need.costs[-1] + steps * (_ENTRY if terms[1] > 0.0 else 0.0)
+        self.change = terms[CHANGE_COST] * need.costs[-1] + steps * (_ENTRY if terms[LEAST_SECTION] > 0.0 else 0.0)
         self._prices = search_kernels.Prices(need.costs, need.turned, terms, self.change)
         self._graph = search_kernels.RoadGraph(self.points, self.spans, self.ways, self._landmarks())
         self._more = (need.costs - need.costs[-1]).tolist()
-        self._shortest = float(terms[1])
+        self._shortest = float(terms[LEAST_SECTION])
         self._idle: list[tuple[NDArray[Any], int]] = []
 
     def _landmarks(self) -> NDArray[np.float32]:

@@ -17,6 +17,7 @@ from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW, pop, push
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
+from crowdsim.planning.labels.labelling_kernels import CHANGE_COST, FOR_BETWEEN, FOR_TURN, LEAST_SECTION
 from crowdsim.planning.roadmap.build_kernels import ROAD_WAY, see_points
 
 STATE = np.dtype(
@@ -98,13 +99,13 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
     """
     # A narrow section before a wider one is lengthened at the expense of the wider one.
     if costs[i] > costs[j]:
-        return max(0.0, (costs[i] - costs[j]) * (terms[1] - run) - paid)
+        return max(0.0, (costs[i] - costs[j]) * (terms[LEAST_SECTION] - run) - paid)
     # A wide section needs room for the turn at either end; since == run: a turned section is right before it.
-    needed = terms[1]
+    needed = terms[LEAST_SECTION]
     if turned[j]:
-        needed = terms[3] if since == run else terms[1] + terms[2]
+        needed = terms[FOR_BETWEEN] if since == run else terms[LEAST_SECTION] + terms[FOR_TURN]
     elif since == run:
-        needed = terms[1] + terms[2]
+        needed = terms[LEAST_SECTION] + terms[FOR_TURN]
     if run >= needed:
         return 0.0
     # Too short, it is given to the narrower of its neighbors, which saves two changes.
@@ -112,7 +113,7 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
     for k in range(costs.size):
         if turned[k] and (turned[j] or since == run):
             narrow = max(narrow, costs[k])
-    return max(0.0, (narrow - costs[i]) * run - 2.0 * terms[0])
+    return max(0.0, (narrow - costs[i]) * run - 2.0 * terms[CHANGE_COST])
 
 
 @helper
@@ -313,7 +314,7 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
         for j in range(points[p].level + 1):
             if j == i or not _may_follow(i, j, turned):
                 continue
-            paid = 2.0 * (change[i, j] - terms[0] * preferred)
+            paid = 2.0 * (change[i, j] - terms[CHANGE_COST] * preferred)
             value = cost + change[i, j] + _too_short(i, j, run, since, costs, turned, terms, paid)
             s = p * n + j
             if _reach(graph, goal, preferred, states, stamp, s, p, value, at, 0.0 if turned[j] else since, 0.0):

@@ -62,7 +62,23 @@ class ShownBodies(ABC):
 
     @abstractmethod
     def at_step(self, step: int) -> RecordedFrame:
-        """Return row ``step`` as arrays (N,); raise RecordingError outside the recording."""
+        """Return the state of all agents in a step.
+
+        Parameters
+        ----------
+        step : int
+            Row of the recording.
+
+        Returns
+        -------
+        RecordedFrame
+            The columns at this step, arrays (N,).
+
+        Raises
+        ------
+        RecordingError
+            Outside of the recording.
+        """
 
     @property
     def agent_count(self) -> int:
@@ -80,10 +96,25 @@ class ShownBodies(ABC):
         return max(0, self.steps - 1) / self.steps_per_second
 
     def at_time(self, time: float) -> RecordedFrame:
-        """Return the frame at ``time`` [s], also between steps, as arrays (N,); raise RecordingError outside.
+        """Return the state of all agents at a time, also between steps.
 
         Track poses are interpolated. (node, previous, frame) are those that the simulation passed through: it advances
         CAPTURE_RATE / steps_per_second frames per step.
+
+        Parameters
+        ----------
+        time : float
+            Time in the recording [s].
+
+        Returns
+        -------
+        RecordedFrame
+            The columns at this time, arrays (N,).
+
+        Raises
+        ------
+        RecordingError
+            Outside of the recording.
         """
         if not -1e-9 <= time <= self.duration + 1e-9:
             raise RecordingError(f"{self.name} lasts from 0 to {self.duration:g} s; there is nothing at {time:g} s")
@@ -97,19 +128,66 @@ class ShownBodies(ABC):
         return frame_between(now, then, share, header.motion.node_frames, self.steps_per_second, header.ends)
 
     def shown_step(self, time: float) -> int:
-        """Return the step that is shown from its time until the next one."""
+        """Return the step that is shown from its time until the next one.
+
+        Parameters
+        ----------
+        time : float
+            Time in the recording [s].
+
+        Returns
+        -------
+        int
+            The step.
+        """
         return int(min(max(time * self.steps_per_second, 0.0), float(self.steps - 1)) + 1e-6)
 
     def poses(self, step: int, agents: ArrayLike | None = None) -> tuple[Joints, Joints]:
-        """Return world joint positions (A, J, 3) [m], rotations (A, J, 4) of ``agents`` (default all) at ``step``."""
+        """Return the bodies of agents in a step; see :meth:`poses_at`.
+
+        Parameters
+        ----------
+        step : int
+            Row of the recording.
+        agents : (A,) int or None
+            Numbers of the agents; by default all.
+
+        Returns
+        -------
+        (A, J, 3) float32, (A, J, 4) float32
+            Positions [m] and rotations (w, x, y, z) of the joints in the world; nan for absent agents.
+
+        Raises
+        ------
+        RecordingError
+            Outside of the recording.
+        """
         return self.poses_at(step / self.steps_per_second, agents)
 
     def poses_at(self, time: float, agents: ArrayLike | None = None, blended: bool = True) -> tuple[Joints, Joints]:
-        """Return world joint positions (A, J, 3) [m] and rotations (A, J, 4) of ``agents`` (default all).
+        """Return the bodies of agents at a time.
 
         Captured agents play the frames of their nodes, and their planted feet keep their places; steered agents walk on
-        their smoothed tracks; switches are blended over 0.4 s, if ``blended``; else the new level is shown at once.
-        Earlier calls do not matter. Absent agents have nan. Raise RecordingError outside the recording.
+        their smoothed tracks. Earlier calls do not matter.
+
+        Parameters
+        ----------
+        time : float
+            Time in the recording [s].
+        agents : (A,) int or None
+            Numbers of the agents; by default all.
+        blended : bool
+            Whether switches between the levels are blended over 0.4 s; else the new level is shown at once.
+
+        Returns
+        -------
+        (A, J, 3) float32, (A, J, 4) float32
+            Positions [m] and rotations (w, x, y, z) of the joints in the world; nan for absent agents.
+
+        Raises
+        ------
+        RecordingError
+            Outside of the recording.
         """
         frame, step = self.at_time(time), self.shown_step(time)
         rows = np.arange(self.agent_count) if agents is None else np.asarray(agents, np.int64)
@@ -135,7 +213,18 @@ class ShownBodies(ABC):
         return positions, rotations
 
     def shown_levels(self, step: int) -> NDArray[np.int8]:
-        """Return (N,) the level that bodies are shown on from ``step`` to the next one."""
+        """Return the levels that bodies are shown on from a step to the next one.
+
+        Parameters
+        ----------
+        step : int
+            Row of the recording.
+
+        Returns
+        -------
+        (N,) int8
+            The :class:`~crowdsim.recording.levels.Level` of each agent.
+        """
         levels: NDArray[np.int8] = self.levels[step]
         levels[self.switches.steer_in_playback(step)] = Level.STEERED
         return levels
@@ -149,10 +238,25 @@ class ShownBodies(ABC):
         at: ArrayLike,
         track: ArrayLike,
     ) -> tuple[Joints, Joints]:
-        """Return joint positions (A, J, 3) [m] and rotations (A, J, 4) of ``agents`` that play nodes at ``time`` [s].
+        """Return the bodies of agents that play given frames of nodes.
 
-        node, previous, at: (A,) what they play, see :class:`~crowdsim.recording.header.RecordedFrame`. track: (A, 3)
-        their track poses [m], [rad].
+        Parameters
+        ----------
+        time : float
+            Time in the recording [s].
+        agents : (A,) int64
+            Numbers of the agents.
+        node, previous : (A,) int32
+            What they play and what they played before, see :class:`~crowdsim.recording.header.RecordedFrame`.
+        at : (A,) float64
+            Frames of the nodes.
+        track : (A, 3) float64
+            Track poses: x, y [m], heading [rad].
+
+        Returns
+        -------
+        (A, J, 3) float32, (A, J, 4) float32
+            Positions [m] and rotations (w, x, y, z) of the joints in the world.
         """
         from crowdsim.motion.graph.pose_kernels import pose_joints
 
@@ -175,9 +279,23 @@ class ShownBodies(ABC):
     def foot_states(
         self, time: float, agents: NDArray[np.int64], node: NDArray[np.int32], frame: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return how the feet of ``agents`` (A,) are corrected at ``time`` [s] in ``frame`` of ``node``.
+        """Return how the feet of agents are corrected at a time.
 
-        (A, 2, COLUMNS) float64; see :mod:`crowdsim.motion.planted.pin_kernels` for the columns.
+        Parameters
+        ----------
+        time : float
+            Time in the recording [s].
+        agents : (A,) int64
+            Numbers of the agents.
+        node : (A,) int32
+            What they play.
+        frame : (A,) float64
+            Frames of the nodes.
+
+        Returns
+        -------
+        (A, 2, COLUMNS) float64
+            The columns that :mod:`crowdsim.motion.planted.pin_kernels` names, left foot first.
         """
         return self.planted_feet.states_at(time, agents, node, frame)
 

@@ -121,7 +121,13 @@ class ScenarioFields(Part):
         return value
 
     def locomotions(self) -> set[str]:
-        """Return the set of levels of the groups: captured, steered, auto."""
+        """Return the levels of the groups.
+
+        Returns
+        -------
+        set of str
+            Some of captured, steered, auto.
+        """
         periodic = self.floor.periodic is not None
         return {"steered" if periodic and group.level == "auto" else group.level for group in self.agents}
 
@@ -131,12 +137,34 @@ class ScenarioFields(Part):
         return self.floor.span
 
     def exits_of(self, group: AgentGroup) -> list[int]:
-        """Return the indices of a group's exits, in the order of the file."""
+        """Return the exits of a group.
+
+        Parameters
+        ----------
+        group : AgentGroup
+            A group of the scenario.
+
+        Returns
+        -------
+        list of int
+            Indices of the exits, in the order of the file.
+        """
         named = group.exits or ()
         return [number for number, each in enumerate(self.exits) if named == "all" or each.name in named]
 
     def waypoints(self, group: AgentGroup) -> list[tuple[tuple[str | int, ...], Goal]]:
-        """Return the places of a group's route in order, each with its key in the file."""
+        """Return the places of a group's route in order.
+
+        Parameters
+        ----------
+        group : AgentGroup
+            A group of the scenario.
+
+        Returns
+        -------
+        list of (tuple, Goal)
+            The places, each with its key in the file.
+        """
         return [
             (("routes", number, "through", k), Goal.model_validate(place.model_dump(exclude_none=True)))
             for number, route in enumerate(self.routes)
@@ -145,7 +173,18 @@ class ScenarioFields(Part):
         ]
 
     def regions(self, number: int) -> list[tuple[tuple[str | int, ...], Goal]]:
-        """Return the places that group ``number`` visits in turn, its route first, each with its key; no exits."""
+        """Return the places that a group visits in turn, its route first; no exits.
+
+        Parameters
+        ----------
+        number : int
+            Index of the group.
+
+        Returns
+        -------
+        list of (tuple, Goal)
+            The places, each with its key in the file.
+        """
         group = self.agents[number]
         return [
             *self.waypoints(group),
@@ -153,9 +192,19 @@ class ScenarioFields(Part):
         ]
 
     def destinations(self, number: int) -> list[tuple[tuple[str | int, ...], Polygon | MultiPolygon | Point]]:
-        """Return the shapes that group ``number`` goes to in turn, each with its key in the file.
+        """Return the shapes that a group goes to in turn.
 
         The union of all exits counts as one place; endless ways are left out.
+
+        Parameters
+        ----------
+        number : int
+            Index of the group.
+
+        Returns
+        -------
+        list of (tuple, geometry)
+            The shapes [m], each with its key in the file.
         """
         group = self.agents[number]
         shapes = [(path, goal.shape()) for path, goal in self.regions(number) if goal.along is None]

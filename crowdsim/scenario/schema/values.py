@@ -63,7 +63,23 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
     def only(self, *names: str) -> str:
-        """Return which of the keys ``names`` is given; raise ValueError unless exactly one is."""
+        """Return which of the keys ``names`` is given.
+
+        Parameters
+        ----------
+        *names : str
+            Keys.
+
+        Returns
+        -------
+        str
+            The one that is given.
+
+        Raises
+        ------
+        ValueError
+            Unless exactly one is given.
+        """
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) != 1:
             found = f"'{given[0]}' and '{given[1]}'" if given else "none"

@@ -133,6 +133,7 @@ def put_number(state, out, models, first, bits, value):
 @helper
 def finish(state, out):
     """Write what is left; return the number of bytes."""
+    # The byte that waits, and the four of the low end.
     for _ in range(5):
         _carry_out(state, out)
     return state[SIZE]
