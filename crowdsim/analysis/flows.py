@@ -33,6 +33,7 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
     sentences, parts, intervals = [], [], {}
     for line_name, place in places.lines.items():
         line = place.shape
+        # First crossing of each stretch of a track, in the time in which this line is measured.
         crossings = crossing_frames(tracks, line)
         crossings = crossings[place.during(tracks.time(crossings["frame"].to_numpy()))]
         times = tracks.time(crossings["frame"].to_numpy())
@@ -68,6 +69,7 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
             curve = intervals[line_name]
             if len(curve):
                 lower.plot(curve.time, curve.flow_per_m, ".-", color=color(number), linewidth=1.0)
+        # People were measured at one width: show their band only if all lines are in it.
         widths = {band for each in values.values() if (band := flow_band(each["width"])) is not None}
         if len(widths) == 1 and any(len(curve) for curve in intervals.values()):
             (band,) = widths

@@ -220,6 +220,7 @@ def captured_set(
         raise BehaviorError(
             f"captures in {folder} give no '{foreign[0]}'; name only {', '.join(CAPTURED)} in 'behaviors'"
         )
+    # What the captures lack is made from a cycle of one of their walks; a stand is always needed.
     rest = _rest(captures.clips, captures.room)
     needs = list(NEEDS) if make_all else lacks([piece for piece in captures.kept if piece.key not in apart])
     if rest is None and "halts" not in needs:
@@ -243,6 +244,7 @@ def captured_set(
         raise MotionError(
             f"no clip stands still in the captures of {folder}, not even one that was made; {_ADD_A_WALK}"
         )
+    # The behaviors: frontal as captured, with the arms held in, and sideways.
     found: dict[str, CapturedBehavior] = {}
     speed = None if maker is None else maker.speed
     walks = tuple({piece.clip.name: piece.clip for piece in kept}.values())

@@ -97,6 +97,8 @@ def measure_coverage(
             f"coverage needs radii and clearances above 0 and a worker, not {radii}, {clearances}, {workers}"
         )
     graph = motion.arrays
+    # One behavior, in an empty place: only the path's clearance limits the body. Turns to the left, straight on, to the
+    # right.
     reach = body_reach(graph, motion.poses, np.full(len(facings), clearances[0]))
     ground = NavMesh(shapely.box(-100.0, -100.0, 100.0, 100.0)).arrays
     idle = np.flatnonzero(graph.node_idle & (graph.node_behavior == behavior))
@@ -126,6 +128,7 @@ def measure_coverage(
 
     table = []
     with ThreadPoolExecutor(workers, thread_name_prefix="crowdsim") as pool:
+        # Report progress in cells of the table.
         for done, shares in enumerate(pool.map(shares_of, curvature), 1):
             table.append(shares)
             if progress is not None:

@@ -167,6 +167,7 @@ def check_header(header: RecordingHeader) -> None:
         0 < header.steps_per_second <= CAPTURE_RATE and CAPTURE_RATE % header.steps_per_second == 0,
         f"{header.steps_per_second} steps a second do not divide {CAPTURE_RATE}",
     )
+    # Shapes and types of arrays.
     motion = header.motion
     joints, nodes, rows = motion.skeleton.joint_count, len(motion.node_names), len(motion.pool_root)
     agents = {"start_times": (count,), "starts": (count, 3), "goals": (count, 2), "radii": (count,)}
@@ -191,6 +192,7 @@ def check_header(header: RecordingHeader) -> None:
     if header.walkable:
         found = len(header.walkable)
         _require(found == len(header.layers), f"{found} walkable areas for {len(header.layers)} layers")
+    # Behaviors: a radius for each layer, and a color.
     for behavior in header.behaviors:
         if len(behavior.radii) != len(header.layers):
             raise RecordingError(
@@ -199,6 +201,7 @@ def check_header(header: RecordingHeader) -> None:
         _require(re.fullmatch("#[0-9a-fA-F]{6}", behavior.color) is not None, f"{behavior.color!r} is not a color")
     _check_skeleton(motion)
     _check_gaits(header)
+    # Nodes: their frames are rows of the pool, and they name behaviors that exist.
     first, frames = np.asarray(motion.node_first, np.int64), np.asarray(motion.node_frames, np.int64)
     wrong = np.flatnonzero((first < 0) | (frames < 0) | (first + frames >= rows))
     if wrong.size:

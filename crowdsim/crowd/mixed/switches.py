@@ -106,12 +106,14 @@ class Switches:
         rows, bodies = self._safe(rows, bodies, len(view.agent), others)
         agents = view.agent[rows].astype(np.int64)
         captured, steered = self._captured, self._steered
+        # The gait goes on in the phase of the captured pose, from where its rear foot stands.
         node_rows = captured.assets.graph.node_track[view.node[rows]] + view.frame[rows]
         reached = captured.itineraries.reached[agents]
         goals = steered.errands.goal(agents, reached)
         bodies["goal"] = goals
         phases, anchors = self.phases[node_rows], view.pose[rows].copy()
         set_anchors(view.pose[rows], velocities[rows], np.zeros(len(rows)), phases, anchors)
+        # Appear among the steered agents and disappear from the captured ones, with the next changes of both worlds.
         steered.world.spawn_many(
             len(rows),
             agent=agents,

@@ -293,6 +293,7 @@ class Choosing:
         chain.nodes[1:until] = plan.nodes[ahead]
         chain.origins[1:until] = plan.origins[ahead]
         chain.blend_offsets[1:until] = plan.blend_offsets[ahead]
+        # The agent leaves the world at the end of its last plan unless it stays there.
         last = self.plans.itineraries.is_last(walker.agent, len(plan.passes))
         leaves = plan.arrives and last and not walker.stays and following + available == plan.count
         everyone = self.surroundings.everyone(view)

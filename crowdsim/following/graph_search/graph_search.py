@@ -191,6 +191,7 @@ def search_graph(
         raise MotionError(f"the weight of the distance to the goal must be at least 1, not {options.weight}")
     if options.budget < 1 or not (options.place_grain >= 0.001 and options.heading_grain >= 0.02):
         raise MotionError("a search needs a budget of at least 1 node, and grains of at least 0.001 m and 0.02 rad")
+    # The kernel writes nodes, edges and places of the solution to ``out``.
     rules = _rules(options, channel, meshes)
     space = _space(probes, channel, meshes)
     out = _Out(np.empty((rules.budget + 1, 2), np.int32), np.empty((rules.budget + 1, 4)))

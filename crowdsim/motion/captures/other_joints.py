@@ -47,6 +47,8 @@ def on_joints_of(clip: Clip, skeleton: Skeleton) -> Clip:
         if role not in own.roles or role not in skeleton.roles:
             raise MotionError(f"clip '{clip.name}' has no joint for '{role}', or the other behaviors have none")
     positions, world = clip.posed
+    # Rotations in the world: a joint with a role turns as the one with that role, from its own rest pose; others go
+    # with their parents, and those of the spine share its turn.
     level = multiply(_facing(own), conjugate(_facing(skeleton)))
     turned = np.tile([1.0, 0.0, 0.0, 0.0], (clip.frame_count, skeleton.joint_count, 1))
     roles = {joint: role for role, joint in skeleton.roles.items() if role in own.roles}
@@ -62,6 +64,8 @@ def on_joints_of(clip: Clip, skeleton: Skeleton) -> Clip:
     rotations = turned.copy()
     for joint in range(1, skeleton.joint_count):
         rotations[:, joint] = multiply(conjugate(turned[:, skeleton.parents[joint]]), turned[:, joint])
+    # Place the root: the middle of the hips goes as far as in the clip, by the lengths of the legs, and the lowest
+    # joint is as high.
     scale = skeleton.leg_length() / own.leg_length()
     moved = Clip(clip.name, skeleton, np.zeros((clip.frame_count, 3)), rotations)
     root = scale * _middle(positions, own) - _middle(moved.joint_positions, skeleton)

@@ -97,6 +97,7 @@ def read_capture(
     file_tree = Skeleton(raw.names, raw.parents, raw.offsets, raw.end_parents, raw.end_offsets, roles)
     positions, world = forward_kinematics(file_tree, raw.root_positions, raw.rotations)
     tips = end_positions(file_tree, positions, world)
+    # Find the axes from the pose: rows of the basis are ahead, left and up in those of the file.
     up, left = _axes(file_tree, positions, tips, path)
     basis = np.stack([np.cross(left, up), left, up])
 
@@ -112,6 +113,7 @@ def read_capture(
     root = _in_axes(basis, raw.root_positions) * scale
     rotations = np.concatenate([raw.rotations[..., :1], _in_axes(basis, raw.rotations[..., 1:])], axis=-1)
 
+    # Clips are the stretches between jumps of joints, on the floor, at the usual rate.
     stretches, dropped_first, jumps = clean_stretches(positions * scale, raw.rate)
     if not stretches:
         raise MotionError(f"{path}: no stretch of 0.3 s without a joint that jumps; {len(jumps)} jumps found")

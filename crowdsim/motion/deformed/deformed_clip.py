@@ -121,11 +121,13 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
     legs = _leg_joints(clip.skeleton)
     cycle = find_cycle(clip, speed)
     root, rotations = _sampled(clip, cycle)
+    # Joints: mean rotations, and what each swings away from its mean, relative to the heading of the track.
     turned = rotations.copy()
     turned[:, 0] = multiply(about_axis(_Z, -cycle.track[:, 2]), rotations[:, 0])
     mean = np.stack([mean_rotation(turned[:-1, joint]) for joint in range(turned.shape[1])])
     swings = _closed(_half_vectors(multiply(conjugate(mean), turned)))
     placed = _closed(_beside(root, cycle.track))
+    # Legs: sizes of foot and bones, rotations of the hip, and where the feet are printed.
     positions, world = forward_kinematics(clip.skeleton, root, rotations)
     shapes = [foot_shape(clip.skeleton, legs[foot], *_from_landing(foot, positions, world)) for foot in (0, 1)]
     chain = [_hip_in_root(clip.skeleton, mean, int(joint)) for joint in legs[:, 0]]
@@ -137,6 +139,7 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
     ]
     bones = np.array([_bones(clip.skeleton, legs[foot], shapes[foot].sizes) for foot in (0, 1)])
     prints = [_print(cycle, positions[:, max(int(legs[f, 3]), int(legs[f, 2]))], shapes[f].yaw, f) for f in (0, 1)]
+    # Joints above the legs, those of the spine first.
     spine = _spine(clip.skeleton)
     others = [j for j in range(1, clip.skeleton.joint_count) if j not in legs and j not in spine]
     upper = np.array([*spine, *others], np.int32)

@@ -197,11 +197,13 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
     yaw, pitch, toe = (np.zeros(plan.frame_count) for _ in range(3))
     plants = _plants(plan, side)
     outward = 1.0 if side == LEFT else -1.0
+    # While a foot is planted, its plant says where it is.
     for plant in plants:
         rows = (frames >= plant.land) & (frames <= plant.lift)
         ankle[rows] = plant.ankle(frames[rows])
         yaw[rows], pitch[rows] = plant.yaw(frames[rows]), plant.pitch(frames[rows])
         toe[rows] = np.maximum(0.0, -pitch[rows])
+    # Swings, from each plant to the next.
     for old, new in pairwise(plants):
         rows = (frames > old.lift) & (frames < new.land)
         duration = new.land - old.lift
@@ -211,18 +213,23 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
         v1, turn1 = _speed(new, new.land, 1.0)
         way = (ends[1] - ends[0]) * np.array([1.0, 1.0, 0.0])
         way *= min(1.0, float(hypot(*way[:2])) / _FULL_STRIDE)
+        # Along the floor: a polynomial through both ends with their speeds, which begins with a push and ends with a
+        # brake.
         path = quintic(u, ends[0], v0 * duration, _SPRING * way, ends[1], v1 * duration, -_BRAKE * way)
+        # Height: a hump u^2 (1 - u)^SINK, scaled to 1 at its top; higher for longer strides.
         ahead = max(0.0, _way_ahead(old.place, new.place))
         high = plan.style.raised + plan.manner.lift + _LIFT_STRIDE * min(ahead / _FULL_STRIDE, 1.1)
         path[:, 2] += (
             high * np.square(u) * power(1.0 - u, _SINK) * power(2.0 + _SINK, 2.0 + _SINK) / (4.0 * power(_SINK, _SINK))
         )
+        # Pass the other foot at a distance of 12 mm more, in the middle of the swing.
         middle = old.place[2] + 0.5 * (new.place[2] - old.place[2])
         clear = 0.012 * np.square(sin(np.pi * u)) * outward
         path[:, 0] -= sin(middle) * clear
         path[:, 1] += cos(middle) * clear
         ankle[rows] = path
         yaw[rows] = hermite(u, *_turning(old, old.lift, duration), float(new.place[2]), 0.0)
+        # Pitch: toes down at lift-off, nearly level at LEVEL_AT of the swing, then as it lands.
         turning, level = _LEVEL_AT, 0.35 * new.arrive
         early = u < turning
         rise = old.leave + level

@@ -108,6 +108,7 @@ def pose_clip(name: str, controls: Controls) -> Clip:
     def put(joint: str, rotation: Floats) -> None:
         world[:, skeleton.names.index(joint)] = rotation
 
+    # Rotations in the world: pelvis and chest are given, the spine is half way between them.
     pelvis = pelvis_rotation(controls)
     chest_yaw = _turns(_Z, heading + _column(controls, "trunk_yaw"))
     roll = _turns(_X, _column(controls, "trunk_roll"))
@@ -120,6 +121,7 @@ def pose_clip(name: str, controls: Controls) -> Clip:
     put("hips", pelvis)
     put("spine", between)
     put("chest", chest)
+    # The neck turns half as far as the head.
     nod = _column(controls, "head_pitch")
     head = multiply(_turns(_Z, heading + _column(controls, "head_yaw")), _turns(_X, _column(controls, "head_roll")))
     put("neck", multiply(_turns(_Z, heading + 0.5 * _column(controls, "head_yaw")), _turns(_Y, _NECK_LEAN + nod)))
@@ -138,6 +140,7 @@ def pose_clip(name: str, controls: Controls) -> Clip:
         }
         for joint, rotation in parts.items():
             put(f"{side}_{joint}", rotation)
+    # Clips hold rotations relative to the parent joint, with a positive real part.
     local = world.copy()
     for j, parent in enumerate(skeleton.parents):
         if parent >= 0:

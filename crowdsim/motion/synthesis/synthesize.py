@@ -93,6 +93,7 @@ def _blend(controls: Controls, plan: Plan) -> Controls:
     for hub in plan.hubs:
         frame = _hub_frame(hub, plan.manner)
         if hub.kind == "stand":
+            # A stand is one pose, a passing of the feet a short motion; frames on both sides to hold and to fade.
             held, fade = 1, round(plan.style.soft)
             hub_placed, hub_scalars = (np.repeat(a, 2 * (held + fade) + 1, 0) for a in _standing(plan.manner))
         else:
@@ -101,15 +102,20 @@ def _blend(controls: Controls, plan: Plan) -> Controls:
         rows = np.arange(hub.frame - held - fade, hub.frame + held + fade + 1)
         inside = (rows >= 0) & (rows < len(placed))
         rows = rows[inside]
+        # Weight of the hub: 1 while it is held, then eased to 0. Headings are unwrapped to the turn that the plan is
+        # in.
         away = np.abs(rows - hub.frame)
         weight = 1.0 - ease((away - held) / fade)[:, None]
         turn = 2.0 * np.pi * np.round((placed[rows[len(rows) // 2], 2] - frame[2]) / (2.0 * np.pi))
         target = _moved(frame, hub_placed[inside], inverse=False)
         target[:, [2, 5, 8]] += turn
+        # At a stand the feet stay where the plan put them: only the body (columns 0 to 2) and what is not of feet
+        # change.
         columns = slice(0, 3) if hub.kind == "stand" else slice(0, 9)
         placed[rows, columns] += weight * (target[:, columns] - placed[rows, columns])
         last = FOOT_SCALARS.start if hub.kind == "stand" else scalars.shape[1]
         scalars[rows, :last] += weight * (hub_scalars[inside, :last] - scalars[rows, :last])
+    # Before the second stand and behind the last but one, the body stands as in these frames.
     for still, source in ((slice(0, stands[1]), stands[1]), (slice(stands[-2], None), stands[-2])):
         placed[still, :3] = placed[source, :3]
         scalars[still, : FOOT_SCALARS.start] = scalars[source, : FOOT_SCALARS.start]

@@ -117,11 +117,14 @@ def _supports(plan: Plan) -> tuple[Floats, Floats]:
 def controls_of(plan: Plan) -> Controls:
     """Return the controls of a plan before its hubs are made to agree."""
     manner = plan.manner
+    # Where the body goes, which foot carries it, and how far apart the feet are, for each frame; all smoothed over some
+    # frames, so that the pelvis follows without jerks.
     course, load = _course(plan)
     side, apart = _supports(plan)
     feet = foot_curves(plan, LEFT), foot_curves(plan, RIGHT)
     body = smoothed(course, 6.0)
     heading = smoothed(course[:, 2], 5.0)
+    # The pelvis sways across its heading, toward the foot that carries.
     sway = smoothed(load - course[:, :2], 5.5)
     c, s = cos(heading), sin(heading)
     across = manner.sway * plan.style.sway * (-s * sway[:, 0] + c * sway[:, 1])
@@ -131,13 +134,16 @@ def controls_of(plan: Plan) -> Controls:
         way: Floats = c * (foot.ankle[:, 0] - body[:, 0]) + s * (foot.ankle[:, 1] - body[:, 1])
         return way
 
+    # How far the right foot is ahead of the left one drives the turns of pelvis and trunk and the swing of the arms.
     spread = smoothed(ahead(feet[RIGHT]) - ahead(feet[LEFT]), 2.5)
     swing = smoothed(spread, 3.0)
     support = smoothed(side, 4.0)
     speed = np.gradient(smoothed(course[:, :2], 9.0), axis=0) * CAPTURE_RATE
     forward = np.clip(c * speed[:, 0] + s * speed[:, 1], 0.0, 2.0)
+    # The head looks where the body heads 14 frames later.
     look = smoothed(np.concatenate([course[14:, 2], np.repeat(course[-1:, 2], 14)]), 9.0)
     walking = ease(forward / 0.8)
+    # The hips sink with speed, and once more in each double support, when the feet are far apart.
     height = (
         STANDING_HEIGHT
         - manner.crouch

@@ -120,6 +120,7 @@ def offsets_between(
     lapse : tuple of (n,) float64
         Times between both poses, of the old and the new motion; may be negative [s].
     """
+    # Velocities of roots, joints and balls in the old and the new motion, from the two poses of each.
     speeds = []
     for (body, later), seconds in zip((old, new), lapse, strict=True):
         balls, later_balls = feet_of_body(skeleton, body).balls, feet_of_body(skeleton, later).balls
@@ -133,6 +134,7 @@ def offsets_between(
             )
         )
     root_speeds, turn_speeds, ball_speeds = (before - after for before, after in zip(*speeds, strict=True))
+    # Turn of each foot, split into a turn about the vertical and the tilt that is left.
     old_feet, new_feet = feet_of_body(skeleton, old[0]), feet_of_body(skeleton, new[0])
     apart = multiply(old_feet.turns, conjugate(new_feet.turns))
     yaws = 2.0 * atan2(np.where(apart[..., 0] < 0.0, -1.0, 1.0) * apart[..., 3], np.abs(apart[..., 0]))
