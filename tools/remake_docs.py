@@ -1,8 +1,8 @@
-"""Remake everything in the repository that commands write: ``python tools/remake_docs.py``, an hour on two cores.
+"""Remake everything in the repository that commands write: ``python tools/remake_docs.py``, some hours on two cores.
 
 The steps also run by themselves, as printed. ``tests`` compares what costs little: the schema, the figures that need no
-run, and that every picture and page is there. Tables within pages name their benchmark; ``crowdsim bench NAME`` prints
-them.
+run, and that every picture and page is there. Tables within pages stand beside the command that prints them
+(``tests/integration/test_doc_tables.py``).
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ STEPS = (
     (*CROWDSIM, "schema", "-o", "scenarios/scenario.schema.json"),
     (sys.executable, "tools/draw_figures.py"),
     (sys.executable, "tools/draw_pictures.py"),
-    (*CROWDSIM, "validate", "--seeds", "1", "--locomotion", "steered", "--markdown", "docs/validation.md"),
-    (*CROWDSIM, "validate", "--seeds", "1", "--locomotion", "auto", "--markdown", "docs/validation-auto.md"),
+    (*CROWDSIM, "validate", "--seeds", "5", "--locomotion", "steered", "--markdown", "docs/validation.md"),
+    (*CROWDSIM, "validate", "--seeds", "5", "--locomotion", "auto", "--markdown", "docs/validation-auto.md"),
 )
 
 
