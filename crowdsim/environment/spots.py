@@ -93,6 +93,7 @@ def pieces_of(area: MultiPolygon) -> list[MultiPolygon]:
         middle = 0.5 * (ymin + ymax)
         halves = [(xmin, ymin, xmax, middle), (xmin, middle, xmax, ymax)]
     cut = [polygons_only(area.intersection(shapely.box(*half))) for half in halves]
+    # The cut adds more corners than it divides: leave the area whole.
     if max(shapely.get_num_coordinates(cut)) >= shapely.get_num_coordinates(area):
         return [area]
     return [piece for half in cut if not half.is_empty for piece in pieces_of(half)]

@@ -234,7 +234,9 @@ def _put_phases(state, out, models, x, y, heading, phase, first, end, units):
         expected = math.floor(cadence(speed, angle, turning) / rate * cycle + 0.5)
         before = phase[t - 1 - first]
         advance = phase[t - first] - before
-        # Contexts: may it come to a stand here, or set off? How much off was the last one, did it move at all?
+        # Contexts: may it come to a stand here, or set off? How much off was the last one, did it move at all? A body
+        # below stepping speed rests in the first fifth of a half cycle, with both feet down, and sets off in its first
+        # half. ``past`` is what has passed of the half cycle.
         past = (2 * before) % cycle
         context = (1 if speed < 0.35 and 10 * past <= 2 * cycle else 0) + (2 if 100 * past < 52 * cycle else 0)
         context = 2 * (2 * (4 * min(bucket(abs(off)), 6) + context) + moved) + (1 if off > 0 else 0)
