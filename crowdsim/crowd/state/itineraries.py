@@ -70,7 +70,7 @@ class Itineraries:
     def request(
         self, agent: int, position: NDArray[np.float64], ahead: int = 0, departure: Departure | None = None
     ) -> Request:
-        """Return the request for a motion from ``position`` (2,) [m] to an agent's next goal, or to one ``ahead`` of it.
+        """Return the request for a motion from ``position`` (2,) [m] to an agent's next goal, or one ``ahead`` of it.
 
         ``departure``: how the agent leaves what it does now; None if it stands.
         """

@@ -295,6 +295,7 @@ def follow(graph, rows, row, table, progress, frame):
         rows.next_blend_offset[row, axis] = blend_offsets[following, axis]
     if rows.awaiting_plan[row]:
         return idle  # a search for a way around the others is no longer needed
+    # The plan ends soon, at a goal where the agent goes on: the search for the way to the next one begins.
     return len(nodes) - following <= NODES_LEFT and walks_through(table, progress, agent)
 
 

@@ -120,12 +120,15 @@ class Replanning:
         plans, agent, cursor = self.plans, found.agent, int(view.cursor[row])
         plan = plans.motions.get(agent)
         fits = plan is not None and join.fits(plan, cursor)
+        # Nothing yet: the search goes on.
         if found.plan is None and not found.over and fits:
             return
+        # No other way, or one that no longer fits or is no gain: keep the plan.
         view.awaiting_plan[row] = False
         if found.plan is None or plan is None or not fits or found.plan.route.length >= join.shorter_than:
             plans.searches.drop(agent)
             return
+        # Go on along the old nodes up to ``join.after``, then along the new ones; numbers count from the present node.
         joined = plan.joined(cursor, join.after, found.plan, join.reaches)
         plans.hand_out(agent, joined, join.after - cursor + 1)
         plans.follow_route(agent, joined.route)
