@@ -37,6 +37,15 @@ class Poses(NamedTuple):
         Rotations of their joints in the world, as unit quaternions (w, x, y, z).
     skeleton : Skeleton
         Names and parents (J,) of the joints.
+
+    Examples
+    --------
+    >>> with Simulation(load_scenario("doorway"), keep_poses=True) as simulation:
+    ...     for _ in range(20):
+    ...         simulation.step()
+    ...     poses = simulation.poses()
+    >>> poses.agents, poses.joints.shape, poses.matrices().shape
+    (array([0]), (1, 19, 3), (1, 19, 4, 4))
     """
 
     time: float

@@ -70,6 +70,16 @@ class Recording(ShownBodies):
     N) and ``state_hash`` (steps,) are read from the file when they are indexed. Columns without information are not
     stored, and read as -1, -1, 0 or nan. ``levels`` (steps, N) int8 holds the :class:`~crowdsim.recording.levels.Level`
     of each agent.
+
+    Examples
+    --------
+    >>> with Simulation(load_scenario("doorway")).run("doorway.h5") as recording:
+    ...     print(recording.steps, "steps of", recording.agent_count, "agents, arrived:", recording.summary["arrived"])
+    124 steps of 4 agents, arrived: 4
+    >>> with Recording.open("doorway.h5") as recording:
+    ...     joints, rotations = recording.poses_at(2.25)
+    ...     joints.shape
+    (4, 19, 3)
     """
 
     path: Path
