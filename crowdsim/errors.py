@@ -11,7 +11,16 @@ from dataclasses import dataclass
 
 
 class CrowdSimError(Exception):
-    """Base of all errors that the user can remedy."""
+    """Base of all errors that the user can remedy.
+
+    Examples
+    --------
+    >>> try:
+    ...     Recording.open("absent.h5")
+    ... except CrowdSimError as error:
+    ...     print(error)
+    there is no recording absent.h5; write one with 'crowdsim run SCENARIO -o absent.h5'
+    """
 
     exit_code = 2
 
@@ -54,6 +63,16 @@ class ScenarioError(CrowdSimError):
     ----------
     problems : list of Problem
         The same problems with their positions; empty if the error was raised with a plain message.
+
+    Examples
+    --------
+    >>> try:
+    ...     load_scenario("doorway", ["duration=0", "agents.0.cuont=3"])
+    ... except ScenarioError as error:
+    ...     for problem in error.problems:
+    ...         print(problem)
+    --set duration: must be greater than 0.0, got 0
+    --set agents.0.cuont: unknown key; did you mean 'count'?
     """
 
     def __init__(self, problems: Iterable[Problem] | str) -> None:
@@ -92,7 +111,16 @@ class CacheWarning(UserWarning):
 
 
 class PathNotFound(CrowdSimError):
-    """No path with the required clearance connects start and goal."""
+    """No path with the required clearance connects start and goal.
+
+    Examples
+    --------
+    >>> try:
+    ...     NavMesh(shapely.box(0, 0, 8, 1)).find_path((1, 0.5), (7, 0.5), radius=0.6)
+    ... except PathNotFound as error:
+    ...     print(error)
+    start blocked: (1, 0.5) is 0.5 m from the nearest obstacle; the path needs 0.6 m
+    """
 
 
 class MotionError(CrowdSimError):
@@ -108,15 +136,51 @@ class RecordingError(CrowdSimError):
 
 
 class ColumnError(CrowdSimError):
-    """A column of an own system is unknown, not declared, read-only, or of another dtype or shape."""
+    """A column of an own system is unknown, not declared, read-only, or of another dtype or shape.
+
+    Examples
+    --------
+    >>> try:
+    ...     Simulation(load_scenario("doorway")).agents.x = 0.0
+    ... except ColumnError as error:
+    ...     print(error)
+    agents are only read, so 'x' cannot be set; send agents elsewhere with simulation.set_goal(agents, goal)
+    """
 
 
 class StageError(CrowdSimError):
-    """An own system stands before a stage that does not exist, or does what is not for systems."""
+    """An own system stands before a stage that does not exist, or does what is not for systems.
+
+    Examples
+    --------
+    >>> class Idle:
+    ...     reads = writes = ()
+    ...     def run(self, columns, simulation): ...
+    >>> try:
+    ...     Simulation(load_scenario("doorway")).add_system(Idle(), before="moves")
+    ... except StageError as error:
+    ...     print(error)
+    there is no stage or system 'moves'; did you mean 'move'?
+    """
 
 
 class SystemFailed(CrowdSimError):
-    """An own system raised an error, which is its ``__cause__``; the simulation takes no more steps."""
+    """An own system raised an error, which is its ``__cause__``; the simulation takes no more steps.
+
+    Examples
+    --------
+    >>> class Broken:
+    ...     reads = writes = ()
+    ...     def run(self, columns, simulation):
+    ...         raise ValueError("no such file")
+    >>> with Simulation(load_scenario("doorway")) as simulation:
+    ...     simulation.add_system(Broken(), before="move")
+    ...     try:
+    ...         simulation.step()
+    ...     except SystemFailed as error:
+    ...         print(error)
+    system 'Broken' failed in step 0: ValueError: no such file
+    """
 
 
 class RanksError(CrowdSimError):

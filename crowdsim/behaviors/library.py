@@ -57,6 +57,14 @@ class BehaviorSet:
         Clips of each behavior.
     notes : tuple of str
         What was left out of captures, and what was synthesized, one sentence each.
+
+    Examples
+    --------
+    >>> motion = load_behavior_set(["lateral", "frontal"], [(0.0, 2.0)])
+    >>> [f"{behavior.name} {behavior.speed:.2f} m/s" for behavior in motion.behaviors]
+    ['lateral 0.58 m/s', 'frontal 1.25 m/s']
+    >>> sum(len(clips.transitions) for clips in motion.clips)
+    4
     """
 
     behaviors: tuple[Behavior, ...]
@@ -130,6 +138,14 @@ def load_behavior_set(
         If a file is wrong, or behaviors contradict each other.
     MotionError
         If a clip cannot be read, cut or joined.
+
+    Examples
+    --------
+    >>> motion = load_behavior_set(["lateral", "frontal"], [(0.0, 0.6), (0.6, 2.0)])
+    >>> for behavior in motion.behaviors:
+    ...     print(behavior.name, " m, ".join(f"{radius:.2f}" for radius in behavior.radii), "m")
+    lateral 0.18 m, 0.15 m
+    frontal 0.18 m, 0.30 m
     """
     library = library_folder("behaviors") if library is None else library
     folders = {folder.name: folder for folder in (behavior_folder(name, beside or Path(), library) for name in names)}

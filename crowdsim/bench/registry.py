@@ -88,6 +88,10 @@ _BENCHES = {
         "crowdsim.bench.export",
         "exports of 100 captured agents for 60 s: size and time of each format, beside what it may take",
     ),
+    "driven": (
+        "crowdsim.bench.driven",
+        "a step of 1,000 agents with all columns read, beside one of a run: CPU time, and what driving adds",
+    ),
     "live": (
         "crowdsim.bench.live",
         "live simulations of 100 agents: late steps, and how soon a click in a page takes effect",

@@ -1,8 +1,9 @@
-"""Poses of all agents while their simulation goes on."""
+"""Poses of all agents in the last step of a simulation that goes on."""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,29 +11,24 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import CrowdSimError
 from crowdsim.motion.clips.skeleton import Skeleton
-from crowdsim.motion.graph.pose_table import PoseTable
 from crowdsim.motion.planted.follow_feet import FollowedFeet
-from crowdsim.motion.planted.planted_rows import FootTable
 from crowdsim.recording.header import COLUMN_TYPES, RecordedFrame, RecordingHeader
-from crowdsim.recording.levels import LevelColumn
+from crowdsim.recording.levels import Level, LevelColumn
 from crowdsim.recording.shown.bodies import ShownBodies
 from crowdsim.recording.shown.planted_feet import feet_of_nodes, played_in, pose_table_of, spans_of
+from crowdsim.recording.shown.steered_poses import GaitClips
 
-DELAY = 2.5
-"""How long ago the moment shown is [s], if agents are steered: their footsteps follow from the way they go on."""
-_BEFORE = 6.5
-"""Time before that moment from which footsteps are planned [s]: two cycles of the slowest walk, and smoothing."""
-_EVERY = 0.5
-"""Time between two plans of footsteps [s]. A plan knows at least DELAY - _EVERY of the way after the moment shown."""
+KEPT = 6.5
+"""Time before the present from which footsteps are planned [s]: two cycles of the slowest walk, and smoothing."""
 
 
 class Poses(NamedTuple):
-    """Bodies of the n agents that were in the world at one time.
+    """Bodies of the n agents that are in the world after a step; the arrays are read-only.
 
     Attributes
     ----------
     time : float
-        Time of that moment, as in a recording [s].
+        Time of that step in a recording [s].
     agents : (n,) int64
         Their numbers, ascending.
     joints : (n, J, 3) float32
@@ -41,6 +37,15 @@ class Poses(NamedTuple):
         Rotations of their joints in the world, as unit quaternions (w, x, y, z).
     skeleton : Skeleton
         Names and parents (J,) of the joints.
+
+    Examples
+    --------
+    >>> with Simulation(load_scenario("doorway"), keep_poses=True) as simulation:
+    ...     for _ in range(20):
+    ...         simulation.step()
+    ...     poses = simulation.poses()
+    >>> poses.agents, poses.joints.shape, poses.matrices().shape
+    (array([0]), (1, 19, 3), (1, 19, 4, 4))
     """
 
     time: float
@@ -68,31 +73,28 @@ class Poses(NamedTuple):
 
 
 class LivePoses:
-    """Keeps the latest steps of a simulation, and poses bodies as a recording of them does.
+    """Keeps the latest steps of a simulation, and poses bodies as a recording that ends with the last one does.
 
     What it returns depends on the steps alone, not on when or how often it is asked.
     """
 
     def __init__(self, header: RecordingHeader) -> None:
         self._header = header
-        rate = header.steps_per_second
         # Captured bodies are posed from the latest step alone.
-        steered = bool(header.motion.gaits)
-        self._delay = round(DELAY * rate) if steered else 0
-        self._every = round(_EVERY * rate) if steered else 1
-        self._rows: deque[tuple[NDArray[Any], ...]] = deque(
-            maxlen=round((_BEFORE + DELAY) * rate) + self._every if steered else 1
-        )
+        kept = round(KEPT * header.steps_per_second) if header.motion.gaits else 1
+        self._rows: deque[tuple[NDArray[Any], ...]] = deque(maxlen=kept)
         self._table = pose_table_of(header.motion)
         self._foot_table = feet_of_nodes(header, self._table)
+        self._clips = GaitClips(header.motion)
         self._followed: FollowedFeet | None = None
         if self._foot_table is not None:
-            agents = header.agents.count
-            self._followed = FollowedFeet(self._table, self._foot_table, agents, rate, spans_of(header))
+            self._followed = FollowedFeet(
+                self._table, self._foot_table, header.agents.count, header.steps_per_second, spans_of(header)
+            )
         # How all feet are corrected in each of the steps kept.
-        self._feet: deque[NDArray[np.float64]] = deque(maxlen=self._rows.maxlen)
+        self._feet: deque[NDArray[np.float64]] = deque(maxlen=kept)
         self._count = 0
-        self._recent: tuple[int, _Recent] | None = None
+        self._latest: Poses | None = None
 
     def add(self, frame: RecordedFrame) -> None:
         """Keep a step."""
@@ -103,43 +105,37 @@ class LivePoses:
             self._followed.add(played_in(RecordedFrame(**dict(zip(COLUMN_TYPES, row, strict=True)))))
             self._feet.append(self._followed.states)
         self._count += 1
+        self._latest = None
 
     def latest(self) -> Poses:
-        """Return the poses of the latest moment that can be shown; raise CrowdSimError before the first step."""
+        """Return the poses of the last step; raise CrowdSimError before the first one."""
         if self._count == 0:
             raise CrowdSimError("nobody has a pose before the first step; call step() first")
-        # Plan anew after every so many steps, with the steps until then.
-        end = max(self._count - (self._count - 1) % self._every, 1)
-        if self._recent is None or self._recent[0] != end:
-            first = self._count - len(self._rows)
-            begin = max(end - round((_BEFORE + DELAY) * self._header.steps_per_second), first)
-            some = slice(begin - first, end - first)
-            tables = self._table, self._foot_table
-            self._recent = end, _Recent(self._header, list(self._rows)[some], begin, tables, list(self._feet)[some])
-        recent = self._recent[1]
-        row = max(self._count - 1 - self._delay, recent.begin)
-        agents = np.flatnonzero(recent.levels[row - recent.begin] >= 0)
-        joints, rotations = recent.poses(row - recent.begin, agents)
-        time = row / self._header.steps_per_second
-        return Poses(time, agents, joints, rotations, self._header.motion.skeleton)
+        if self._latest is None:
+            recent = _Recent(self._header, self._rows, self._feet)
+            recent.pose_table, recent.foot_table, recent.gait_clips = self._table, self._foot_table, self._clips
+            row = recent.steps - 1
+            agents = np.flatnonzero(recent.levels[row] != Level.NOBODY)
+            arrays = agents, *recent.poses(row, agents)
+            for array in arrays:
+                array.flags.writeable = False
+            time = (self._count - 1) / self._header.steps_per_second
+            self._latest = Poses(time, *arrays, self._header.motion.skeleton)
+        return self._latest
 
 
 class _Recent(ShownBodies):
-    """Some steps in memory, the first of them step ``begin`` of the simulation."""
+    """The latest steps of a simulation, in memory; times are since the first of them."""
 
     name = "the simulation"
 
     def __init__(
         self,
         header: RecordingHeader,
-        rows: list[tuple[NDArray[Any], ...]],
-        begin: int,
-        tables: tuple[PoseTable, FootTable | None],
-        feet: list[NDArray[np.float64]],
+        rows: Sequence[tuple[NDArray[Any], ...]],
+        feet: Sequence[NDArray[np.float64]],
     ) -> None:
-        self.header, self.begin = header, begin
-        self.pose_table, self.foot_table = tables
-        self._feet = feet
+        self.header, self._feet = header, feet
         self._columns = {
             name: np.stack(values) for name, values in zip(COLUMN_TYPES, zip(*rows, strict=True), strict=True)
         }

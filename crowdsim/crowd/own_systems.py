@@ -29,6 +29,23 @@ class System(Protocol):
     ----------
     reads, writes : tuple of str
         Names of the columns it reads, and of own columns it writes. What it writes it may read, too.
+
+    Examples
+    --------
+    >>> class Odometer:
+    ...     reads, writes = ("x", "y"), ("last", "walked")
+    ...     def run(self, columns, simulation):
+    ...         here = np.column_stack([columns["x"], columns["y"]])
+    ...         step = np.hypot(*(here - columns["last"]).T)
+    ...         columns["last"], columns["walked"] = here, columns["walked"] + np.nan_to_num(step)
+    >>> with Simulation(load_scenario("doorway")) as simulation:
+    ...     simulation.add_column("last", float, default=np.nan, shape=(2,))
+    ...     simulation.add_column("walked", float)
+    ...     simulation.add_system(Odometer(), before="record")
+    ...     for _ in range(50):
+    ...         simulation.step()
+    ...     simulation.agents["walked"].round(1)
+    array([4.6, 3.1, 0. , 0. ])
     """
 
     reads: tuple[str, ...]
@@ -60,6 +77,20 @@ class Columns:
         The agents as the last step left them.
     own : mapping of str to array
         Own columns of all systems by name, (N, ...).
+
+    Examples
+    --------
+    >>> class Careless:
+    ...     reads, writes = ("x",), ()
+    ...     def run(self, columns, simulation):
+    ...         columns["x"] = 0.0
+    >>> with Simulation(load_scenario("doorway")) as simulation:
+    ...     simulation.add_system(Careless(), before="move")
+    ...     try:
+    ...         simulation.step()
+    ...     except SystemFailed as error:
+    ...         print(error.__cause__)
+    Careless does not declare that it writes 'x'; add it to 'writes'
     """
 
     def __init__(self, system: System, agents: Agents, own: Mapping[str, NDArray[Any]]) -> None:

@@ -57,7 +57,7 @@ class Simulation(Commandable, Extensible):
     preparing : callable, optional
         Called with the number of motion maps built and the number of all, while they are built.
     keep_poses : bool
-        Keep the last steps for :meth:`poses`: up to 11 kB for each agent at 30 steps per second.
+        Keep the last 6.5 s for :meth:`poses`, if agents steer: 9 kB for each agent at 10 steps per second.
     behavior_set : BehaviorSet, optional
         What :func:`crowdsim.load_behaviors` returned for the scenario, if it is loaded already; runs may share one.
 
@@ -115,16 +115,17 @@ class Simulation(Commandable, Extensible):
         return self._agents
 
     def poses(self) -> Poses:
-        """Return the bodies of all agents in the world, as a recording shows them.
+        """Return the bodies of all agents in the world, as the last step left them.
 
-        They are those of the last step if all agents are captured. Otherwise they are those of 2.5 s before it, as
-        footsteps of steered agents follow from the way that they go on; read positions of the same moment from
-        ``joints``. Footsteps of one second may differ by centimeters from those in a recording of the whole run.
+        They stand where :attr:`agents` has them. Captured bodies are those of a recording at the same time. Footsteps
+        of steered bodies, and the half second around a switch of level, follow in a recording from the way that
+        agents go on; here they follow from the way until now, as if agents went on so. So feet may be some
+        centimeters away, and a planted foot may slide when its agent turns.
 
         Returns
         -------
         Poses
-            Time, numbers of the agents, and positions and rotations of their joints.
+            Time, numbers of the agents, and positions and rotations of their joints; read-only.
 
         Raises
         ------

@@ -70,6 +70,16 @@ class Recording(RecordedEvents):
         File.
     file : h5py.File
         The same file, open; :meth:`open` opens and checks it.
+
+    Examples
+    --------
+    >>> with Simulation(load_scenario("doorway")).run("doorway.h5") as recording:
+    ...     print(recording.steps, "steps of", recording.agent_count, "agents, arrived:", recording.summary["arrived"])
+    124 steps of 4 agents, arrived: 4
+    >>> with Recording.open("doorway.h5") as recording:
+    ...     joints, rotations = recording.poses_at(2.25)
+    ...     joints.shape
+    (4, 19, 3)
     """
 
     path: Path

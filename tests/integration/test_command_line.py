@@ -257,6 +257,7 @@ def test_bench_lists_its_names(crowdsim):
         "page",
         "film",
         "export",
+        "driven",
         "live",
         "motion-maps",
     ]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from crowdsim import ScenarioError, Simulation, load_scenario
+from crowdsim import ScenarioError, Simulation, load_behaviors, load_scenario
 from crowdsim.scenario.loader import parse_scenario
 from tests.support.two_rooms import two_rooms
 
@@ -48,25 +48,38 @@ def command(simulation: Simulation, draw: np.random.Generator, number: int) -> b
     return True
 
 
-@pytest.mark.parametrize("locomotion", ["steered", "auto"])
-def test_random_commands_replay_to_the_same_hash(locomotion: str, tmp_path: Path) -> None:
+KINDS = {"set_goal", "add", "remove_agents", "insert", "move", "remove", "open", "close", "set_speed"}
+COMMANDS = 1000
+MOST_TRIED = {"steered": 40, "auto": 40, "captured": 20}
+"""Most commands tried before a step; there are more steps where these are shorter."""
+
+
+@pytest.mark.parametrize(("locomotion", "seed"), [(locomotion, 7) for locomotion in MOST_TRIED])
+def test_a_thousand_random_commands_replay_to_the_same_hash(locomotion: str, seed: int, tmp_path: Path) -> None:
     text = two_rooms(WALKERS.replace("LOCOMOTION", locomotion)).replace("name: crate, ", "name: crate, movable: true, ")
-    draw = np.random.default_rng(7)
-    wanted = 1000 if locomotion == "steered" else 60
+    scenario = parse_scenario(text)
+    motion = load_behaviors(scenario)
+    draw = np.random.default_rng(seed)
     given = tried = 0
-    hashes = []
-    with Simulation(parse_scenario(text)) as simulation:
-        while given < wanted:
-            for _ in range(draw.integers(1, 6)):
+    hashes: list[int] = []
+    walked = 0.0
+    with Simulation(scenario, behavior_set=motion) as simulation:
+        while given < COMMANDS:
+            before = simulation.agents
+            for _ in range(draw.integers(1, MOST_TRIED[locomotion])):
                 given += command(simulation, draw, tried)
                 tried += 1
             simulation.step()
             hashes.append(simulation.state_hash)
+            walked += np.nansum(np.hypot(simulation.agents.x - before.x, simulation.agents.y - before.y))
         simulation.save_scenario(tmp_path / "driven.yaml")
-    assert tried < 10 * wanted
-    scenario = load_scenario(tmp_path / "driven.yaml")
-    assert len(scenario.commands) == given
-    with Simulation(scenario, workers=1) as again:
-        for step, wanted_hash in enumerate(hashes):
+        assert {each.action for each in simulation.commands} == KINDS
+    # Most commands were possible, and people walked meanwhile [m].
+    assert tried < 3 * COMMANDS
+    assert walked > 10.0
+    saved = load_scenario(tmp_path / "driven.yaml")
+    assert len(saved.commands) == given
+    with Simulation(saved, workers=1, behavior_set=motion) as again:
+        for step, wanted in enumerate(hashes):
             again.step()
-            assert again.state_hash == wanted_hash, step
+            assert again.state_hash == wanted, step

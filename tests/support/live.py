@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import threading
 import time
 from collections.abc import Iterator
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection
 
 from crowdsim import Simulation
 from crowdsim.live.opening import pack_opening
@@ -100,6 +103,39 @@ def living(scenario: Scenario, record: Path | None = None, speed: float = 1.0, p
                 server.__exit__()
     if failed:
         raise failed[0]
+
+
+def ask(socket: ClientConnection, message: Any) -> dict[str, Any]:
+    """Send a message as a page does, and return the answer to it."""
+    socket.send(message if isinstance(message, str | bytes) else json.dumps(message))
+    while True:
+        answer = socket.recv(timeout=60)
+        if isinstance(answer, str) and json.loads(answer)["kind"] == "answer":
+            return json.loads(answer)
+
+
+def closing_of(socket: ClientConnection) -> ConnectionClosed:
+    """How a connection ended, after all that came before."""
+    while True:
+        try:
+            socket.recv(timeout=10)
+        except ConnectionClosed as closed:
+            return closed
+
+
+def mutated(request: dict[str, Any], draws: random.Random) -> str | bytes:
+    """A request with one to four random faults, mostly as text."""
+    message = bytearray(json.dumps(request).encode())
+    for _ in range(draws.randint(1, 4)):
+        place = draws.randrange(len(message) + 1)
+        match draws.randrange(3):
+            case 0:
+                message[place : place + draws.randint(1, 9)] = b""
+            case 1:
+                message[place:place] = draws.randbytes(draws.randint(1, 5))
+            case _:
+                message[place : place + 1] = draws.choice([b'"', b"[", b"{", b"\x00", b"9" * 400, b"-", b"e9"])
+    return message.decode("utf-8", "replace") if draws.randrange(8) else bytes(message)
 
 
 def read_picture(content: bytes, columns: tuple[tuple[str, str], ...]) -> tuple[int, dict[str, np.ndarray]]:

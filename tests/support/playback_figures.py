@@ -59,9 +59,9 @@ def played(recording: Recording, times: np.ndarray) -> Played:
         places, world = poses.pose(time, step, agents)
         block = poses._blocks[block_of(step, recording.steps_per_second)]
         bodies = block.tracks.bodies_at(step, agents)
-        phases[row, agents] = _phases(block.plan(poses._walk), bodies, time - block.tracks.zeros[bodies])
+        phases[row, agents] = _phases(block.plan(recording.gait_clips.walk), bodies, time - block.tracks.zeros[bodies])
         # All behaviors use the same legs.
-        model = poses._walk.model
+        model = recording.gait_clips.walk.model
         roots[row, agents] = places[:, 0]
         for foot in (0, 1):
             hip, knee, ankle, toe = model.legs[foot]

@@ -89,6 +89,11 @@ class FollowOptions:
         with so many finds nothing, it is repeated with THOROUGH_BRANCHES. More: slower, a little more often successful.
     budget : int
         Map queries before the search gives up.
+
+    Examples
+    --------
+    >>> FollowOptions(end_standing=True, goal_heading=0.0).goal_tolerance
+    0.35
     """
 
     goal_tolerance: float = 0.35
@@ -154,6 +159,12 @@ class Character:
         Angles off the direction of motion at which the body may face in each behavior [rad], padded with nan.
     reach : BodyReach or None
         Positions of the body's joints, to keep each of them in its section; None tests the discs alone.
+
+    Examples
+    --------
+    >>> motion = load_behavior_set(["lateral", "frontal"], [(0.0, 2.0)])
+    >>> Character.of(motion.behaviors, motion.graph.arrays, MotionMaps.build(motion.graph.arrays)).radii.shape
+    (2, 1)
     """
 
     graph: GraphArrays
@@ -332,6 +343,15 @@ def follow_path(
     ------
     MotionError
         If shapes do not match, or a number is out of range.
+
+    Examples
+    --------
+    >>> room, motion = NavMesh(shapely.box(0, 0, 10, 4)), load_behavior_set(["frontal"], [(0.0, 2.0)])
+    >>> character = Character.of(motion.behaviors, motion.graph.arrays, MotionMaps.build(motion.graph.arrays))
+    >>> samples = Planner([room], motion.behaviors).plan((1, 2), (9, 2)).sample()
+    >>> found = follow_path(character, samples, (room.arrays,), samples.pose[0])
+    >>> found.status.name, len(found.nodes)
+    ('FOUND', 5)
     """
     found = search_path(character, samples, meshes, start_pose, start_node, options)
     reach = character.reach

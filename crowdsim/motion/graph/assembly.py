@@ -61,6 +61,12 @@ class MotionGraph:
         Skeleton of all clips.
     report : GraphReport
         Sizes, and what was left out.
+
+    Examples
+    --------
+    >>> graph = load_behavior_set(["frontal"], [(0.0, 2.0)]).graph
+    >>> len(graph.node_names), graph.report.edges, graph.node_names[0]
+    (43, 707, 'walk:10-66')
     """
 
     arrays: GraphArrays

@@ -41,6 +41,13 @@ class MotionSource:
         True if the whole clip is one node that waits in place.
     left_out : frozenset of (int, int)
         First and last frames of the segments that are not used.
+
+    Examples
+    --------
+    >>> walk = load_behavior_set(["frontal"], [(0.0, 2.0)]).clips[0].clips[0]
+    >>> source = MotionSource(walk, 0, ("crossing", "standing"))
+    >>> source.clip.name, source.clip.frame_count
+    ('walk', 684)
     """
 
     clip: Clip

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from crowdsim.motion.graph.pose_table import PoseTable
     from crowdsim.motion.planted.planted_rows import FootTable
     from crowdsim.recording.shown.planted_feet import PlantedFeet
-    from crowdsim.recording.shown.steered_poses import SteeredPoses
+    from crowdsim.recording.shown.steered_poses import GaitClips, SteeredPoses
     from crowdsim.recording.shown.switch_blends import SwitchBlends
 
 Joints = NDArray[np.float32]
@@ -319,7 +319,14 @@ class ShownBodies(ABC):
     def _steered_poses(self) -> SteeredPoses:
         from crowdsim.recording.shown.steered_poses import SteeredPoses
 
-        return SteeredPoses(self)
+        return SteeredPoses(self, self.gait_clips)
+
+    @cached_property
+    def gait_clips(self) -> GaitClips:
+        """Return the clips that steered agents are posed from."""
+        from crowdsim.recording.shown.steered_poses import GaitClips
+
+        return GaitClips(self.header.motion)
 
     @cached_property
     def switches(self) -> Switches:

@@ -31,13 +31,31 @@ def gait_clip(motion: MotionRecord, behavior: int) -> DeformedClip:
     return deform_clip(Clip(gait.name, motion.skeleton, root, rotations))
 
 
+class GaitClips:
+    """The clips that steered agents are posed from, each prepared when it is needed first."""
+
+    def __init__(self, motion: MotionRecord) -> None:
+        self._motion = motion
+        self._clips: dict[int, DeformedClip] = {}
+
+    @cached_property
+    def walk(self) -> DeformedClip:
+        """Return the clip of the preferred behavior, whose legs all behaviors use."""
+        return gait_clip(self._motion, -1)
+
+    def of(self, behavior: int) -> DeformedClip:
+        """Return the clip of a behavior."""
+        if behavior not in self._clips:
+            self._clips[behavior] = on_legs_of(gait_clip(self._motion, behavior), self.walk)
+        return self._clips[behavior]
+
+
 class SteeredPoses:
     """Poses of the steered agents of a recording; the plans of the last blocks are kept."""
 
-    def __init__(self, recording: RecordedTracks) -> None:
-        self._recording = recording
+    def __init__(self, recording: RecordedTracks, clips: GaitClips) -> None:
+        self._recording, self._clips = recording, clips
         self._blocks: dict[int, _PlannedBlock] = {}
-        self._clips: dict[int, DeformedClip] = {}
 
     def pose(self, time: float, step: int, agents: Ints) -> tuple[Floats, Floats]:
         """Return world joint positions (n, J, 3) [m] and rotations (n, J, 4) of ``agents`` (n,); see :meth:`local`."""
@@ -65,9 +83,9 @@ class SteeredPoses:
         done = np.zeros(len(bodies))
         for behavior in np.flatnonzero((weights > 0.0).any(axis=0)).tolist():
             some = np.flatnonzero(weights[:, behavior] > 0.0)
-            clip = self._clip(behavior)
+            clip = self._clips.of(behavior)
             chosen = bodies[some]
-            root, turns = pose_at(clip, block.plan(self._walk), chosen, time - block.tracks.zeros[chosen])
+            root, turns = pose_at(clip, block.plan(self._clips.walk), chosen, time - block.tracks.zeros[chosen])
             done[some] += weights[some, behavior]
             share = weights[some, behavior] / done[some]
             alone = share >= 1.0
@@ -80,16 +98,6 @@ class SteeredPoses:
             # Tracks are continuous across the ends of a periodic floor; bodies are shown inside it.
             roots[:, ends.axis] = ends.inside(roots[:, ends.axis])
         return roots, rotations
-
-    @cached_property
-    def _walk(self) -> DeformedClip:
-        """Return the clip of the preferred behavior, whose legs all behaviors use."""
-        return gait_clip(self._recording.header.motion, -1)
-
-    def _clip(self, behavior: int) -> DeformedClip:
-        if behavior not in self._clips:
-            self._clips[behavior] = on_legs_of(gait_clip(self._recording.header.motion, behavior), self._walk)
-        return self._clips[behavior]
 
 
 class _PlannedBlock:

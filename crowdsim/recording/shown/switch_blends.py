@@ -24,11 +24,15 @@ Ints = NDArray[np.int64]
 
 
 class _Block(NamedTuple):
-    """Switches that are shown in one block of time: their numbers (n,), ascending, foot times and offsets."""
+    """Switches that are shown in one block of time: their numbers (n,), ascending, foot times and offsets.
+
+    Offsets are zero, but for their times, until they are ``measured`` (n,).
+    """
 
     numbers: Ints
     feet: SwingTimes
     offsets: Offsets
+    measured: NDArray[np.bool_]
 
     def rows(self, numbers: Ints) -> Ints:
         """Return (n,) the rows of switches ``numbers`` in the block."""
@@ -118,27 +122,33 @@ class SwitchBlends:
         for number in np.unique(self._block_of[numbers]).tolist():
             mine = np.flatnonzero(self._block_of[numbers] == number)
             block = self._block(number)
-            parts.append(block.offsets.chosen(block.rows(numbers[mine])))
+            rows = block.rows(numbers[mine])
+            self._measure(block, rows)
+            parts.append(block.offsets.chosen(rows))
             order.append(mine)
         back = np.argsort(np.concatenate(order))
         return Offsets(*(np.concatenate(values)[back] for values in zip(*parts, strict=True)))
 
     def _block(self, number: int) -> _Block:
-        """Return all switches that are shown in a block of time, with their offsets."""
+        """Return all switches that are shown in a block of time."""
         if number not in self._blocks:
             numbers = np.flatnonzero(self._block_of == number)
             feet = swing_times_after(self._recording, self._switches, numbers)
-            block = _Block(numbers, feet, _empty(self._times(numbers), feet, self._skeleton.joint_count))
-            self._blocks[number] = block
-            # In order of time: the rest of the switch before is part of an offset.
-            shown = self._switches.shown[numbers]
-            for step in np.unique(shown).tolist():
-                rows = np.flatnonzero(shown == step)
-                again = self._before(numbers[rows]) & (self._switches.shown[numbers[rows] - 1] == step)
-                for some in (rows[~again], rows[again]):
-                    if len(some):
-                        self._fill(block, some, step)
+            offsets = _empty(self._times(numbers), feet, self._skeleton.joint_count)
+            self._blocks[number] = _Block(numbers, feet, offsets, np.zeros(len(numbers), bool))
         return self._blocks[number]
+
+    def _measure(self, block: _Block, rows: Ints) -> None:
+        """Measure the offsets of the switches in ``rows`` of a block, and of those shown in the same steps."""
+        shown = self._switches.shown[block.numbers]
+        for step in np.unique(shown[rows[~block.measured[rows]]]).tolist():
+            same = np.flatnonzero(shown == step)
+            again = self._before(block.numbers[same]) & (self._switches.shown[block.numbers[same] - 1] == step)
+            # In order of time: the rest of the switch before is part of an offset.
+            for some in (same[~again], same[again]):
+                if len(some):
+                    self._fill(block, some, step)
+                    block.measured[some] = True
 
     def _before(self, numbers: Ints) -> NDArray[np.bool_]:
         """Return (n,) whether the agent of each switch has an earlier switch."""

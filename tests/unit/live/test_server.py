@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from urllib.parse import urlsplit
 
 import pytest
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from crowdsim.errors import CrowdSimError
@@ -19,6 +19,7 @@ from crowdsim.live.clients import MOST_PICTURES, Audience
 from crowdsim.live.pictures import MAGIC
 from crowdsim.live.requests import MOST_BYTES, RequestRefused
 from crowdsim.live.server import MOST_PAGES, Server
+from tests.support.live import ask, closing_of, mutated
 from tests.unit.live.test_requests import GOOD
 
 PAGE, OPENING = b"<!doctype html>page", b"\x1f\x8bopening"
@@ -52,23 +53,6 @@ def socket_of(server, origin=None, token=None, path="/live", **options):
     parts = urlsplit(server.address)
     address = f"ws://{parts.netloc}{path}?token={server.token if token is None else token}"
     return connect(address, origin=f"http://{parts.netloc}" if origin is None else origin, **options)
-
-
-def ask(socket, message):
-    socket.send(message if isinstance(message, str | bytes) else json.dumps(message))
-    while True:
-        answer = socket.recv(timeout=10)
-        if isinstance(answer, str) and json.loads(answer)["kind"] == "answer":
-            return json.loads(answer)
-
-
-def closing_of(socket):
-    """How a connection ended, after all that came before."""
-    try:
-        while True:
-            socket.recv(timeout=10)
-    except ConnectionClosed as closed:
-        return closed
 
 
 def status_of(address, **headers):
@@ -156,18 +140,7 @@ def test_a_thousand_mutated_messages_leave_the_server_as_it_was(server):
     refused = 0
     with socket_of(server) as socket:
         for number in range(1000):
-            message = bytearray(json.dumps({"id": number, **draws.choice(GOOD)}).encode())
-            for _ in range(draws.randint(1, 4)):
-                place = draws.randrange(len(message) + 1)
-                match draws.randrange(3):
-                    case 0:
-                        message[place : place + draws.randint(1, 9)] = b""
-                    case 1:
-                        message[place:place] = draws.randbytes(draws.randint(1, 5))
-                    case _:
-                        message[place : place + 1] = draws.choice([b'"', b"[", b"{", b"\x00", b"9" * 400, b"-", b"e9"])
-            as_text = message.decode("utf-8", "replace")
-            answer = ask(socket, as_text if draws.randrange(8) else bytes(message))
+            answer = ask(socket, mutated({"id": number, **draws.choice(GOOD)}, draws))
             refused += not answer["ok"]
             assert answer["words"]
         assert refused > 800
