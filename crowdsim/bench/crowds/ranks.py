@@ -1,8 +1,9 @@
 """A steered run on several processes: time of a step and bytes exchanged, and what that predicts for more of them.
 
 People walk both ways over a square at 1 /m2. Runs on one process and on several alternate; figures are medians of the
-runs. On k processes a step, and its part of writing the recording, takes ``whole + divided / k``: what every process
-does again or waits for, and what the regions share. Both follow from the times with one and with two processes.
+runs. ``work`` is CPU time without that of waiting for others. On k processes a step, and its part of writing the
+recording, takes ``whole + divided / k``: what every process does again or waits for, and what the regions share. Both
+follow from the times with one and with two processes.
 """
 
 from __future__ import annotations
@@ -70,6 +71,7 @@ def measure(count: int = COUNT, seconds: float = 6.0, rounds: int = 3) -> Measur
                 "ranks": number,
                 "characters": count,
                 "run_ms": round(middle["run_ms"], 2),
+                "work_ms": round(middle["work_ms"], 2),
                 "step_ms": round(middle["step_ms"], 2),
                 "exchange_ms": round(middle["exchange_ms"], 3),
                 "exchange_share": round(middle["exchange_ms"] / middle["step_ms"], 4),
@@ -83,18 +85,26 @@ def measure(count: int = COUNT, seconds: float = 6.0, rounds: int = 3) -> Measur
     one, two = (times[number]["run_ms"] for number in (1, 2))
     figures["step_speed_up_of_two"] = round(times[1]["step_ms"] / times[2]["step_ms"], 2)
     figures["speed_up_of_two"] = round(one / two, 2)
+    figures["work_speed_up_of_two"] = round(times[1]["work_ms"] / times[2]["work_ms"], 2)
     whole = max(2.0 * two - one, 0.0)
     # What each process does again grows with the whole crowd, what the regions share stays the same.
-    unknown = {"step_ms": None, "exchange_ms": None, "exchange_share": None, "sent_kb_a_step": None, "measured": False}
+    unknown = {
+        "work_ms": None,
+        "step_ms": None,
+        "exchange_ms": None,
+        "exchange_share": None,
+        "sent_kb_a_step": None,
+        "measured": False,
+    }
     rows += [
         {"ranks": number, "characters": number * count, "run_ms": round(one - whole + number * whole, 2), **unknown}
         for number in PREDICTED
     ]
     figures["whole_ms"] = round(whole, 2)
-    return Measurement(rows, figures, ("step_speed_up_of_two", "speed_up_of_two", "whole_ms"))
+    return Measurement(rows, figures, ("step_speed_up_of_two", "speed_up_of_two", "work_speed_up_of_two", "whole_ms"))
 
 
-_FIGURES = ("run_ms", "step_ms", "exchange_ms", "sent_kb")
+_FIGURES = ("run_ms", "work_ms", "step_ms", "exchange_ms", "sent_kb")
 
 
 def _run(mpiexec: str, number: int, folder: str) -> dict[str, Any]:

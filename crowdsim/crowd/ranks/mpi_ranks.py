@@ -11,6 +11,7 @@ from crowdsim.crowd.ranks.launch import launched_ranks
 from crowdsim.crowd.ranks.messages import GHOST, RowMessage, ghosts_of, migrant_type
 from crowdsim.crowd.ranks.partition import Regions, cells_of
 from crowdsim.crowd.ranks.protocol import Ghosts
+from crowdsim.ecs.records import opaque
 from crowdsim.ecs.world import World
 from crowdsim.errors import CrowdSimError
 from crowdsim.steering.row_kernels import CELL
@@ -102,7 +103,7 @@ class MpiRanks:
         self.comm.Alltoall(counts, coming)
         starts, begins = (width * (np.cumsum(each) - each) for each in (counts, coming))
         # Numbers of ranks are sorted fast as 16 bits.
-        outgoing = rows[np.argsort(owners.astype(np.uint16), kind="stable")]
+        outgoing = opaque(rows)[np.argsort(owners.astype(np.uint16), kind="stable")]
         taken = np.empty(int(coming.sum()), rows.dtype)
         self.comm.Alltoallv(
             [outgoing.view(np.uint8), ((width * counts).tolist(), starts.tolist()), MPI.BYTE],

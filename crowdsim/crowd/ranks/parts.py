@@ -17,13 +17,11 @@ from numpy.typing import NDArray
 
 from crowdsim.crowd.ranks.present import PRESENT, absent_columns, frame_of_columns
 from crowdsim.crowd.ranks.protocol import Ranks
+from crowdsim.ecs.records import opaque
 from crowdsim.errors import RecordingError
 from crowdsim.recording.header import RecordedFrame, RecordingHeader
 from crowdsim.recording.packed_steps import PackedChunk, column_types, pack_steps, share_out, steps_held
 from crowdsim.whole_files import not_written
-
-_SENT = np.dtype([("step", np.uint8), ("row", PRESENT)])
-"""An agent as ranks hand it over: step in the chunk, and what the recording holds."""
 
 
 class RankPart:
@@ -89,16 +87,17 @@ class RankPart:
 
     def _write(self) -> None:
         """Hand over the rows that other ranks write, and measure, pack and write the own ones."""
-        steps, first = len(self._waiting), self._mine.start
-        sent = np.empty(sum(map(len, self._waiting)), _SENT)
-        sent["step"] = np.repeat(np.arange(steps), list(map(len, self._waiting)))
-        sent["row"] = np.concatenate(self._waiting)
+        steps, count, first = len(self._waiting), self._header.agents.count, self._mine.start
+        sent = np.concatenate([opaque(rows) for rows in self._waiting]).view(PRESENT)
+        owners = self._shares.owners(sent["agent"])
+        # On their way, rows are numbered through all agents of all steps.
+        sent["agent"] += np.repeat(np.arange(steps, dtype=np.int32) * count, list(map(len, self._waiting)))
         self._waiting = []
-        taken = self._ranks.swap(sent, self._shares.owners(sent["row"]["agent"]))
-        at, rows = (taken["step"].astype(np.int64), taken["row"]["agent"] - first), taken["row"]
+        taken = self._ranks.swap(sent, owners)
+        step, agent = np.divmod(taken["agent"], count)
         columns = absent_columns((steps, len(self._mine)), column_types(self._header))
         for name, values in columns.items():
-            values[at] = rows[name]
+            values.reshape(-1)[step * len(self._mine) + agent - first] = taken[name]
         for k in range(steps):
             self._measure(frame_of_columns({name: values[k] for name, values in columns.items()}))
         packed = pack_steps(columns, first, self._header, self._shares.width)
