@@ -15,10 +15,10 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from shutil import which
 from typing import Any
 
 from crowdsim.bench.registry import Measurement
+from crowdsim.crowd.ranks.launch import INSTALL, find_mpiexec
 from crowdsim.errors import CrowdSimError
 
 COUNT = 20_000
@@ -49,10 +49,9 @@ def measure(count: int = COUNT, seconds: float = 6.0, rounds: int = 3) -> Measur
     CrowdSimError
         If there is no mpiexec, or a run fails.
     """
-    beside = Path(sys.executable).parent / "mpiexec"
-    mpiexec = str(beside) if beside.exists() else which("mpiexec")
+    mpiexec = find_mpiexec()
     if mpiexec is None:
-        raise CrowdSimError("there is no mpiexec; install MPI, or: pip install 'crowdsim[mpi]' mpich")
+        raise CrowdSimError(f"there is no mpiexec; install MPI, or: {INSTALL}")
     side = round(math.sqrt(count), 1)
     text = _SCENARIO.format(seconds=seconds, side=side, half=count // 2, far=side - 2.0)
     found: dict[int, list[dict[str, Any]]] = {number: [] for number in (1, 2)}

@@ -44,7 +44,7 @@ def library_name() -> str:
     """Return name and version of the MPI library that mpi4py loads."""
     from mpi4py import MPI
 
-    return str(MPI.Get_library_version()).splitlines()[0].strip().rstrip("\0")
+    return " ".join(str(MPI.Get_library_version()).splitlines()[0].strip("\0 ").split())
 
 
 class MpiRanks:
