@@ -1,6 +1,6 @@
-"""Studies: points a minute of a sweep beside as many calls of ``crowdsim run``, and a sweep that is killed.
+"""Studies: points a minute of a sweep beside calls of ``crowdsim run``, a sweep that is killed, and an analysis.
 
-Both are whole programs, from the shell to the last file, with kernels compiled. CPU times are those of all processes:
+All are whole programs, from the shell to the last file, with kernels compiled. CPU times are those of all processes:
 on a busy machine they say more than times of a clock.
 """
 
@@ -47,6 +47,10 @@ def measure(points: int = 200, calls: int = 20, killed_points: int = 40, kills: 
         before = time.perf_counter(), _cpu()
         _call(_sweep("whole", points), folder)
         rows.append(_row("sweep", points, before))
+        _call(["run", "plaza", "-o", "plaza.h5"], folder)
+        before = time.perf_counter(), _cpu()
+        _call(["analyze", "plaza.h5"], folder)
+        rows.append(_row("analyze plaza", 1, before))
         # In the same folder, fewer points need no run.
         _call(_sweep("whole", killed_points), folder)
         done = _kill(folder, killed_points, kills)
@@ -60,6 +64,8 @@ def measure(points: int = 200, calls: int = 20, killed_points: int = 40, kills: 
         "sweep_times_run": round(rows[1]["points_a_minute"] / rows[0]["points_a_minute"], 2),
         "cpu_times_run": round(rows[0]["cpu_s_a_point"] / rows[1]["cpu_s_a_point"], 2),
         "kills": done,
+        "analyze_plaza_s": rows[2]["seconds"],
+        "analyze_plaza_cpu_s": rows[2]["cpu_s_a_point"],
     }
     return Measurement(rows, figures, tuple(figures))
 
