@@ -77,7 +77,7 @@ agents:
 """
 
 
-def measure(count: int = COUNT, seconds: float = 6.0, rounds: int = 3) -> Measurement:
+def measure(count: int = COUNT, seconds: float = 12.0, rounds: int = 3) -> Measurement:
     """Run ``count`` agents for some simulated seconds on one and on two processes, ``rounds`` times in turn.
 
     Half as many on a plaza and in a street are run on one to MOST_RANKS processes, whose states must be the same.
