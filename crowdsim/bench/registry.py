@@ -51,6 +51,10 @@ _BENCHES = {
         "crowdsim.bench.crowds.ranks",
         "a steered run on one and on two processes: time of a step, exchange, and what it predicts for more",
     ),
+    "studies": (
+        "crowdsim.bench.studies",
+        "points a minute of a sweep beside calls of run; a sweep that is killed ten times ends with the same table",
+    ),
     "drills": (
         "crowdsim.bench.crowds.drill_table",
         "steered crowds: counterflow, doors, crossings, necks, circles, endless corridors: arrivals, flow and speed",

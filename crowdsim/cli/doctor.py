@@ -24,14 +24,17 @@ def doctor(as_json: Json = False, debug: Debug = False) -> None:
     rows += [("kernel cache", f"{cache['folder']}{' (empty: the first run compiles)' if cache['cold'] else ''}")]
     drawing = findings["drawing"]
     rows += [("drawing", drawing["backend"] or f"none. {drawing['remedy']}")]
+    mpi = findings["mpi"]
+    rows += [("several processes", mpi["remedy"] or f"{mpi['library']}, {mpi['mpiexec']}")]
     rows += list(findings["versions"].items())
     print_table(rows)
 
 
 def examine() -> dict[str, Any]:
-    """Return machine, versions, numba's threads, the kernel cache and the drawing backend."""
+    """Return machine, versions, numba's threads, the kernel cache, the drawing backend and MPI."""
     from crowdsim import jit
     from crowdsim.bench.machine import describe_machine, describe_versions
+    from crowdsim.crowd.ranks.launch import try_mpi
 
     return {
         "machine": describe_machine(),
@@ -39,6 +42,7 @@ def examine() -> dict[str, Any]:
         "numba": _threads(),
         "kernel_cache": {"folder": str(jit.cache_folder()), "cold": jit.is_cold()},
         "drawing": _drawing(),
+        "mpi": try_mpi()._asdict(),
     }
 
 

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from crowdsim.constants import NONE
 from crowdsim.crowd.ranks.mpi_ranks import MpiRanks
 from crowdsim.crowd.ranks.partition import divide, expected_places, fastest_of, halo_of
 from crowdsim.crowd.ranks.parts import RankPart
-from crowdsim.crowd.ranks.present import PRESENT, frame_of_rows, present_rows
-from crowdsim.crowd.report.attribute_statistics import AttributeStatistics
-from crowdsim.crowd.report.measured_places import MeasuredPlaces
+from crowdsim.crowd.ranks.present import present_rows
 from crowdsim.crowd.report.movable_changes import movable_changes
-from crowdsim.crowd.report.party_statistics import PartyStatistics
+from crowdsim.crowd.report.run_measures import RunMeasures
+from crowdsim.crowd.report.share import Share
 from crowdsim.crowd.state.state_hash import chained_hash
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.errors import RanksError
+from crowdsim.recording.packed_steps import share_out
 from crowdsim.recording.writer import RecordingWriter
 from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.people.attributes import draw_attributes
@@ -84,7 +86,7 @@ class RankedRun:
         self.step_limit = round(scenario.duration * scenario.steps_per_second)
         self._digests: list[int] = []
         self._environments: list[bytes] = []
-        self._changes: list[tuple[int, int, str | None]] = []
+        self._changes: list[tuple[int, str | None, int]] = []
 
     def run(self, output: Path, progress: Callable[[int, int, Any], None] | None = None) -> dict[str, Any] | None:
         """Step to the end, and write the recording ``output``; return its summary in rank 0, None in the others.
@@ -92,33 +94,30 @@ class RankedRun:
         ``progress`` is called as ``progress(step, step_limit, run)`` after every step.
         """
         crowd = self.crowd
-        with RankPart(output) as part:
+        header = crowd.header(self.scenario)
+        shares = share_out(crowd.count, self.ranks.size)
+        mine = shares.of(self.ranks.rank)
+        measures = RunMeasures(
+            self.scenario, draw_attributes(self.scenario), Share(slice(mine.start, mine.stop), self.ranks)
+        )
+        with RankPart(output, header, self.ranks, measures.add) as part:
             if self.ranks.rank:
                 self._steps(part, progress)
-                crowd.join()
-                self._join(part, None)
+                self._join(part, measures, None)
                 crowd.summary()
                 return None
-            with RecordingWriter(output, crowd.header(self.scenario)) as writer:
+            keys = self.scenario.to_yaml(output.resolve().parent)
+            with RecordingWriter(output, replace(header, scenario_keys=keys), shares.width) as writer:
                 began = time.perf_counter()
                 self._steps(part, progress)
                 seconds = time.perf_counter() - began
-                crowd.join()
-                places = MeasuredPlaces(self.scenario)
-                parties = PartyStatistics(self.scenario)
-                rate = self.scenario.steps_per_second
-                attributes = AttributeStatistics(draw_attributes(self.scenario), rate, self.scenario.span)
-                self._join(part, (writer, places, parties, attributes))
+                self._join(part, measures, writer)
                 summary = {
                     **crowd.summary(),
-                    "removed": 0,
-                    "not_added": int((~crowd.expected).sum()),
-                    **places.summary(),
-                    "together": parties.summary(),
-                    "attributes": attributes.summary(),
-                    "real_time_factor": crowd.step_count / rate / seconds,
+                    **measures.summary(np.zeros(crowd.count, np.bool_), crowd.expected),
+                    "real_time_factor": crowd.step_count / self.scenario.steps_per_second / seconds,
                 }
-                writer.finish(summary, places.measured())
+                writer.finish(summary, measures.measured())
         return summary
 
     def _steps(self, part: RankPart, progress: Callable[[int, int, Any], None] | None) -> None:
@@ -134,39 +133,33 @@ class RankedRun:
             if not self.ranks.rank:
                 self._environments.append(crowd.place.state())
                 placings = [(movable, crowd.placing(k)) for k, movable in enumerate(movables)]
-                self._changes += [(crowd.step_count, *change) for change in movable_changes(placings, before)]
+                self._changes += [(*change, crowd.step_count) for change in movable_changes(placings, before)]
             crowd.statistics.add(view, crowd.steering)
             crowd.end_step()
             if progress is not None:
                 progress(crowd.step_count, self.step_limit, self)
+        part.finish()
         crowd.close()
 
-    def _join(
-        self,
-        part: RankPart,
-        sink: tuple[RecordingWriter, MeasuredPlaces, PartyStatistics, AttributeStatistics] | None,
-    ) -> None:
-        """Send the parts of all ranks to rank 0, which writes them to the recording and measures what it holds."""
+    def _join(self, part: RankPart, measures: RunMeasures, writer: RecordingWriter | None) -> None:
+        """Join what all ranks have counted and written; rank 0 has the ``writer`` of the recording."""
+        self.crowd.join()
+        measures.join()
         digests = self.ranks.sum(np.array(self._digests, np.uint64).view(np.int64)).view(np.uint64)
-        step, state, changes = 0, 0, iter([*self._changes, (NONE, 0, None)])
-        change = next(changes)
-        for block in part.blocks():
+        if writer is not None:
+            for change in self._changes:
+                writer.add_change(*change)
+        hashes = self._hashes(digests)
+        for steps, block in part.blocks():
             blocks = self.ranks.comm.gather(block)
-            if sink is None:
-                continue
-            writer, measures = sink[0], sink[1:]
-            sizes = np.array([counts for counts, _ in blocks])
-            ends = np.cumsum(sizes, axis=1)
-            rows = [np.frombuffer(content, PRESENT) for _, content in blocks]
-            for k in range(sizes.shape[1]):
-                mine = [each[end - size : end] for each, end, size in zip(rows, ends[:, k], sizes[:, k], strict=True)]
-                frame = frame_of_rows(np.concatenate(mine), self.crowd.count)
-                while change[0] == step:
-                    writer.add_change(*change[1:])
-                    change = next(changes)
-                state = chained_hash(int(digests[step]), self._environments[step], step, state)
-                writer.append(frame, state)
-                for measure in measures:
-                    measure.add(frame)
-                step += 1
+            if writer is not None:
+                writer.append_packed(hashes[writer.steps : writer.steps + steps], itertools.chain(*blocks))
+
+    def _hashes(self, digests: NDArray[np.uint64]) -> NDArray[np.uint64]:
+        """Return the state hash after each step, of the sums of the digests of all rows; rank 0 knows the rest."""
+        hashes = np.zeros(len(self._environments), np.uint64)
+        state = 0
+        for step, environment in enumerate(self._environments):
+            hashes[step] = state = chained_hash(int(digests[step]), environment, step, state)
         self.crowd.hash = state
+        return hashes

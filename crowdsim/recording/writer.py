@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,7 +18,6 @@ from crowdsim.constants import NONE
 from crowdsim.errors import RecordingError
 from crowdsim.recording.checks import check_header
 from crowdsim.recording.header import (
-    COLUMN_TYPES,
     FORMAT_NAME,
     FORMAT_VERSION,
     NOWHERE,
@@ -26,22 +25,21 @@ from crowdsim.recording.header import (
     RecordedFrame,
     RecordingHeader,
     SolidRecord,
-    stored_columns,
 )
 from crowdsim.recording.header_file import rewrite_movables, write_header
 from crowdsim.recording.measured import Measured, write_measured
+from crowdsim.recording.packed_steps import (
+    AGENTS_PER_CHUNK,
+    MOST_STEPS_HELD,
+    PackedChunk,
+    column_types,
+    packing_of,
+    steps_held,
+)
 from crowdsim.recording.storage.checksums import checked_chunks, checksum_frame
 from crowdsim.recording.storage.part_file import CHANGE, COMMAND, MOVABLE, PATH, STEP, PartFile
-from crowdsim.recording.storage.values import PACKED, PACKED_QUICKLY, PACKED_TEXTS
+from crowdsim.recording.storage.values import PACKED, PACKED_TEXTS
 from crowdsim.whole_files import not_written
-
-MOST_STEPS_HELD = 64
-"""Largest number of steps held in memory, and in one compressed chunk of the file."""
-MOST_BYTES_HELD = 16_000_000
-"""Largest size of the steps held in memory [bytes]. A larger one gives larger chunks for big crowds, which are
-slower to seek in."""
-
-_AGENTS_PER_CHUNK = 4096
 
 STEP_HEAD = struct.Struct("<QQ")
 """Head of a step's frame: number and state hash; the stored columns follow."""
@@ -61,13 +59,24 @@ class RecordingWriter:
     file; a killed process leaves a ``.part`` file, from which :func:`crowdsim.recording.recovery.recover` makes a
     recording of all steps that were appended.
 
+    Parameters
+    ----------
+    path : str or path
+        Name of the finished file.
+    header : RecordingHeader
+        Everything that does not change from step to step.
+    agents_per_chunk : int
+        Number of agents in a chunk of the file.
+
     Raises
     ------
     RecordingError
         If the file cannot be written, or the header is invalid.
     """
 
-    def __init__(self, path: str | os.PathLike[str], header: RecordingHeader) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], header: RecordingHeader, agents_per_chunk: int = AGENTS_PER_CHUNK
+    ) -> None:
         self.path = Path(path)
         self._part = part_path(self.path)
         self._disk: PartFile | None = None
@@ -78,10 +87,11 @@ class RecordingWriter:
         self._buffered = 0
         self._new_paths: list[tuple[int, int, np.ndarray, np.ndarray]] = []
         check_header(header)
-        types = {name: np.dtype(COLUMN_TYPES[name]) for name in stored_columns(header.motion)}
-        step_bytes = header.agents.count * sum(dtype.itemsize for dtype in types.values())
-        self._held = min(max(MOST_BYTES_HELD // step_bytes, 1), MOST_STEPS_HELD)
-        self._buffer = {name: np.zeros((self._held, header.agents.count), dtype) for name, dtype in types.items()}
+        self._held = steps_held(header)
+        self._chunk = (self._held, min(header.agents.count, agents_per_chunk))
+        self._buffer = {
+            name: np.zeros((self._held, header.agents.count), dtype) for name, dtype in column_types(header).items()
+        }
         self._hashes = np.zeros(self._held, np.uint64)
 
     @property
@@ -145,6 +155,22 @@ class RecordingWriter:
         if self._buffered == self._held:
             self._flush()
 
+    def append_packed(self, hashes: NDArray[np.uint64], chunks: Iterable[PackedChunk]) -> None:
+        """Append steps that :func:`~crowdsim.recording.packed_steps.pack_steps` has packed, with their state hashes.
+
+        All but the last call need as many steps as a chunk holds, and chunks of all agents.
+        """
+        steps = self._open_file()["steps"]
+        if self._steps % self._held:
+            raise RecordingError(f"step {self._steps} is in the middle of a chunk; append packed steps chunk by chunk")
+        for name in self._buffer:
+            steps[name].resize(self._steps + len(hashes), axis=0)
+        for column, agent, mask, content in chunks:
+            steps[column].id.write_direct_chunk((self._steps, agent), content, mask)
+        extend(steps["state_hash"], hashes)
+        self._steps += len(hashes)
+        self._commit()
+
     def _require_motion(self, frame: RecordedFrame, present: NDArray[np.bool_]) -> None:
         """Raise RecordingError for an agent that the header holds no motion for."""
         captured = present & (np.asarray(frame.node) != NONE)
@@ -181,14 +207,15 @@ class RecordingWriter:
         self._add_frame(MOVABLE, json.dumps(content).encode())
         return len(self._movables) - 1
 
-    def add_change(self, movable: int, footprint: str | None) -> None:
-        """Set the outline of a movable from the next step on: ``footprint`` as WKT, None if it disappears."""
+    def add_change(self, movable: int, footprint: str | None, step: int | None = None) -> None:
+        """Set the outline of a movable from ``step`` on, the next one by default: WKT, None if it disappears."""
         group = self._open_file()["changes"]
         if not 0 <= movable < len(self._movables):
             raise RecordingError(f"a change of movable {movable}, but the recording lists {len(self._movables)}")
-        for name, value in (("movable", movable), ("step", self._steps), ("footprint", footprint or "")):
+        row = [movable, self._steps if step is None else step, footprint or ""]
+        for name, value in zip(("movable", "step", "footprint"), row, strict=True):
             extend(group[name], np.array([value], group[name].dtype))
-        self._add_frame(CHANGE, json.dumps([movable, self._steps, footprint or ""]).encode())
+        self._add_frame(CHANGE, json.dumps(row).encode())
 
     def add_command(self, keys: Mapping[str, Any]) -> None:
         """Add a command that the next step carries out, by its keys in a scenario file."""
@@ -228,11 +255,8 @@ class RecordingWriter:
         write_header(file, self._header)
         agents = self._header.agents.count
         steps = file.create_group("steps")
-        chunk = (self._held, min(agents, _AGENTS_PER_CHUNK))
         for name, values in self._buffer.items():
-            _growing(
-                steps, name, (agents,), values.dtype, chunk, PACKED_QUICKLY if self._header.motion.gaits else PACKED
-            )
+            _growing(steps, name, (agents,), values.dtype, self._chunk, packing_of(self._header))
         _growing(steps, "state_hash", (), "uint64", (MOST_STEPS_HELD,))
         paths = file.create_group("paths")
         _growing(paths, "points", (2,), "float64", (1024, 2))

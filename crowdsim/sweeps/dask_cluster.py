@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from crowdsim.errors import CrowdSimError
+from crowdsim.sweeps.engine import engine
 from crowdsim.sweeps.points import Point
 from crowdsim.sweeps.processes import DIED
 from crowdsim.sweeps.running import Keep, Outcome, Runner
@@ -55,7 +56,10 @@ def run_points_on_dask(
     """
     with _client(address, jobs) as client:
         client.register_plugin(KeptRunner(recordings, keep), name=_NAME)
-        futures = {client.submit(run_here, point, key=f"crowdsim-{point.name}", pure=False): point for point in points}
+        futures = {
+            client.submit(run_here, point, engine(), key=f"crowdsim-{point.name}", pure=False): point
+            for point in points
+        }
         for future in distributed.as_completed(list(futures)):
             try:
                 outcome = future.result()
@@ -67,8 +71,13 @@ def run_points_on_dask(
             future.release()
 
 
-def run_here(point: Point) -> Outcome:
-    """Run a point in the worker that this is called in."""
+def run_here(point: Point, wanted: str) -> Outcome:
+    """Run a point in the worker that this is called in, if its code is the ``wanted`` one."""
+    if engine() != wanted:
+        where = distributed.get_worker().address
+        return Outcome(
+            {}, f"the worker {where} has crowdsim {engine()}, not {wanted}; give all the same", lasting=False
+        )
     runner: Runner = distributed.get_worker().plugins[_NAME].runner
     return runner.run(point)
 

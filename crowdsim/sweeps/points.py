@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 from crowdsim.errors import CrowdSimError
 from crowdsim.scenario.loader import load_scenario
-from crowdsim.version import __version__
 
 MOST_POINTS = 1_000_000
 MOST_SEED = 2**32 - 1
@@ -46,8 +45,8 @@ class Point(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return the hash of all that the run depends on: text, changes, seed, and version of crowdsim."""
-        parts = [__version__, self.text, *self.overrides]
+        """Return the hash of what is run: text, changes and seed."""
+        parts = [self.text, *self.overrides]
         return hashlib.sha256(json.dumps(parts, ensure_ascii=False).encode()).hexdigest()
 
 

@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Self
 
 from crowdsim.errors import CrowdSimError
+from crowdsim.sweeps.engine import engine
 from crowdsim.sweeps.points import Point
 from crowdsim.sweeps.running import Outcome
 from crowdsim.whole_files import whole_file
@@ -38,6 +39,8 @@ class Store:
         if folder.exists() and not folder.is_dir():
             raise CrowdSimError(f"cannot write into {folder}: it is no folder; choose another one")
         self.folder = folder
+        self.outdated = 0
+        """Number of points asked for that another state of crowdsim had run."""
         self.points, self.recordings = folder / "points", folder / "recordings"
 
     def __enter__(self) -> Self:
@@ -65,12 +68,15 @@ class Store:
         os.close(self._lock)
 
     def done(self, point: Point) -> Outcome | None:
-        """Return what came of a point before; None if it is to be run."""
+        """Return what came of a point before; None if it is to be run, also if another crowdsim has run it."""
         file = self._file(point)
         if not file.is_file():
             return None
         try:
             held = json.loads(file.read_text(encoding="utf-8"))
+            if held["engine"] != engine():
+                self.outdated += 1
+                return None
             return Outcome(dict(held["figures"]), str(held["error"]))
         except (ValueError, LookupError, TypeError):
             return None  # not written by a sweep: run the point again
@@ -80,6 +86,7 @@ class Store:
         if not outcome.lasting:
             return
         held = {
+            "engine": engine(),
             "settings": dict(point.settings),
             "seed": point.seed,
             "error": outcome.error,

@@ -52,6 +52,7 @@ def sweep(
     dask: str | None = None,
     figures: Sequence[str] = (),
     progress: Progress | None = None,
+    note: Callable[[str], None] | None = None,
 ) -> Sweep:
     """Run all points that are not done yet, each with one thread, and write ``sweep.csv`` and ``sweep.png``.
 
@@ -71,6 +72,8 @@ def sweep(
         Columns of the table to draw; by default times, flows, densities and speeds.
     progress : callable or None
         Called at the start, and whenever a point is done.
+    note : callable or None
+        Called with a sentence if another state of crowdsim has run points, which are therefore run again.
 
     Raises
     ------
@@ -86,6 +89,11 @@ def sweep(
             if progress is not None:
                 progress(len(found), len(points), sum(bool(outcome.error) for outcome in found.values()))
 
+        if store.outdated and note is not None:
+            note(
+                f"{store.outdated} points in {folder} are of another version or state of crowdsim; they are run again, "
+                "so that all are of the same"
+            )
         tell()
         recordings = None if keep == "none" else store.recordings.resolve()
         for point, outcome in _outcomes(missing, jobs, recordings, keep, dask):

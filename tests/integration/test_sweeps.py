@@ -150,6 +150,64 @@ def test_dask_gives_the_same_table_though_a_worker_is_killed(table, room, tmp_pa
     assert (tmp_path / "sweep.csv").read_bytes() == table
 
 
+@pytest.fixture
+def dask_programs(tmp_path, environment):
+    """Return the address of a scheduler, and its two workers, all started as a user of a cluster starts them."""
+    pytest.importorskip("distributed")
+    folder = tmp_path / "dask"
+    folder.mkdir()
+    told = folder / "scheduler.json"
+
+    def start(*words: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", "dask", *words, "--scheduler-file", str(told), "--no-dashboard"]
+        with (folder / "log").open("ab") as log:
+            return subprocess.Popen(command, env=environment, cwd=folder, stdout=log, stderr=log)
+
+    programs = [start("scheduler", "--port", "0")]
+    try:
+        begin = time.monotonic()
+        while not told.exists() and time.monotonic() - begin < 60.0:
+            time.sleep(0.1)
+        programs += [start("worker", "--nthreads", "1", "--no-nanny") for _ in range(2)]
+        yield json.loads(told.read_text(encoding="utf-8"))["address"], programs[1:]
+    finally:
+        for program in reversed(programs):
+            program.kill()
+            program.wait()
+
+
+def test_dask_by_address_gives_the_same_table_though_one_of_two_workers_is_killed(
+    table, room, tmp_path, environment, dask_programs
+):
+    address, workers = dask_programs
+    folder = tmp_path / "sweep"
+    process = subprocess.Popen(
+        arguments(room, folder, "--dask", address),
+        env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    begin = time.monotonic()
+    while process.poll() is None and time.monotonic() - begin < 300.0:
+        if len(list(folder.glob("points/*.json"))) > 2:
+            workers[0].kill()
+            break
+        time.sleep(0.05)
+    _, errors = process.communicate(timeout=300)
+    assert process.returncode == 0, errors
+    assert workers[0].wait(10) == -signal.SIGKILL
+    assert workers[1].poll() is None
+    assert (folder / "sweep.csv").read_bytes() == table
+
+
+def test_a_scheduler_that_is_not_there_is_named(room, tmp_path, environment):
+    pytest.importorskip("distributed")
+    finished = subprocess.run(
+        arguments(room, tmp_path, "--dask", "tcp://127.0.0.1:9"),
+        env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert finished.returncode == 2
+    assert "there is no scheduler" in finished.stderr
+
+
 def test_runs_that_share_motion_are_those_that_do_not(tmp_path):
     runner = Runner()
     for point in points_of("doorway", "1-2"):

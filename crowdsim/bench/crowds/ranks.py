@@ -1,8 +1,9 @@
 """A steered run on several processes: time of a step and bytes exchanged, and what that predicts for more of them.
 
 People walk both ways over a square at 1 /m2. Runs on one process and on several alternate; figures are medians of the
-runs. On k processes a step, and its part of writing the recording, takes ``whole + divided / k``: what every process
-does again or waits for, and what the regions share. Both follow from the times with one and with two processes.
+runs. ``work`` is CPU time without that of waiting for others. On k processes a step, and its part of writing the
+recording, takes ``whole + divided / k``: what every process does again or waits for, and what the regions share. Both
+follow from the times with one and with two processes.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from shutil import which
 from typing import Any
 
 from crowdsim.bench.registry import Measurement
+from crowdsim.crowd.ranks.launch import INSTALL, find_mpiexec
 from crowdsim.errors import CrowdSimError
 
 COUNT = 20_000
@@ -40,18 +41,55 @@ agents:
 """
 
 
-def measure(count: int = COUNT, seconds: float = 6.0, rounds: int = 3) -> Measurement:
+MOST_RANKS = 4
+"""Largest number of processes whose states are compared."""
+
+_PLAZA = """\
+crowdsim: 1
+name: plaza
+seed: 1
+duration: {seconds}
+floor: {{rectangle: [0, 0, {side}, {side}]}}
+obstacles:
+  - {{name: fountain, cylinder: {{center: [{middle}, {middle}], radius: {fountain}}}, top: 1}}
+  - {{name: kiosk, box: {{center: [{fountain}, {middle}], size: [2, 1]}}, top: 2.5}}
+exits:
+  - {{name: north, rectangle: [0, {far}, {side}, {side}]}}
+  - {{name: east, rectangle: [{far}, 0, {side}, {side}]}}
+agents:
+  - {{name: leave, locomotion: steered, count: {half}, start: {{rectangle: [0, 0, {side}, {side}]}},
+     exits: [north, east], choice: quickest}}
+  - {{name: cross, locomotion: steered, count: {half}, start: {{rectangle: [0, 0, {side}, {side}]}},
+     goal: {{rectangle: [0, 0, 2, {side}]}}}}
+"""
+
+_STREET = """\
+crowdsim: 1
+name: street
+seed: 1
+duration: {seconds}
+floor: {{rectangle: [0, 0, {long}, {wide}]}}
+agents:
+  - {{name: east, locomotion: steered, count: {half}, start: {{rectangle: [0, 0, {long}, {wide}]}},
+     goal: {{rectangle: [{end}, 0, {long}, {wide}]}}}}
+  - {{name: west, locomotion: steered, count: {half}, start: {{rectangle: [0, 0, {long}, {wide}]}},
+     goal: {{rectangle: [0, 0, 2, {wide}]}}}}
+"""
+
+
+def measure(count: int = COUNT, seconds: float = 12.0, rounds: int = 3) -> Measurement:
     """Run ``count`` agents for some simulated seconds on one and on two processes, ``rounds`` times in turn.
+
+    Half as many on a plaza and in a street are run on one to MOST_RANKS processes, whose states must be the same.
 
     Raises
     ------
     CrowdSimError
         If there is no mpiexec, or a run fails.
     """
-    beside = Path(sys.executable).parent / "mpiexec"
-    mpiexec = str(beside) if beside.exists() else which("mpiexec")
+    mpiexec = find_mpiexec()
     if mpiexec is None:
-        raise CrowdSimError("there is no mpiexec; install MPI, or: pip install 'crowdsim[mpi]' mpich")
+        raise CrowdSimError(f"there is no mpiexec; install MPI, or: {INSTALL}")
     side = round(math.sqrt(count), 1)
     text = _SCENARIO.format(seconds=seconds, side=side, half=count // 2, far=side - 2.0)
     found: dict[int, list[dict[str, Any]]] = {number: [] for number in (1, 2)}
@@ -60,6 +98,7 @@ def measure(count: int = COUNT, seconds: float = 6.0, rounds: int = 3) -> Measur
         for _ in range(rounds):
             for number in found:
                 found[number].append(_run(mpiexec, number, folder))
+        compared = _compare(mpiexec, folder, count // 2, min(seconds, 2.0))
     if len({run["state_hash"] for runs in found.values() for run in runs}) > 1:
         raise CrowdSimError("runs on different numbers of processes gave different states; this is a bug")
     rows = []
@@ -70,6 +109,7 @@ def measure(count: int = COUNT, seconds: float = 6.0, rounds: int = 3) -> Measur
                 "ranks": number,
                 "characters": count,
                 "run_ms": round(middle["run_ms"], 2),
+                "work_ms": round(middle["work_ms"], 2),
                 "step_ms": round(middle["step_ms"], 2),
                 "exchange_ms": round(middle["exchange_ms"], 3),
                 "exchange_share": round(middle["exchange_ms"] / middle["step_ms"], 4),
@@ -83,23 +123,56 @@ def measure(count: int = COUNT, seconds: float = 6.0, rounds: int = 3) -> Measur
     one, two = (times[number]["run_ms"] for number in (1, 2))
     figures["step_speed_up_of_two"] = round(times[1]["step_ms"] / times[2]["step_ms"], 2)
     figures["speed_up_of_two"] = round(one / two, 2)
+    figures["work_speed_up_of_two"] = round(times[1]["work_ms"] / times[2]["work_ms"], 2)
     whole = max(2.0 * two - one, 0.0)
     # What each process does again grows with the whole crowd, what the regions share stays the same.
-    unknown = {"step_ms": None, "exchange_ms": None, "exchange_share": None, "sent_kb_a_step": None, "measured": False}
+    unknown = {
+        "work_ms": None,
+        "step_ms": None,
+        "exchange_ms": None,
+        "exchange_share": None,
+        "sent_kb_a_step": None,
+        "measured": False,
+    }
     rows += [
         {"ranks": number, "characters": number * count, "run_ms": round(one - whole + number * whole, 2), **unknown}
         for number in PREDICTED
     ]
     figures["whole_ms"] = round(whole, 2)
-    return Measurement(rows, figures, ("step_speed_up_of_two", "speed_up_of_two", "whole_ms"))
+    figures["runs_with_equal_states"] = compared
+    return Measurement(
+        rows,
+        figures,
+        ("step_speed_up_of_two", "speed_up_of_two", "work_speed_up_of_two", "whole_ms", "runs_with_equal_states"),
+    )
 
 
-_FIGURES = ("run_ms", "step_ms", "exchange_ms", "sent_kb")
+_FIGURES = ("run_ms", "work_ms", "step_ms", "exchange_ms", "sent_kb")
 
 
-def _run(mpiexec: str, number: int, folder: str) -> dict[str, Any]:
+def _compare(mpiexec: str, folder: str, count: int, seconds: float) -> int:
+    """Run a plaza and a street on one to MOST_RANKS processes; return how many runs have had the same states."""
+    side, wide = round(math.sqrt(1.2 * count), 1), round(math.sqrt(0.04 * count), 1)
+    long = round(30.0 * wide, 1)
+    both = {"seconds": seconds, "half": count // 2}
+    plaza = {"side": side, "far": side - 2.0, "middle": 0.5 * side, "fountain": round(0.1 * side, 1)}
+    street = {"long": long, "wide": wide, "end": long - 2.0}
+    compared = 0
+    for file, text in (
+        ("plaza.yaml", _PLAZA.format(**both, **plaza)),
+        ("street.yaml", _STREET.format(**both, **street)),
+    ):
+        (Path(folder) / file).write_text(text, encoding="utf-8")
+        states = [_run(mpiexec, number, folder, file)["state_hash"] for number in range(1, MOST_RANKS + 1)]
+        if len(set(states)) > 1:
+            raise CrowdSimError(f"{file}: 1 to {MOST_RANKS} processes gave the states {states}; this is a bug")
+        compared += len(states)
+    return compared
+
+
+def _run(mpiexec: str, number: int, folder: str, file: str = "square.yaml") -> dict[str, Any]:
     """Return the figures of one run on ``number`` processes."""
-    command = [mpiexec, "-n", str(number), sys.executable, "-m", "crowdsim.bench.crowds.ranked_steps", "square.yaml"]
+    command = [mpiexec, "-n", str(number), sys.executable, "-m", "crowdsim.bench.crowds.ranked_steps", file]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     if done.returncode:
         raise CrowdSimError(f"a run on {number} processes failed: {done.stderr[-400:]}")

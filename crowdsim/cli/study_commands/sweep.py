@@ -67,6 +67,7 @@ def sweep(
                 dask=dask,
                 figures=[name.strip() for name in figures.split(",")] if figures else [],
                 progress=progress,
+                note=lambda text: bar.console.print(f"note: {text}", highlight=False, soft_wrap=True),
             )
         except KeyboardInterrupt as stop:
             raise type(stop)(

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd.ranks.launch import launched_ranks
 from crowdsim.crowd.ranks.messages import GHOST, RowMessage, ghosts_of, migrant_type
 from crowdsim.crowd.ranks.partition import Regions, cells_of
 from crowdsim.crowd.ranks.protocol import Ghosts
+from crowdsim.ecs.records import opaque
 from crowdsim.ecs.world import World
 from crowdsim.errors import CrowdSimError
 from crowdsim.steering.row_kernels import CELL
@@ -21,7 +23,7 @@ def world_of_ranks() -> Any:
     Raises
     ------
     CrowdSimError
-        If mpi4py or an MPI library is missing.
+        If mpi4py or an MPI library is missing, or mpiexec is that of another library.
     """
     try:
         from mpi4py import MPI
@@ -29,7 +31,20 @@ def world_of_ranks() -> Any:
         raise CrowdSimError(
             f"a run on several processes needs mpi4py and an MPI library: pip install 'crowdsim[mpi]' ({error})"
         ) from None
-    return MPI.COMM_WORLD
+    comm = MPI.COMM_WORLD
+    if comm.Get_size() != launched_ranks():
+        raise CrowdSimError(
+            f"mpiexec has started {launched_ranks()} processes, but the MPI library that mpi4py loads "
+            f"({library_name()}) knows of {comm.Get_size()}; use the mpiexec of that library"
+        )
+    return comm
+
+
+def library_name() -> str:
+    """Return name and version of the MPI library that mpi4py loads."""
+    from mpi4py import MPI
+
+    return " ".join(str(MPI.Get_library_version()).splitlines()[0].strip("\0 ").split())
 
 
 class MpiRanks:
@@ -77,6 +92,24 @@ class MpiRanks:
         everybody = flat.view(rows.dtype).reshape(everybody.shape)
         end = int(ends[self.rank])
         return everybody, slice(end - len(rows), end)
+
+    def swap(self, rows: NDArray[Any], owners: NDArray[np.int32]) -> NDArray[Any]:
+        """Hand each of ``rows`` (k,) over to its owner (k,), and return what this process is given."""
+        from mpi4py import MPI
+
+        width = rows.dtype.itemsize
+        counts = np.bincount(owners, minlength=self.size)
+        coming = np.empty_like(counts)
+        self.comm.Alltoall(counts, coming)
+        starts, begins = (width * (np.cumsum(each) - each) for each in (counts, coming))
+        # Numbers of ranks are sorted fast as 16 bits.
+        outgoing = opaque(rows)[np.argsort(owners.astype(np.uint16), kind="stable")]
+        taken = np.empty(int(coming.sum()), rows.dtype)
+        self.comm.Alltoallv(
+            [outgoing.view(np.uint8), ((width * counts).tolist(), starts.tolist()), MPI.BYTE],
+            [taken.view(np.uint8), ((width * coming).tolist(), begins.tolist()), MPI.BYTE],
+        )
+        return taken
 
     def holds(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which places (k, 2) [m] are in the region of this process."""

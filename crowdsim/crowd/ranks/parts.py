@@ -1,9 +1,13 @@
-"""What one rank keeps of a run: its agents step by step, in a file without a name that no crash leaves behind."""
+"""What one rank writes of a recording: some of the agents in all steps, in a file without a name that no crash leaves.
+
+Agents walk from region to region, but columns of a recording are stored by agents. So each rank writes other agents
+than it steps: some consecutive ones, always the same. Ranks hand the rows over whenever a chunk of the file is full.
+"""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -11,20 +15,45 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.ranks.present import PRESENT
+from crowdsim.crowd.ranks.present import PRESENT, absent_columns, frame_of_columns
+from crowdsim.crowd.ranks.protocol import Ranks
+from crowdsim.ecs.records import opaque
 from crowdsim.errors import RecordingError
+from crowdsim.recording.header import RecordedFrame, RecordingHeader
+from crowdsim.recording.packed_steps import PackedChunk, column_types, pack_steps, share_out, steps_held
 from crowdsim.whole_files import not_written
-
-STEPS_AT_ONCE = 64
-"""Steps that are joined at once."""
 
 
 class RankPart:
-    """The part of a recording that one rank writes; a context manager."""
+    """The part of a recording that one rank writes; a context manager.
 
-    def __init__(self, output: Path) -> None:
-        self._folder = output.parent
-        self._sizes: list[int] = []
+    Parameters
+    ----------
+    output : Path
+        The recording, beside which the part is written.
+    header : RecordingHeader
+        Header of the recording.
+    ranks : Ranks
+        The processes that share the run.
+    measure : callable
+        Called with each step of the agents whose part this is, in order, by all ranks at once.
+
+    Raises
+    ------
+    RecordingError
+        If the part cannot be written.
+    """
+
+    def __init__(
+        self, output: Path, header: RecordingHeader, ranks: Ranks, measure: Callable[[RecordedFrame], None]
+    ) -> None:
+        self._folder, self._header, self._ranks, self._measure = output.parent, header, ranks, measure
+        self._held = steps_held(header)
+        self._shares = share_out(header.agents.count, ranks.size)
+        self._mine = self._shares.of(ranks.rank)
+        self._waiting: list[NDArray[Any]] = []
+        # By block of steps: their number; chunks without their content, and its length.
+        self._blocks: list[tuple[int, list[tuple[PackedChunk, int]]]] = []
 
     def __enter__(self) -> Self:
         try:
@@ -39,18 +68,42 @@ class RankPart:
         self._file.close()
 
     def append(self, rows: NDArray[Any]) -> None:
-        """Append one step: agents of this rank (PRESENT)."""
-        try:
-            self._file.write(rows.tobytes())
-        except OSError as error:
-            raise RecordingError(not_written(self._folder, error)) from None
-        self._sizes.append(len(rows))
+        """Append one step: the agents in the region of this rank (PRESENT); all ranks must do so at once."""
+        self._waiting.append(rows)
+        if len(self._waiting) == self._held:
+            self._write()
 
-    def blocks(self) -> Iterator[tuple[NDArray[np.int64], bytes]]:
-        """Yield the steps in blocks of :data:`STEPS_AT_ONCE`: number of agents in each step, all their rows."""
+    def finish(self) -> None:
+        """Write the last steps; all ranks must do so at once."""
+        if self._waiting:
+            self._write()
+
+    def blocks(self) -> Iterator[tuple[int, list[PackedChunk]]]:
+        """Yield what this rank has written, with the number of steps: as many as a chunk holds, but for the last."""
         self._file.flush()
         self._file.seek(0)
-        sizes = np.array(self._sizes, np.int64)
-        for first in range(0, len(sizes), STEPS_AT_ONCE):
-            part = sizes[first : first + STEPS_AT_ONCE]
-            yield part, self._file.read(int(part.sum()) * PRESENT.itemsize)
+        for steps, block in self._blocks:
+            yield steps, [chunk._replace(content=self._file.read(length)) for chunk, length in block]
+
+    def _write(self) -> None:
+        """Hand over the rows that other ranks write, and measure, pack and write the own ones."""
+        steps, count, first = len(self._waiting), self._header.agents.count, self._mine.start
+        sent = np.concatenate([opaque(rows) for rows in self._waiting]).view(PRESENT)
+        owners = self._shares.owners(sent["agent"])
+        # On their way, rows are numbered through all agents of all steps.
+        sent["agent"] += np.repeat(np.arange(steps, dtype=np.int32) * count, list(map(len, self._waiting)))
+        self._waiting = []
+        taken = self._ranks.swap(sent, owners)
+        step, agent = np.divmod(taken["agent"], count)
+        columns = absent_columns((steps, len(self._mine)), column_types(self._header))
+        for name, values in columns.items():
+            values.reshape(-1)[step * len(self._mine) + agent - first] = taken[name]
+        for k in range(steps):
+            self._measure(frame_of_columns({name: values[k] for name, values in columns.items()}))
+        packed = pack_steps(columns, first, self._header, self._shares.width)
+        try:
+            for chunk in packed:
+                self._file.write(chunk.content)
+        except OSError as error:
+            raise RecordingError(not_written(self._folder, error)) from None
+        self._blocks.append((steps, [(chunk._replace(content=b""), len(chunk.content)) for chunk in packed]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -35,22 +36,23 @@ def present_rows(view: View) -> NDArray[Any]:
     return rows
 
 
+def absent_columns(shape: tuple[int, ...], types: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """Return columns of a recording, of ``types`` by name, in which all agents are outside of the world."""
+    absent = {"behavior": NONE, "state": AgentState.ABSENT}
+    return {name: np.full(shape, absent.get(name, np.nan), dtype) for name, dtype in types.items()}
+
+
+def frame_of_columns(columns: Mapping[str, NDArray[Any]]) -> RecordedFrame:
+    """Return a step of steered agents, of their columns as :func:`absent_columns` names them."""
+    count = len(columns["x"])
+    none = np.full(count, NONE, np.int32)
+    return RecordedFrame(node=none, previous=none, frame=np.zeros(count, np.float32), **columns)
+
+
 def frame_of_rows(rows: NDArray[Any], count: int) -> RecordedFrame:
     """Return the step of ``count`` agents of which ``rows`` (PRESENT) are in the world."""
-    whole = np.zeros(count, PRESENT)
-    for name in ("x", "y", "heading", "phase"):
-        whole[name] = np.nan
-    whole["behavior"], whole["state"] = NONE, AgentState.ABSENT
-    whole[rows["agent"]] = rows
-    none = np.full(count, NONE, np.int32)
-    return RecordedFrame(
-        x=whole["x"],
-        y=whole["y"],
-        heading=whole["heading"],
-        node=none,
-        previous=none,
-        frame=np.zeros(count, np.float32),
-        behavior=whole["behavior"],
-        state=whole["state"],
-        phase=whole["phase"],
-    )
+    fields = {name: PRESENT[name] for name in PRESENT.names or () if name != "agent"}
+    columns = absent_columns((count,), fields)
+    for name, values in columns.items():
+        values[rows["agent"]] = rows[name]
+    return frame_of_columns(columns)

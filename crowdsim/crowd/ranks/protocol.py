@@ -55,6 +55,9 @@ class Ranks(Protocol):
     def together(self, rows: NDArray[Any]) -> tuple[NDArray[Any], slice]:
         """Return the rows (k, ...) of all processes, and which of them are those of this one."""
 
+    def swap(self, rows: NDArray[Any], owners: NDArray[np.int32]) -> NDArray[Any]:
+        """Hand each of ``rows`` (k,) over to its owner (k,), and return what this process is given, in any order."""
+
     def holds(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which places (k, 2) [m] are in the region of this process."""
 
@@ -95,6 +98,10 @@ class OneRank:
     def together(self, rows: NDArray[Any]) -> tuple[NDArray[Any], slice]:
         """Return ``rows``."""
         return rows, SELF
+
+    def swap(self, rows: NDArray[Any], owners: NDArray[np.int32]) -> NDArray[Any]:
+        """Return ``rows``."""
+        return rows
 
     def holds(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return True for all places."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd.report.share import EVERYBODY, Share
 from crowdsim.geometry.elementary import hypot
 from crowdsim.geometry.planar import shorter_ways
 from crowdsim.recording.header import AgentState, RecordedFrame
@@ -24,18 +25,24 @@ class AttributeStatistics:
         Rate of the steps.
     span : (float, float)
         Period of a periodic floor along x and y [m], 0 for none.
+    share : Share
+        The agents whose steps are added.
     """
 
     def __init__(
-        self, attributes: Mapping[str, NDArray[Any]], steps_per_second: int, span: tuple[float, float]
+        self,
+        attributes: Mapping[str, NDArray[Any]],
+        steps_per_second: int,
+        span: tuple[float, float],
+        share: Share = EVERYBODY,
     ) -> None:
-        self._attributes, self._rate, self._span = attributes, steps_per_second, span
-        count = len(next(iter(attributes.values()), ()))
+        self._attributes, self._rate, self._span, self._share = attributes, steps_per_second, span, share
+        count = len(next(iter(attributes.values()), ())[share.agents])
         self._way, self._steps = np.zeros(count), np.zeros(count, np.int64)
         self._before: tuple[NDArray[Any], ...] | None = None
 
     def add(self, frame: RecordedFrame) -> None:
-        """Add one step of all agents."""
+        """Add one step of the agents of the share."""
         if not self._attributes:
             return
         x, y = (np.asarray(column, np.float64) for column in (frame.x, frame.y))
@@ -47,6 +54,10 @@ class AttributeStatistics:
             self._way += hypot(*(shorter_ways(way, span) for way, span in zip(ways, self._span, strict=True)))
             self._steps += both
         self._before = x.copy(), y.copy(), there.copy()
+
+    def join(self) -> None:
+        """Take in what other processes have summed up of the other agents."""
+        self._way, self._steps = (self._share.ranks.together(sums)[0] for sums in (self._way, self._steps))
 
     def summary(self) -> dict[str, Any]:
         """Return by attribute: the distribution of numbers; for words, their count and the mean speed [m/s]."""

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from crowdsim.crowd.report.share import EVERYBODY, Share
 from crowdsim.geometry.elementary import hypot
 from crowdsim.geometry.planar import shorter_ways
 from crowdsim.recording.header import AgentState, RecordedFrame
@@ -24,9 +25,18 @@ Floats = NDArray[np.float64]
 
 
 class MeasuredPlaces:
-    """Count the agents in the areas and those that cross the lines, step by step."""
+    """Count the agents in the areas and those that cross the lines, step by step.
 
-    def __init__(self, scenario: Scenario) -> None:
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario, with its areas and lines.
+    share : Share
+        The agents whose steps are added; all processes that share the run must add each step at once.
+    """
+
+    def __init__(self, scenario: Scenario, share: Share = EVERYBODY) -> None:
+        self._share = share
         self._rate = scenario.steps_per_second
         self._areas, self._lines = scenario.areas, scenario.lines
         self._shapes = [area.shape() for area in scenario.areas]
@@ -46,7 +56,7 @@ class MeasuredPlaces:
         self._step = 0
 
     def add(self, frame: RecordedFrame) -> None:
-        """Add one step of all agents."""
+        """Add one step of the agents of the share."""
         if not self._areas and not self._lines:
             return
         places = np.column_stack((frame.x, frame.y)).astype(np.float64)
@@ -62,9 +72,20 @@ class MeasuredPlaces:
         else:
             pace = np.full(len(places), np.nan)
         for number, shape in enumerate(self._shapes):
-            inside = pace[shapely.contains_xy(shape, places) & ~np.isnan(pace)]
+            inside, _ = self._share.ranks.together(pace[shapely.contains_xy(shape, places) & ~np.isnan(pace)])
             self._speeds[number].append(float(inside.mean()) if len(inside) else np.nan)
         self._step += 1
+
+    def join(self) -> None:
+        """Take in what other processes have counted of the other agents."""
+        ranks = self._share.ranks
+        for count in self._counts:
+            count[:] = array("i", ranks.sum(np.array(count, np.int64)).tolist())
+        if self._step < 2:  # nobody can have crossed a line, and no process has noted anything
+            return
+        for number, parts in enumerate(self._crossed):
+            agents, times, to_left = (ranks.together(np.concatenate(column))[0] for column in zip(*parts, strict=True))
+            self._crossed[number] = [(agents, times, to_left)]
 
     def measured(self) -> Measured:
         """Return all measurements, for the recording."""
@@ -129,7 +150,7 @@ class MeasuredPlaces:
             for first, second in itertools.pairwise(points):
                 agents, share, to_left = crossings_of(before, after, first, second)
                 times = (self._step - 1 + share) / self._rate
-                self._crossed[number].append((agents, times, to_left))
+                self._crossed[number].append((agents + self._share.agents.start, times, to_left))
 
 
 def crossings_of(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from crowdsim.crowd.report.attribute_statistics import AttributeStatistics
 from crowdsim.crowd.report.measured_places import MeasuredPlaces
 from crowdsim.crowd.report.party_statistics import PartyStatistics
+from crowdsim.crowd.report.share import EVERYBODY, Share
 from crowdsim.recording.header import RecordedFrame
 from crowdsim.recording.measured import Measured
 from crowdsim.scenario.scenario import Scenario
@@ -25,15 +26,22 @@ class RunMeasures:
         The scenario.
     attributes : mapping of str to (N,) array
         Values of each attribute that it gives the agents.
+    share : Share
+        The agents whose steps are added. Where that is not everybody, the scenario may have no parties.
     """
 
-    def __init__(self, scenario: Scenario, attributes: Mapping[str, NDArray[Any]]) -> None:
-        self._places = MeasuredPlaces(scenario)
+    def __init__(self, scenario: Scenario, attributes: Mapping[str, NDArray[Any]], share: Share = EVERYBODY) -> None:
+        self._places = MeasuredPlaces(scenario, share)
         self._parties = PartyStatistics(scenario)
-        self._attributes = AttributeStatistics(attributes, scenario.steps_per_second, scenario.span)
+        self._attributes = AttributeStatistics(attributes, scenario.steps_per_second, scenario.span, share)
+
+    def join(self) -> None:
+        """Take in what other processes have measured; all must do so at once, after the last step."""
+        self._places.join()
+        self._attributes.join()
 
     def add(self, frame: RecordedFrame) -> None:
-        """Add one step of all agents."""
+        """Add one step of the agents of the share."""
         self._places.add(frame)
         self._parties.add(frame)
         self._attributes.add(frame)

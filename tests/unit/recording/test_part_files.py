@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import RecordingError
+from crowdsim.recording.packed_steps import MOST_STEPS_HELD
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.recovery import recover
-from crowdsim.recording.writer import MOST_STEPS_HELD, RecordingWriter
+from crowdsim.recording.writer import RecordingWriter
 from tests.support.small_recording import small_frame, small_header, write_small_recording
 
 ROOT = Path(__file__).parents[3]

@@ -8,8 +8,9 @@ import pytest
 
 from crowdsim.errors import RecordingError
 from crowdsim.recording.header import COLUMN_TYPES, GaitRecord
+from crowdsim.recording.packed_steps import MOST_BYTES_HELD
 from crowdsim.recording.reader import Recording
-from crowdsim.recording.writer import MOST_BYTES_HELD, RecordingWriter
+from crowdsim.recording.writer import RecordingWriter
 from tests.support.small_recording import CYCLE, small_frame, small_header, write_small_recording
 
 

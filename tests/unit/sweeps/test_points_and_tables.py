@@ -4,16 +4,20 @@ import csv
 import io
 import json
 import math
+from types import SimpleNamespace
 
 import pytest
 from scipy import stats
 
 from crowdsim.errors import CrowdSimError, ScenarioError
+from crowdsim.sweeps.engine import engine
 from crowdsim.sweeps.picture import draw_sweep
 from crowdsim.sweeps.points import Point, points_of, read_seeds, read_setting
 from crowdsim.sweeps.running import Outcome
 from crowdsim.sweeps.store import Store
+from crowdsim.sweeps.sweep import sweep
 from crowdsim.sweeps.table import means_of, table_of, usual_figures
+from crowdsim.version import __version__
 
 
 def test_points_are_all_combinations_with_the_seeds_innermost():
@@ -25,16 +29,13 @@ def test_points_are_all_combinations_with_the_seeds_innermost():
     assert points_of("doorway")[0].overrides == ["seed=3"]
 
 
-def test_the_name_depends_on_text_changes_seed_and_version(monkeypatch):
+def test_the_name_depends_on_text_changes_and_seed():
     point = Point("a", "/x", (("k", "1"),), 1)
     names = {point.name, point._replace(text="b").name, point._replace(settings=(("k", "2"),)).name}
     names |= {point._replace(seed=2).name, point._replace(settings=()).name}
     assert len(names) == 5
     assert point._replace(file="/y").name == point.name
-    before = point.name
-    monkeypatch.setattr("crowdsim.sweeps.points.__version__", "999")
-    assert point.name != before
-    assert len(before) == 64
+    assert len(point.name) == 64
 
 
 @pytest.mark.parametrize(
@@ -97,6 +98,48 @@ def test_a_store_gives_back_what_it_keeps_and_forgets_what_is_damaged(tmp_path):
         Store(tmp_path / "file")
 
 
+def test_points_of_another_state_of_the_code_are_run_again(tmp_path, monkeypatch):
+    points = points_of("doorway", "1-2", ["duration=12"])
+    notes: list[str] = []
+    sweep(points, tmp_path, note=notes.append)
+    assert sweep(points, tmp_path, note=notes.append).done_before == 2
+    assert notes == []
+    file = tmp_path / "points" / f"{points[0].name}.json"
+    held = json.loads(file.read_text(encoding="utf-8"))
+    held["figures"]["steps"] = 7
+    file.write_text(json.dumps(held | {"engine": "0.0.9 0123456789abcdef"}), encoding="utf-8")
+    again = sweep(points, tmp_path, note=notes.append)
+    assert again.done_before == 1
+    assert again.rows[0][1].figures["steps"] == again.rows[1][1].figures["steps"] != 7
+    assert len(notes) == 1
+    assert "1 points in" in notes[0]
+    assert "run again" in notes[0]
+
+
+def test_the_engine_is_its_version_its_code_and_its_behaviors(monkeypatch, tmp_path):
+    found = engine.__wrapped__()
+    assert found == engine()
+    assert found.startswith(f"{__version__} ")
+    monkeypatch.setattr("crowdsim.sweeps.engine.library_folder", lambda name: tmp_path)
+    assert engine.__wrapped__() != found
+    none = engine.__wrapped__()
+    (tmp_path / "clip.bvh").write_text("HIERARCHY", encoding="utf-8")
+    assert engine.__wrapped__() != none
+
+
+def test_a_worker_of_another_state_of_the_code_runs_nothing(monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    from crowdsim.sweeps.dask_cluster import run_here
+
+    monkeypatch.setattr(distributed, "get_worker", lambda: SimpleNamespace(address="tcp://there:1"))
+    outcome = run_here(a_point("1", 1), "0.0.9 0123456789abcdef")
+    assert not outcome.lasting
+    assert (
+        outcome.error
+        == f"the worker tcp://there:1 has crowdsim {engine()}, not 0.0.9 0123456789abcdef; give all the same"
+    )
+
+
 def rows_of_two_widths():
     rows = [
         (a_point(width, seed), Outcome({"t95": float(width) * seed, "steps": 5}))
@@ -147,4 +190,5 @@ def test_kept_summaries_are_plain_json(tmp_path):
         store.keep(a_point("1", 1), Outcome({"t95": 0.1 + 0.2}))
     (file,) = (tmp_path / "points").iterdir()
     held = json.loads(file.read_text(encoding="utf-8"))
+    assert held.pop("engine") == engine()
     assert held == {"settings": {"width": "1"}, "seed": 1, "error": "", "figures": {"t95": 0.1 + 0.2}}
