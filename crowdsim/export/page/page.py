@@ -31,11 +31,12 @@ from crowdsim.export.page.packed_poses import (
 )
 from crowdsim.export.page.packing import Block, Ints, compressed, text_of
 from crowdsim.export.page.tracks.track_chunks import (
+    FRACTIONS,
     PHASES,
-    PLACES,
     coding_units,
     pack_events,
     pack_tracks,
+    place_units,
     plan_chunks,
     turn_units,
 )
@@ -198,8 +199,8 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
         "levels": LEVELS,
         "chunk": plan.steps,
         "margin": plan.margin,
-        "units": page_units(motion),
-        "coding": coding_units(recording).tolist(),
+        "units": page_units(motion, place_units(chosen)),
+        "coding": coding_units(recording, place_units(chosen)).tolist(),
         "bounds": bounds,
         "ends": None if header.ends is None else [header.ends.axis, header.ends.low, header.ends.high],
         "most": most,
@@ -216,12 +217,13 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
     return block.packed(facts)
 
 
-def page_units(motion: MotionRecord) -> dict[str, int]:
+def page_units(motion: MotionRecord, places: int) -> dict[str, int]:
     """Return the integer units of the page per meter, turn, cycle, frame, radian, and meter of a root."""
     return {
-        "place": PLACES,
+        "place": places,
         "turn": turn_units(motion),
         "phase": PHASES,
+        "exact": FRACTIONS,
         "frame": FRAME_TICKS,
         "rotation": ROTATIONS,
         "root": ROOTS,
