@@ -13,7 +13,7 @@ from crowdsim.export.page.packed_place import density_cells, pack_scenery
 from crowdsim.export.page.packed_poses import pack_gaits, pack_nodes, pack_stretches, skeleton_facts
 from crowdsim.export.page.packing import Block
 from crowdsim.export.page.page import group_facts, page_units
-from crowdsim.export.page.tracks.track_chunks import Events, pack_events
+from crowdsim.export.page.tracks.track_chunks import PLACES, Events, pack_events
 from crowdsim.live.pictures import TURN, picture_columns
 
 LONGEST_KEPT = 60.0
@@ -40,7 +40,7 @@ def pack_opening(simulation: Simulation) -> bytes:
         "gaits": pack_gaits(block, motion),
         "bodies": pack_bodies(block, motion.skeleton, count),
         "levels": LEVELS,
-        "units": page_units(motion),
+        "units": page_units(motion, PLACES),
         "bounds": bounds,
         "ends": None if header.ends is None else [header.ends.axis, header.ends.low, header.ends.high],
         "most": count,
@@ -59,6 +59,7 @@ def pack_opening(simulation: Simulation) -> bytes:
     pack_events(block, Events(np.zeros(count, np.int64), *[none] * 5))
     pack_no_feet(block)
     pack_stretches(block, [])
+    block.add("stretch_exact", none.astype(np.int8))
     for name in ("agents", "steps", "feet"):
         block.add_varints(f"switch_{name}", none)
     block.add("switch_flags", none.astype(np.uint8))

@@ -12,4 +12,5 @@ def live_page(title: str) -> bytes:
     own = resources.files("crowdsim.live")
     panel, style = ((own / name).read_text(encoding="utf-8") for name in ("panel.html", "panel.css"))
     scripts = [shared_text("viewer.min.js"), shared_text("live.min.js")]
-    return fill_page(title, "", scripts, shared_text("page.css") + style, panel, ["connect-src 'self'"])
+    style = shared_text("page.css") + style
+    return fill_page(title, scripts, style, panel=panel, allowed=["connect-src 'self'"]).encode()

@@ -189,7 +189,7 @@ def test_without_webgl_a_page_says_what_is_missing(browser, pages):
     blank.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
     page = blank.new_page()
     page.goto(file.as_uri())
-    assert "WebGL 2" in page.locator("#message").inner_text()
+    page.locator("#message").filter(has_text="WebGL 2").wait_for()
     blank.close()
 
 

@@ -8,6 +8,7 @@ import trimesh
 
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.export.page.page import write_page
+from crowdsim.export.page.tracks import track_chunks
 from crowdsim.recording.levels import Level
 from crowdsim.recording.reader import Recording
 from crowdsim.scenario.loader import parse_scenario
@@ -145,10 +146,10 @@ def is_brown(color) -> bool:
 
 
 def assert_near(places, joints) -> None:
-    """Hold places and joints of a page to what it promises [m]: a nearly straight leg doubles what the hip is off."""
+    """Hold places and joints of a page to what it promises [m]."""
     assert places <= 0.001
-    assert np.percentile(joints, 90) <= 0.001
-    assert max(joints) <= 0.003
+    assert np.percentile(joints, 99) <= 0.001
+    assert max(joints) <= 0.002
 
 
 def test_doors_open_and_close_as_in_the_run(visit, made):
@@ -223,6 +224,21 @@ LEVELS = """() => {
         whole: crowd.near.vertices, few: crowd.far.vertices, ...crowdsim.costs() };
 }"""
 """Agents with their distances from the eye [m], and costs, by level of detail."""
+
+
+def test_bodies_walk_on_at_the_end_of_a_coarse_page_as_in_the_recording(visit, made, tmp_path, monkeypatch):
+    """Footsteps after the end are extrapolated from the last steps, which whole millimeters would put 8 mm off."""
+    source, _ = made(crowd())
+    monkeypatch.setattr(track_chunks, "_FEW", 0)
+    page = tmp_path / "coarse.html"
+    with Recording.open(source) as recording:
+        write_page(recording, page)
+        times = (recording.duration - np.array([0.4, 0.25, 0.1, 0.0])).tolist()
+        places, joints, _, _ = compare(recording, visit(page), times)
+    assert len(joints) > 4 * PRESENT
+    assert places <= 0.001
+    assert np.percentile(joints, 99) <= 0.0015
+    assert max(joints) <= 0.003
 
 
 @pytest.mark.parametrize("view", ["overview", "follow"])

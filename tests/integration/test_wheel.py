@@ -53,7 +53,7 @@ def test_the_wheel_holds_the_libraries_and_no_tests(wheel):
     assert not [name for name in names if name.startswith(("tests/", "tools/"))]
     assert "crowdsim/py.typed" in names
     page = {name.removeprefix("crowdsim/export/page/") for name in names if name.startswith("crowdsim/export/page/")}
-    assert {"viewer.min.js", "page.html", "page.css", "THIRD_PARTY.txt"} <= page
+    assert {"viewer.min.js", "loader.min.js", "page.html", "page.css", "THIRD_PARTY.txt"} <= page
     assert not [name for name in page if name.startswith("viewer/")]
 
 

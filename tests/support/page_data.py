@@ -19,17 +19,15 @@ def unzigzag(values: np.ndarray) -> np.ndarray:
 
 def read_page(file: Path) -> PageData:
     """Return the data of a page."""
-    text = file.read_text(encoding="utf-8")
+    text = file.read_text(encoding="utf-16")
     data = re.search(r'<script type="application/octet-stream" id="data">([^<]*)</script>', text)[1]
     return PageData(gzip.decompress(bytes_of(data)))
 
 
 def bytes_of(text: str) -> bytes:
-    """Return the bytes that a text of a page holds: after their number, 13 bits in two letters each."""
+    """Return the bytes that a text of a page holds: after their number, 15 bits in each letter."""
     count, letters = text.split(" ")
-    known = [chr(code) for code in range(33, 127) if chr(code) not in "<&\\"]
-    digits = [known.index(letter) for letter in letters]
-    bits = "".join(f"{len(known) * a + b:013b}" for a, b in zip(digits[::2], digits[1::2], strict=True))
+    bits = "".join(f"{ord(letter) - 0x4000:015b}" for letter in letters)
     return bytes(int(bits[8 * k : 8 * k + 8], 2) for k in range(int(count)))
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from crowdsim.export.page.choice import Chosen
 from crowdsim.export.page.packing import Block, Ints, zigzag
-from crowdsim.export.page.tracks.track_chunks import PLACES
+from crowdsim.export.page.tracks.track_chunks import place_units
 from crowdsim.playback.scene import TALL
 from crowdsim.playback.scenery import FlatMesh, floor_mesh, grid_lines, meshes_mesh, solids_mesh
 from crowdsim.recording.header import RecordingHeader, SolidRecord
@@ -136,7 +136,7 @@ def pack_paths(block: Block, recording: Recording, chosen: Chosen) -> int:
         index = np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])
         lines = shapely.simplify(shapely.linestrings(np.concatenate(pieces), indices=index), _SIMPLIFIED)
         counts = shapely.get_num_coordinates(lines).astype(np.int64)
-        points = np.rint(shapely.get_coordinates(lines) * PLACES).astype(np.int64)
+        points = np.rint(shapely.get_coordinates(lines) * place_units(chosen)).astype(np.int64)
     block.add_varints("path_agents", np.array([rows[path.agent] for path in paths], np.int64))
     block.add_varints("path_steps", np.array([max(path.step - chosen.first, 0) for path in paths], np.int64))
     block.add_varints("path_pieces", np.bincount(owners, minlength=len(paths)).astype(np.int64))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from crowdsim.export.page.choice import Chosen
 from crowdsim.export.page.packing import Block, Ints, first_differences, zigzag
-from crowdsim.export.page.tracks.track_chunks import PHASES, PackedStretches
+from crowdsim.export.page.tracks.track_chunks import PHASES, PackedStretches, fractions_of
 from crowdsim.motion.clips.kinematics import rotation_vectors
 from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, on_legs_of
@@ -84,12 +84,12 @@ def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> PackedS
     coded with the tracks.
     """
     columns: list[list[Ints]] = [[], [], [], [], []]
-    phases: list[Ints] = []
+    phases: list[NDArray[np.float64]] = []
     for agents, stretches in parts:
         found = agents[stretches.columns], stretches.begins, stretches.firsts, stretches.ends, stretches.stops
         for column, values in zip(columns, found, strict=True):
             column.append(values.astype(np.int64))
-        phases.append(np.rint(stretches.phases * PHASES).astype(np.int64))
+        phases.append(stretches.phases * PHASES)
     none = np.zeros(0, np.int64)
     agent, begin, first, end, stop = (np.concatenate([none, *column]) for column in columns)
     block.add_varints("stretch_agents", agent)
@@ -98,7 +98,9 @@ def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> PackedS
     block.add_varints("stretch_ends", end - first)
     block.add_varints("stretch_stops", stop - end)
     counts = stop - begin
-    return PackedStretches(agent, begin, stop, np.cumsum(counts) - counts, np.concatenate([none, *phases]))
+    exact = np.concatenate([np.zeros(0), *phases])
+    whole = np.rint(exact).astype(np.int64)
+    return PackedStretches(agent, begin, stop, np.cumsum(counts) - counts, whole, fractions_of(exact))
 
 
 def pack_switches(block: Block, recording: Recording, chosen: Chosen) -> None:

@@ -19,19 +19,24 @@ _MEMORY = 4
 
 Ints = NDArray[np.int64]
 
-_LETTERS = np.array([code for code in range(33, 127) if chr(code) not in "<&\\"], np.uint8)
-"""Printable agents of ASCII that mean nothing to HTML, and no backslash: 91 of them."""
-_PAIR_BITS = 13
-"""Bits that two letters hold: 91 * 91 >= 2**13. Base64 takes 8 % more letters."""
+_LETTER_BITS = 15
+"""Bits that a letter holds."""
+_FIRST_LETTER = 0x4000
+"""The letter for 0. It and the next 32,767 code points take two bytes each in UTF-16, and mean nothing to HTML."""
 
 
 def text_of(data: bytes) -> str:
-    """Return bytes as text for a page: their number, a space, and two letters for each 13 bits, the highest first."""
+    """Return bytes as text for a page in UTF-16: their number, a space, and a letter for each 15 bits."""
     bits = np.unpackbits(np.frombuffer(data, np.uint8))
-    pairs = np.pad(bits, (0, -len(bits) % _PAIR_BITS)).reshape(-1, _PAIR_BITS)
-    values = pairs @ (1 << np.arange(_PAIR_BITS)[::-1])
-    letters = _LETTERS[np.stack(np.divmod(values, len(_LETTERS)), axis=1)]
-    return f"{len(data)} {letters.tobytes().decode('ascii')}"
+    groups = np.pad(bits, (0, -len(bits) % _LETTER_BITS)).reshape(-1, _LETTER_BITS)
+    letters = (groups @ (1 << np.arange(_LETTER_BITS)[::-1]) + _FIRST_LETTER).astype("<u2")
+    return f"{len(data)} {letters.tobytes().decode('utf-16-le')}"
+
+
+def compressed(data: bytes) -> bytes:
+    """Return data compressed with gzip; equal data give equal bytes."""
+    # Byte 10 of gzip names the operating system; Python's module writes the same value everywhere.
+    return gzip.compress(data, compresslevel=_LEVEL, mtime=0)
 
 
 def zigzag(values: Ints) -> Ints:
@@ -92,6 +97,4 @@ class Block:
         table = {name: list(entry) for name, entry in self._table.items()}
         head = json.dumps({**facts, "arrays": table}, separators=(",", ":"), allow_nan=False).encode()
         head += b" " * (-len(head) % _MEMORY)
-        whole = MAGIC + len(head).to_bytes(4, "little") + head + b"".join(self._parts)
-        # Byte 10 of gzip names the operating system; Python's module writes the same value everywhere.
-        return gzip.compress(whole, compresslevel=_LEVEL, mtime=0)
+        return compressed(MAGIC + len(head).to_bytes(4, "little") + head + b"".join(self._parts))

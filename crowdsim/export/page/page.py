@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import base64
+import codecs
 import hashlib
 import html
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,13 +29,14 @@ from crowdsim.export.page.packed_poses import (
     pack_switches,
     skeleton_facts,
 )
-from crowdsim.export.page.packing import Block, Ints, text_of
+from crowdsim.export.page.packing import Block, Ints, compressed, text_of
 from crowdsim.export.page.tracks.track_chunks import (
+    FRACTIONS,
     PHASES,
-    PLACES,
     coding_units,
     pack_events,
     pack_tracks,
+    place_units,
     plan_chunks,
     turn_units,
 )
@@ -98,13 +100,15 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 
 
 def make_page(recording: Recording, choice: Choice, options: ExportOptions) -> bytes:
-    """Return the bytes of a page of the chosen part of ``recording``."""
+    """Return the bytes of a page of the chosen part of ``recording``, in UTF-16: packed data are smallest in it."""
     if options.paths is not None and options.paths not in PATHS:
         raise CrowdSimError(f"a page draws paths of {', '.join(PATHS)}, not '{options.paths}'; choose one of them")
     chosen = shown_of(recording, choice)
     title = recording.header.scenario_name if options.title is None else options.title
-    data = text_of(pack_recording(recording, chosen, options.paths, title))
-    return fill_page(title, data, [shared_text("viewer.min.js")], shared_text("page.css"))
+    viewer = shared_text("viewer.min.js")
+    packed = {"viewer": compressed(viewer.encode()), "data": pack_recording(recording, chosen, options.paths, title)}
+    page = fill_page(title, [shared_text("loader.min.js")], shared_text("page.css"), packed, unpacked=[viewer])
+    return codecs.BOM_UTF16_LE + page.encode("utf-16-le")
 
 
 def shared_text(name: str) -> str:
@@ -113,39 +117,49 @@ def shared_text(name: str) -> str:
 
 
 def fill_page(
-    title: str, data: str, scripts: Sequence[str], style: str, panel: str = "", allowed: Sequence[str] = ()
-) -> bytes:
-    """Return the bytes of a page.
+    title: str,
+    scripts: Sequence[str],
+    style: str,
+    packed: Mapping[str, bytes] | None = None,
+    unpacked: Sequence[str] = (),
+    panel: str = "",
+    allowed: Sequence[str] = (),
+) -> str:
+    """Return the HTML of a page. A byte order mark or a server has to name its encoding.
 
     Parameters
     ----------
     title : str
         Title.
-    data : str
-        Text of what it shows, see :func:`~crowdsim.export.page.packing.text_of`; empty if its scripts get it
-        elsewhere.
     scripts : sequence of str
         Scripts, which run in turn.
     style : str
         Style sheet.
+    packed : mapping
+        Compressed data by the name of the element that holds them; none if its scripts get them elsewhere.
+    unpacked : sequence of str
+        Further scripts, which ``scripts`` may run.
     panel : str
         HTML of further controls.
     allowed : sequence of str
         What its policy allows beside its own scripts and style, and saving pictures.
     """
     parts = {
-        "{{policy}}": "; ".join([_policy(scripts, style), *allowed]),
+        "{{policy}}": "; ".join([_policy([*scripts, *unpacked], style), *allowed]),
         "{{title}}": html.escape(title),
         "{{style}}": style,
         "{{panel}}": panel,
-        "{{data}}": data,
+        "{{data}}": "\n".join(
+            f'<script type="application/octet-stream" id="{name}">{text_of(data)}</script>'
+            for name, data in (packed or {}).items()
+        ),
         "{{scripts}}": "\n".join(f"<script>{script}</script>" for script in scripts),
     }
     page = shared_text("page.html")
     for name, text in parts.items():
         before, after = page.split(name)
         page = before + text + after
-    return page.encode("utf-8")
+    return page
 
 
 def _policy(scripts: Sequence[str], style: str) -> str:
@@ -185,8 +199,8 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
         "levels": LEVELS,
         "chunk": plan.steps,
         "margin": plan.margin,
-        "units": page_units(motion),
-        "coding": coding_units(recording).tolist(),
+        "units": page_units(motion, place_units(chosen)),
+        "coding": coding_units(recording, place_units(chosen)).tolist(),
         "bounds": bounds,
         "ends": None if header.ends is None else [header.ends.axis, header.ends.low, header.ends.high],
         "most": most,
@@ -203,12 +217,13 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
     return block.packed(facts)
 
 
-def page_units(motion: MotionRecord) -> dict[str, int]:
+def page_units(motion: MotionRecord, places: int) -> dict[str, int]:
     """Return the integer units of the page per meter, turn, cycle, frame, radian, and meter of a root."""
     return {
-        "place": PLACES,
+        "place": places,
         "turn": turn_units(motion),
         "phase": PHASES,
+        "exact": FRACTIONS,
         "frame": FRAME_TICKS,
         "rotation": ROTATIONS,
         "root": ROOTS,

@@ -1,6 +1,7 @@
 """Films are drawn over a backdrop and by several processes: it shows in nothing, and nothing of it is left behind."""
 
 import multiprocessing
+import os
 import signal
 import subprocess
 import sys
@@ -89,9 +90,15 @@ def test_two_processes_make_the_film_that_one_makes(recording, tmp_path):
 
 @pytest.mark.usefixtures("can_draw")
 def test_a_film_whose_process_dies_says_so_and_leaves_nothing(recording, tmp_path):
+    doomed = []
+
     def kill(done, count):
-        if done:
-            multiprocessing.active_children()[0].kill()
+        if not doomed:
+            # Halted at once, it cannot have finished its part before it is killed, however slow this process is.
+            doomed.append(multiprocessing.active_children()[0])
+            os.kill(doomed[0].pid, signal.SIGSTOP)
+        elif done:
+            doomed[0].kill()
 
     with pytest.raises(CrowdSimError, match="died"):
         film(recording, tmp_path / "out.mp4", fps=FAST, size=SMALL, processes=2, progress=kill)

@@ -16,12 +16,18 @@ from crowdsim.export.page.tracks.track_kernels import MODELS, code_chunk
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.recording.header import AgentState, MotionRecord
 from crowdsim.recording.reader import Recording
+from crowdsim.recording.shown.track_blocks import TICKS_PER_SECOND
 
-PLACES = 1000
-"""Integer units per meter for positions of tracks."""
+PLACES, FINE_PLACES = 1000, 4000
+"""Integer units per meter for positions of tracks, and of few agents: knees of straight legs double what hips are off,
+and more."""
+_FEW = 100_000
+"""Number of positions up to which those of a page are fine; each takes some 4 bits more."""
 PHASES = 5000
 """Integer units per cycle for gait phases. The phase of a body at rest, 0.06 cycles after a foot lands, is a whole
 number of them: otherwise a page takes a body at rest as walking, and plans other steps than playback does."""
+FRACTIONS = 16
+"""Parts of a unit by which the last steps of a stretch are exact: footsteps after them are extrapolated from these."""
 _TURN, _STEERED_TURN = 8192, 2048
 """Integer units per turn for headings: if there are captured nodes, whose feet turn with the track, and if not."""
 _SAMPLES = 1 << 20
@@ -67,6 +73,11 @@ class Events(NamedTuple):
     state: Ints
 
 
+def place_units(chosen: Chosen) -> int:
+    """Return the integer units of places per meter."""
+    return FINE_PLACES if len(chosen.agents) * chosen.steps <= _FEW else PLACES
+
+
 def turn_units(motion: MotionRecord) -> int:
     """Return the integer units of heading per turn."""
     return _TURN if len(motion.node_names) else _STEERED_TURN
@@ -89,6 +100,8 @@ class PackedStretches(NamedTuple):
         Index in ``phases`` of each stretch's first step.
     phases : (P,) int64
         Phases of all these steps, in units of a page.
+    fractions : (P,) int8
+        What is left of them, see :func:`fractions_of`.
     """
 
     agents: Ints
@@ -96,6 +109,7 @@ class PackedStretches(NamedTuple):
     stops: Ints
     starts: Ints
     phases: Ints
+    fractions: NDArray[np.int8]
 
     def within(self, low: int, high: int) -> Ints:
         """Return (S', 4) what of the stretches lies in steps ``low`` to before ``high``, counted from ``low``.
@@ -142,21 +156,29 @@ def pack_tracks(
     Chunk ``c`` is an array ``chunk_c``, coded by :mod:`crowdsim.export.page.tracks.track_kernels`. It holds tracks,
     frames of nodes, and the phases of ``stretches``.
     """
-    found = _Changes(len(chosen.agents))
+    units = coding_units(recording, place_units(chosen))
+    found, exact = _Changes(len(chosen.agents)), _Ends(units, stretches)
     for number, (low, high) in enumerate(chunk_spans(chosen.steps, plan)):
         rows = read_rows(recording, chosen, low, high)
         first = min(number * plan.steps - low, len(rows.x))
         found.take(rows, low + first, slice(first, first + plan.steps))
-        units = coding_units(recording)
+        exact.take(rows, low, range(low + first, low + first + plan.steps))
         block.add(f"chunk_{number}", _coded(rows, units, stretches.within(low, high), stretches.phases))
+    block.add("stretch_exact", exact.values)
     return found.events()
 
 
-def coding_units(recording: Recording) -> Ints:
+def fractions_of(values: NDArray[np.float64]) -> NDArray[np.int8]:
+    """Return what values are beside the nearest integers, in 1 / FRACTIONS."""
+    parts: NDArray[np.int8] = np.rint((values - np.rint(values)) * FRACTIONS).astype(np.int8)
+    return parts
+
+
+def coding_units(recording: Recording, places: int) -> Ints:
     """Return the units by which tracks are coded, see :func:`~crowdsim.export.page.tracks.track_kernels.code_chunk`."""
     rate, turn = recording.steps_per_second, turn_units(recording.header.motion)
     most = round(_TURN_RATE / rate * turn / (2.0 * np.pi))
-    return np.array([PLACES, turn, rate, PHASES, most, CAPTURE_RATE // rate * FRAME_TICKS], np.int64)
+    return np.array([places, turn, rate, PHASES, most, CAPTURE_RATE // rate * FRAME_TICKS], np.int64)
 
 
 def chunk_spans(steps: int, plan: ChunkPlan) -> Iterator[tuple[int, int]]:
@@ -187,6 +209,32 @@ def _coded(rows: _Rows, units: Ints, stretches: Ints, phases: Ints) -> NDArray[n
 def _whole(values: NDArray[np.floating[Any]], some: NDArray[np.bool_], units: float) -> Ints:
     """Return values times ``units``, rounded to integers; 0 where they do not count."""
     return np.rint(np.where(some, values, 0.0).astype(np.float64) * units).astype(np.int64)
+
+
+class _Ends:
+    """Collects what the last steps of stretches are beside whole units: ``values`` (S, steps, 4), the last one first.
+
+    Columns: x, y, heading, phase. There are as many steps as two samples of footstep plans may need.
+    """
+
+    def __init__(self, units: Ints, stretches: PackedStretches) -> None:
+        places, turn, rate = units[:3].tolist()
+        self._stretches = stretches
+        self._units = {"x": float(places), "y": float(places), "heading": turn / (2.0 * np.pi)}
+        steps = -(-rate // TICKS_PER_SECOND) + 1
+        self.values = np.zeros((len(stretches.agents), steps, 4), np.int8)
+
+    def take(self, rows: _Rows, first: int, steps: range) -> None:
+        """Take those of the stretches whose last step is one of ``steps``; ``rows`` begin at step ``first``."""
+        known = self._stretches
+        some = np.flatnonzero((known.stops > steps.start) & (known.stops <= steps.stop))
+        for back in range(self.values.shape[1]):
+            step = known.stops[some] - 1 - back
+            some, step = (part[step >= np.maximum(known.begins[some], first)] for part in (some, step))
+            for column, (name, units) in enumerate(self._units.items()):
+                exact = getattr(rows, name)[step - first, known.agents[some]].astype(np.float64) * units
+                self.values[some, back, column] = fractions_of(exact)
+            self.values[some, back, 3] = known.fractions[known.starts[some] + step - known.begins[some]]
 
 
 class _Changes:

@@ -1,4 +1,4 @@
-// Makes ../viewer.min.js and ../live.min.js of the modules in source/: `npm ci && npm run build`. The same bytes on any machine.
+// Makes ../viewer.min.js, ../loader.min.js and ../live.min.js of the modules in source/: `npm ci && npm run build`. The same bytes on any machine.
 
 import { build } from "esbuild";
 import { readFile } from "node:fs/promises";
@@ -24,7 +24,7 @@ const withoutShaders = {
   },
 };
 
-for (const [entry, made] of [["main", "viewer"], ["live/live", "live"]]) {
+for (const [entry, made] of [["main", "viewer"], ["loader", "loader"], ["live/live", "live"]]) {
   await build({
     entryPoints: [`source/${entry}.js`],
     outfile: `../${made}.min.js`,

@@ -236,14 +236,21 @@ export function shorterWay(way, span) {
 
 /** Stretches of steps in which agents steer, by agent. Their phases are known where their chunks are unpacked. */
 function readStretches(block, count) {
+  const { place, turn, phase, exact } = block.facts.units;
+  const units = [place, place, turn / (2 * Math.PI), phase], fractions = block.array("stretch_exact");
   const agents = varints(block.array("stretch_agents"));
   const [begins, firsts, ends, stops] = ["begins", "firsts", "ends", "stops"].map(
     (name) => varints(block.array(`stretch_${name}`)),
   );
   const byAgent = Array.from({ length: count }, () => []);
+  const size = fractions.length / agents.length;
   for (let k = 0; k < agents.length; k++) {
     const begin = begins[k], first = begin + firsts[k], end = first + ends[k], stop = end + stops[k];
-    byAgent[agents[k]].push({ begin, first, end, stop, phases: new Float64Array(stop - begin).fill(NaN) });
+    const ours = fractions.subarray(size * k, size * (k + 1));
+    byAgent[agents[k]].push({
+      begin, first, end, stop, phases: new Float64Array(stop - begin).fill(NaN),
+      exact: Array.from(ours, (value, i) => value / exact / units[i % 4]),
+    });
   }
   return byAgent;
 }

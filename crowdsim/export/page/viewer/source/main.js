@@ -1,13 +1,14 @@
-// The page begins here: unpack what it holds, and play it.
+// Unpack what the page holds, and play it.
 
 import { BufferAttribute, BufferGeometry, LineSegments, Mesh, Vector3 } from "three";
 import { Bodies } from "./bodies.js";
 import { FileSource, newFrame } from "./file_source.js";
+import { bytesOf } from "./letters.js";
 import { ring } from "./ring.js";
 import { Player } from "./player.js";
 import { faceMaterial, lineMaterial } from "./shaders.js";
 import { SteeredBodies } from "./steered_bodies.js";
-import { unpack, unpackBytes } from "./unpack.js";
+import { unpack } from "./unpack.js";
 
 /** Show the player that `load` makes of the canvas, and return it. */
 async function show(load) {
@@ -69,16 +70,16 @@ function hooks(player, ready) {
 }
 
 const data = document.getElementById("data");
-if (data.textContent) {
+if (data) {
   show(async (canvas) => {
-    const block = await unpack(data.textContent);
+    const block = await unpack(bytesOf(data.textContent));
     data.remove();
     return new Player(block, new FileSource(block), canvas);
   });
 } else {
   // A page without data: another script gets it from a server, and builds on these.
   globalThis.crowdsimViewer = {
-    show, unpackBytes, newFrame, ring, Bodies, FileSource, Player, SteeredBodies, faceMaterial, lineMaterial,
+    show, unpack, newFrame, ring, Bodies, FileSource, Player, SteeredBodies, faceMaterial, lineMaterial,
     BufferAttribute, BufferGeometry, LineSegments, Mesh, Vector3,
   };
 }

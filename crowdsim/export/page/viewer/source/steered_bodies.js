@@ -137,8 +137,8 @@ export class SteeredBodies {
     for (let k = 0; k < count; k++) {
       const place = (firstTick + k) * rate, row = Math.floor(place / TICKS), share = (place - row * TICKS) / TICKS;
       const a = Math.min(Math.max(row, begin), stop - 1), b = Math.min(Math.max(row + 1, begin), stop - 1);
-      this.source.trackAt(agent, a, now);
-      this.source.trackAt(agent, b, then);
+      refine(this.source.trackAt(agent, a, now), stretch, a);
+      refine(this.source.trackAt(agent, b, then), stretch, b);
       for (let axis = 0; axis < 3; axis++) {
         let way = then[axis] - now[axis];
         if (axis === 2) way = wrapAngle(way);
@@ -155,11 +155,21 @@ export class SteeredBodies {
         }
         raw[4 * k + axis] = value;
       }
-      const p = stretch.phases, i = a - stretch.begin, j = b - stretch.begin;
-      raw[4 * k + 3] = p[i] + share * (p[j] - p[i]);
+      const p = (row) => stretch.phases[row - stretch.begin] + exactly(stretch, row, 3);
+      raw[4 * k + 3] = p(a) + share * (p(b) - p(a));
     }
     return raw;
   }
+}
+
+/** What the place (0, 1), heading (2) and phase (3) of a stretch's last steps are beside their whole units. */
+function exactly(stretch, row, column) {
+  return stretch.exact[4 * (stretch.stop - 1 - row) + column] ?? 0;
+}
+
+/** Make a place exact, from which a body is extrapolated. */
+function refine(place, stretch, row) {
+  for (let axis = 0; axis < 3; axis++) place[axis] += exactly(stretch, row, axis);
 }
 
 /** Samples smoothed by a Hann window that shrinks at the ends of the track; phases stay. */

@@ -1,35 +1,16 @@
 // The block of a page: arrays by name, and facts as JSON.
 
+import { inflated } from "./letters.js";
+
 const MAGIC = 0x31575343; // "CSW1"
 const KINDS = {
   float32: Float32Array, float64: Float64Array, int8: Int8Array, uint8: Uint8Array,
   int16: Int16Array, uint16: Uint16Array, int32: Int32Array, uint32: Uint32Array,
 };
 
-const LETTERS = 91; // printable characters of ASCII that mean nothing to HTML, and no backslash
-const LETTER = new Uint8Array(128);
-for (let code = 33, letter = 0; code < 127; code++) if (!"<&\\".includes(String.fromCharCode(code))) LETTER[code] = letter++;
-
-/** Facts and arrays of the text of a page: two letters hold 13 bits, the first number is that of the bytes. */
-export async function unpack(text) {
-  const first = text.indexOf(" ") + 1, bytes = new Uint8Array(Number(text.slice(0, first)));
-  let held = 0, bits = 0, at = 0;
-  for (let k = first; at < bytes.length; k += 2) {
-    held = (held << 13) | (LETTER[text.charCodeAt(k)] * LETTERS + LETTER[text.charCodeAt(k + 1)]);
-    bits += 13;
-    while (bits >= 8 && at < bytes.length) {
-      bits -= 8;
-      bytes[at++] = (held >> bits) & 255;
-    }
-    held &= (1 << bits) - 1;
-  }
-  return unpackBytes(bytes);
-}
-
 /** Facts and arrays of a compressed block. */
-export async function unpackBytes(packed) {
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-  const buffer = await new Response(stream).arrayBuffer();
+export async function unpack(packed) {
+  const buffer = await inflated(packed).arrayBuffer();
   const view = new DataView(buffer);
   if (view.getUint32(0, true) !== MAGIC) throw new Error("this page holds no recording");
   const length = view.getUint32(4, true);

@@ -3,7 +3,7 @@
 import { Connection } from "./connection.js";
 import { LivePlayer } from "./live_player.js";
 import { LiveSource } from "./live_source.js";
-import { show, unpackBytes } from "./viewer.js";
+import { show, unpack } from "./viewer.js";
 
 class Live {
   constructor() {
@@ -26,7 +26,7 @@ class Live {
 
   async opening(bytes) {
     if (this.block) return; // the page was connected before, and goes on
-    this.block = unpackBytes(bytes);
+    this.block = unpack(bytes);
     this.source = new LiveSource(await this.block);
     if (this.early) this.picture(this.early);
   }

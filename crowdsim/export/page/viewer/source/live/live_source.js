@@ -143,6 +143,6 @@ export class LiveSource extends FileSource {
     if (step >= since && this.eventState[this.eventAt(agent, this.latest)] & STEERED) stop = this.latest + 1;
     else while (stop <= this.latest && this.eventState[this.eventAt(agent, stop)] & STEERED) stop += 1;
     const i = this.eventAt(agent, first);
-    return { begin: first, first, end: stop, stop, phases: this.phase.subarray(i, i + stop - first) };
+    return { begin: first, first, end: stop, stop, phases: this.phase.subarray(i, i + stop - first), exact: [] };
   }
 }

@@ -1,6 +1,6 @@
 // What the viewer of pages gives to this script: both are in one page, and neither holds a copy of the other.
 
 export const {
-  show, unpackBytes, ring, Bodies, FileSource, Player, SteeredBodies, faceMaterial, lineMaterial,
+  show, unpack, ring, Bodies, FileSource, Player, SteeredBodies, faceMaterial, lineMaterial,
   BufferAttribute, BufferGeometry, LineSegments, Mesh, Vector3,
 } = globalThis.crowdsimViewer;
