@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from crowdsim.crowd.simulation import Simulation
     from crowdsim.crowd.state.assets import load_behaviors
     from crowdsim.errors import ColumnError, CrowdSimError, PathNotFound, ScenarioError, StageError, SystemFailed
-    from crowdsim.following.follower.path_follower import Character, FollowOptions, follow_path
+    from crowdsim.following.follower.follow_options import FollowOptions
+    from crowdsim.following.follower.path_follower import Character, follow_path
     from crowdsim.following.maps.motion_maps import MotionMaps
     from crowdsim.motion.graph.assembly import MotionGraph
     from crowdsim.motion.graph.motion_graph import build_motion_graph
@@ -31,7 +32,7 @@ _HOMES = {
     "ColumnError": "crowdsim.errors",
     "Columns": "crowdsim.crowd.own_systems",
     "CrowdSimError": "crowdsim.errors",
-    "FollowOptions": "crowdsim.following.follower.path_follower",
+    "FollowOptions": "crowdsim.following.follower.follow_options",
     "MotionGraph": "crowdsim.motion.graph.assembly",
     "MotionMaps": "crowdsim.following.maps.motion_maps",
     "MotionSource": "crowdsim.motion.graph.nodes",

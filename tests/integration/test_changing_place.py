@@ -13,7 +13,7 @@ import shapely
 
 from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.following.follower.path_follower import FollowOptions
+from crowdsim.following.follower.follow_options import FollowOptions
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
 from crowdsim.scenario.loader import parse_scenario

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from crowdsim.bench.motions.map_trials import MotionSet, load_set, waiting_node
 from crowdsim.figures import fill
-from crowdsim.following.follower.path_follower import FollowOptions, PathFollower
+from crowdsim.following.follower.follow_options import FollowOptions
+from crowdsim.following.follower.path_follower import PathFollower
 from crowdsim.following.maps.map_kernels import CELL, END_X, END_Y
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.planar import compose

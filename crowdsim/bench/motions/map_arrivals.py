@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from crowdsim.bench.motions.map_trials import FOUND, TOLERANCE, Ground, MotionSet, Trial, follow_trial, most_excess
 from crowdsim.following.follower.exact_following import follow_exactly
-from crowdsim.following.follower.path_follower import FollowOptions, FollowResult
+from crowdsim.following.follower.follow_options import FollowOptions
+from crowdsim.following.follower.path_follower import FollowResult
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.planar import compose, wrap_angle
 

@@ -35,7 +35,8 @@ from crowdsim.bench.motions.map_trials import (
     walked,
 )
 from crowdsim.bench.registry import Measurement
-from crowdsim.following.follower.path_follower import FollowOptions, FollowResult, FollowStatus
+from crowdsim.following.follower.follow_options import FollowOptions
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus
 from crowdsim.following.graph_search.channel import make_channel
 from crowdsim.following.graph_search.graph_search import SearchOptions, search_graph
 from crowdsim.following.graph_search.probes import body_probes

@@ -9,13 +9,8 @@ from numpy.typing import NDArray
 
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.following.follower.exact_following import FEW_BRANCHES, meters_off
-from crowdsim.following.follower.path_follower import (
-    THOROUGH_BRANCHES,
-    FollowOptions,
-    FollowResult,
-    FollowStatus,
-    PathFollower,
-)
+from crowdsim.following.follower.follow_options import THOROUGH_BRANCHES, FollowOptions
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.scenario.schema.agents import STAND_WITHIN
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.crowd.state.motion_plan import Departure, Request
 from crowdsim.crowd.state.reservation_kernels import ROUNDING
-from crowdsim.following.follower.path_follower import FollowOptions
+from crowdsim.following.follower.follow_options import FollowOptions
 from crowdsim.geometry.elementary import distance
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.scenario.people.placement import Placement

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.behaviors.behavior import Behavior, facings_of
-from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import MotionError
 from crowdsim.following.follower.arrival_kernels import arrive
 from crowdsim.following.follower.body_reach import BodyReach
@@ -28,6 +27,7 @@ from crowdsim.following.follower.follow_kernels import (
     TOP,
     follow,
 )
+from crowdsim.following.follower.follow_options import THOROUGH_BRANCHES, FollowOptions
 from crowdsim.following.follower.follow_workspace import (
     Chain,
     Laid,
@@ -51,63 +51,6 @@ class FollowStatus(IntEnum):
     OUT_OF_BUDGET = OUT_OF_BUDGET
     BLOCKED = BLOCKED
     PAST_KEPT = PAST_KEPT
-
-
-THOROUGH_BRANCHES = 200
-"""Branches laid at each stage of the second search, if the quick one found nothing."""
-
-
-@dataclass(frozen=True)
-class FollowOptions:
-    """Requirements and limits of a search along a path.
-
-    Attributes
-    ----------
-    goal_tolerance : float
-        Largest distance from the path's end at which the last node passes, or ends if it must [m].
-    end_standing : bool
-        True if the last node must end standing.
-    goal_heading : float or None
-        Heading of the body at the end of the last node [rad], which then must end within the goal tolerance; None for
-        any.
-    goal_heading_tolerance : float
-        Largest difference from ``goal_heading`` [rad].
-    margin : float
-        Clearance beyond the body's radius for nodes of a wider behavior than planned [m]: the margin of plans.
-    transition_reach : float
-        Distance from a section within which its behavior may be used, if that faces off the motion [m].
-    heading_tolerance : float
-        Largest angle between body and path at the end of each node that moves [rad].
-    deviation : float
-        Largest distance of the end of a node from the path [m].
-    sampling_margin : float
-        Clearance beyond the body's radius that covers the motion between two samples of the test [m].
-    candidates : int
-        Branches kept at each stage besides the single successors.
-    branches : int
-        Branches laid on the path at each stage besides the single successors, the most promising first. If a search
-        with so many finds nothing, it is repeated with THOROUGH_BRANCHES. More: slower, a little more often successful.
-    budget : int
-        Map queries before the search gives up.
-
-    Examples
-    --------
-    >>> FollowOptions(end_standing=True, goal_heading=0.0).goal_tolerance
-    0.35
-    """
-
-    goal_tolerance: float = 0.35
-    end_standing: bool = False
-    goal_heading: float | None = None
-    goal_heading_tolerance: float = float(np.radians(15.0))
-    margin: float = TRACKING_MARGIN
-    transition_reach: float = 2.0
-    heading_tolerance: float = float(np.radians(35.0))
-    deviation: float = 0.6
-    sampling_margin: float = 0.005
-    candidates: int = 48
-    branches: int = 24
-    budget: int = 4_000
 
 
 TIGHTER = (0.45, 0.4, 0.35, 0.3, 0.25, 0.2)

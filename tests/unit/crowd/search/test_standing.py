@@ -16,7 +16,7 @@ from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.itineraries import TRIES, Itineraries, stands_summary
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
-from crowdsim.following.follower.path_follower import FollowOptions
+from crowdsim.following.follower.follow_options import FollowOptions
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.scenario.cast import place_agents
 from crowdsim.scenario.loader import parse_scenario

@@ -7,13 +7,8 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 from crowdsim.following.follower.body_reach import BodyReach, body_reach
-from crowdsim.following.follower.path_follower import (
-    Character,
-    FollowOptions,
-    FollowResult,
-    FollowStatus,
-    follow_path,
-)
+from crowdsim.following.follower.follow_options import FollowOptions
+from crowdsim.following.follower.path_follower import Character, FollowResult, FollowStatus, follow_path
 from crowdsim.following.follower.reach_kernels import WINDOW
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.elementary import hypot
