@@ -65,7 +65,7 @@ class Rules(NamedTuple):
     abreast: float = 0.9
     """Width between walls that two agents need side by side. In lanes narrower than this by 0.05 m, agents that walk
     the same way keep in file: they do not turn their shoulders to get beside each other, and the whole width of those
-    that go first limits their speed."""
+    ahead limits their speed."""
     lane: float = 2.5
     """Length that a lane must have had behind an agent before it keeps in file; so agents that enter side by side have
     room to sort themselves."""
