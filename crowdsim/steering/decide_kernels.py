@@ -210,14 +210,12 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
             continue
         other = rows[seen.row]
         own_way = other.goal == mine.goal
-        # In a file, the agent ahead goes first; elsewhere, the one nearer to the goal. The order of goals is no help in
-        # a file whose agents go from goal to goal: who has just reached one has the longest way to the next.
-        first = in_file or other.key < mine.key
         # Width of the swath that counts: of agents with the same goal, those that go first count almost fully, those
-        # that go after this one not at all.
+        # that go after this one not at all. In a file all ahead count: who has just reached one of several goals has the
+        # longest way to the next, but is not behind for that.
         share = rules.swath
         if own_way:
-            share = before if first else rules.swath_behind
+            share = before if in_file or other.key < mine.key else rules.swath_behind
         # Sum of both half breadths across the direction; agents whose center is farther aside do not limit the speed.
         both = width + seen.radius + seen.half * abs(seen.hx * ux + seen.hy * uy)
         aside = abs(seen.px * uy - seen.py * ux)
@@ -231,7 +229,7 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
         leading = max(0.0, seen.vx * ux + seen.vy * uy)
         speed = min(speed, allowed + rules.leader * leading * min(1.0, max(gap, 0.0) / rules.leader_gap))
         # An agent close ahead that walks the same way and goes first is one to wait for.
-        if gap < 0.4 and other.ix * mine.gx + other.iy * mine.gy > 0.3 and (not own_way or first):
+        if gap < 0.4 and other.ix * mine.gx + other.iy * mine.gy > 0.3 and (not own_way or other.key < mine.key):
             led = True
     # The time gap alone would stop touching agents for ever. Contact is harmless, as the commit lets bodies slide: a
     # stuck agent presses on, earlier and faster if there is no leader to wait for.

@@ -418,8 +418,8 @@ class Decision:
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
             same = row["goal"] == mine["goal"]
-            goes_first = in_file or row["key"] < mine["key"]
-            share = (before if goes_first else rules.swath_behind) if same else rules.swath
+            goes_first = row["key"] < mine["key"]
+            share = (before if in_file or goes_first else rules.swath_behind) if same else rules.swath
             both = mine["half"] * math.cos(self.turn) + mine["radius"] + row["radius"]
             both += row["half"] * abs(row["hx"] * direction[0] + row["hy"] * direction[1])
             aside = abs(cross(direction, apart))
