@@ -58,3 +58,10 @@ def core_to_segment(px, py, ux, uy, a, ax, ay, bx, by):
         ex /= half
         ey /= half
     return core_to_core(0.5 * (ax + bx) - px, 0.5 * (ay + by) - py, ux, uy, a, ex, ey, half)
+
+
+@helper
+def gap_to(mine, other):
+    """Return the gap between an agent's body and that of ``other`` [m], negative if they overlap."""
+    _, _, distance = core_to_core(other.px, other.py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
+    return distance - mine.radius - other.radius

@@ -26,6 +26,7 @@ from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL, FRAME_COLUMNS, FRAME_ROWS
 from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
 from crowdsim.steering.way_kernels import gap_to_way
+from crowdsim.steering.wedged_kernels import WEDGED_AFTER, WEDGED_MOVE, turn_between_walls
 
 MARGIN = 1e-6
 """Part of each gap that no step uses [m]: above the rounding error of a step, below what is visible."""
@@ -343,10 +344,12 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         growth = max(mine.half, half) * abs(turn) + max(0.0, half - mine.half)
         most = math.sqrt(dx * dx + dy * dy) + growth
         count = add_neighbors(crowd, me, most, broadest, order, len(state), lines)
+        people = count
         # The capsule keeps off the walls of the torso's layers, a disc of the legs' radius off those of the legs'
         # layer.
         count = add_walls(torso, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius, most, lines, count)
         count = add_walls(legs, mine.x, mine.y, 1.0, 0.0, 0.0, leg_radius, most, lines, count)
+        fixed = count
         count = add_ways(ways, crowd[3], mine, most, lines, count)
         # The half planes are incomplete: no displacement and no turn is safe by itself. A core may still get shorter.
         if count < 0:
@@ -360,6 +363,17 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         if count > 0:
             dx, dy = nearest_feasible(dx, dy, lines, count)
         heading, hx, hy, half = fitting_turn(mine, turn, half, dx, dy, lines, count)
+        # Wedged: stuck, and neither a move nor a turn is left. Turn on the spot instead, past the corners of walls, if
+        # the half planes of others allow it.
+        still = dx * dx + dy * dy < WEDGED_MOVE * WEDGED_MOVE and abs(wrap_angle(heading - mine.heading)) < WEDGED_MOVE
+        if count > 0 and mine.stuck > WEDGED_AFTER and still and turn != 0.0:
+            half = min(half, mine.half)
+            turn = turn_between_walls(torso, mine, half, mine.radius + 0.5 * MARGIN, turn)
+            ex, ey = cos_sin(wrap_angle(mine.heading + turn))
+            if turn_fits(mine, ex, ey, half, 0.0, 0.0, lines, people) and turn_fits(
+                mine, ex, ey, half, 0.0, 0.0, lines[fixed:], count - fixed
+            ):
+                heading, hx, hy, dx, dy = wrap_angle(mine.heading + turn), ex, ey, 0.0, 0.0
 
         # The time stuck grows while the progress along guidance is below 15 % of the free speed, and shrinks twice as
         # fast otherwise.

@@ -13,10 +13,11 @@ import numpy as np
 
 from crowdsim.geometry.elementary_kernels import atan2, cos_sin
 from crowdsim.jit import helper, kernel
-from crowdsim.steering.capsule_kernels import core_to_core
+from crowdsim.steering.capsule_kernels import gap_to
 from crowdsim.steering.direction_kernels import NEAR, TURNS, choose_direction
-from crowdsim.steering.look_kernels import MOST_NEAR
+from crowdsim.steering.look_kernels import MOST_NEAR, take_in
 from crowdsim.steering.wall_kernels import distance_at, is_lane, is_lane_behind
+from crowdsim.steering.wedged_kernels import STEP_BACK, is_wedged, steps_back
 
 WANTED = np.dtype(
     [
@@ -37,36 +38,6 @@ WANTED = np.dtype(
     align=True,
 )
 """What an agent wants in a step. The commit grants as much of it as touches nothing."""
-
-
-@helper
-def take_in(rows, me, near_rows, near):
-    """Copy the agents in ``near_rows[me]`` to ``near``, relative to the agent ``me``; return their number."""
-    mine = rows[me]
-    for n in range(MOST_NEAR):
-        row = near_rows[me, n]
-        if row < 0:
-            return n
-        other = rows[row]
-        seen = near[n]
-        seen.px = other.x - mine.x
-        seen.py = other.y - mine.y
-        seen.distance = math.sqrt(seen.px * seen.px + seen.py * seen.py)
-        seen.vx = other.vx
-        seen.vy = other.vy
-        seen.hx = other.hx
-        seen.hy = other.hy
-        seen.half = other.half
-        seen.radius = other.radius
-        seen.row = row
-    return MOST_NEAR
-
-
-@helper
-def gap_to(mine, other):
-    """Return the gap between an agent's body and that of ``other`` [m], negative if they overlap."""
-    _, _, distance = core_to_core(other.px, other.py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
-    return distance - mine.radius - other.radius
 
 
 @helper
@@ -240,10 +211,11 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
         other = rows[seen.row]
         own_way = other.goal == mine.goal
         # Width of the swath that counts: of agents with the same goal, those that go first count almost fully, those
-        # that go after this one not at all.
+        # that go after this one not at all. In a file all ahead count: who has just reached one of several goals has
+        # the longest way to the next, but is not behind for that.
         share = rules.swath
         if own_way:
-            share = before if other.key < mine.key else rules.swath_behind
+            share = before if in_file or other.key < mine.key else rules.swath_behind
         # Sum of both half breadths across the direction; agents whose center is farther aside do not limit the speed.
         both = width + seen.radius + seen.half * abs(seen.hx * ux + seen.hy * uy)
         aside = abs(seen.px * uy - seen.py * ux)
@@ -308,7 +280,14 @@ def follow_way(rows, mine, near, count, walls, rules, want):
     if mine.turn < 0.0:
         want.turn_cos = TURNS[turned, 0]
         want.turn_sin = TURNS[turned, 1]
+    wedged = mine.turn < 0.0 and is_wedged(mine, walls)
+    if wedged:
+        # No free distance tells how to turn, but sideways a body gets through wherever it can.
+        want.turn_cos = 0.0
+        want.turn_sin = 1.0
     speed = choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want)
+    if wedged and steps_back(mine, near, count):
+        speed = -STEP_BACK
     want.vx = speed * ux
     want.vy = speed * uy
 

@@ -107,3 +107,26 @@ def look_rows(rows, places, starts, frame, first, last, order, moved, rules, nea
                 near[me, at] = other
         if count < MOST_NEAR:
             near[me, count] = -1
+
+
+@helper
+def take_in(rows, me, near_rows, near):
+    """Copy the agents in ``near_rows[me]`` to ``near``, relative to the agent ``me``; return their number."""
+    mine = rows[me]
+    for n in range(MOST_NEAR):
+        row = near_rows[me, n]
+        if row < 0:
+            return n
+        other = rows[row]
+        seen = near[n]
+        seen.px = other.x - mine.x
+        seen.py = other.y - mine.y
+        seen.distance = math.sqrt(seen.px * seen.px + seen.py * seen.py)
+        seen.vx = other.vx
+        seen.vy = other.vy
+        seen.hx = other.hx
+        seen.hy = other.hy
+        seen.half = other.half
+        seen.radius = other.radius
+        seen.row = row
+    return MOST_NEAR

@@ -65,7 +65,7 @@ class Rules(NamedTuple):
     abreast: float = 0.9
     """Width between walls that two agents need side by side. In lanes narrower than this by 0.05 m, agents that walk
     the same way keep in file: they do not turn their shoulders to get beside each other, and the whole width of those
-    that go first limits their speed."""
+    ahead limits their speed."""
     lane: float = 2.5
     """Length that a lane must have had behind an agent before it keeps in file; so agents that enter side by side have
     room to sort themselves."""
@@ -73,7 +73,7 @@ class Rules(NamedTuple):
     """Largest gap to the agent ahead in a file."""
     file_aside: float = 0.5
     """Largest offset of the agent ahead in a file, as a share of the sum of both half breadths."""
-    file_headway: float = 0.85
+    file_headway: float = 0.9
     """Time gap in a file."""
     file_patience: float = 0.5
     """Time stuck after which an agent leaves the file."""

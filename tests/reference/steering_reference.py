@@ -116,6 +116,19 @@ def wall_distance(segments: NDArray[np.float64], x: float, y: float) -> float:
     return min((point_to_segment(np.array([x, y]), each.reshape(2, 2)) for each in segments), default=math.inf)
 
 
+def turn_between(
+    segments: NDArray[np.float64], place: NDArray[np.float64], heading: float, half: float, keep: float, turn: float
+) -> float:
+    """Return how far a core turns about its center before it is nearer than ``keep`` to a segment, in small steps."""
+    steps = 4000
+    for k in range(steps + 1):
+        angle = heading + turn * k / steps
+        core = place + half * np.outer([-1.0, 1.0], [-math.sin(angle), math.cos(angle)])
+        if min(segment_to_segment(core, each.reshape(2, 2)) for each in segments) < keep:
+            return turn * max(k - 1, 0) / steps
+    return turn
+
+
 def smallest_gaps(
     before: NDArray[np.void],
     after: NDArray[np.void],
@@ -346,7 +359,16 @@ class Decision:
         if best[2] <= rules.tight and not self.in_file():
             best = min(best, self.best_direction(ahead, [40.0, 75.0]), key=lambda each: each[0])
         _, direction, _, self.turn = best
-        return self.speed(direction) * direction
+        speed = self.speed(direction)
+        # Wedged beside a wall: sideways, and now and then a step back if nobody is near.
+        near_wall = wall_distance(self.walls, mine["x"], mine["y"]) < mine["half"] + mine["radius"]
+        if mine["turn"] < 0.0 and mine["stuck"] > 5.0 and near_wall:
+            self.turn = 0.5 * math.pi
+            speed = self.speed(direction)
+            alone = all(gap(self.state, self.me, other) >= 0.3 for other in self.heeded)
+            if mine["stuck"] >= 10.0 and mine["stuck"] % 5.0 < 1.0 and alone:
+                speed = -0.3
+        return speed * direction
 
     def best_direction(self, ahead: NDArray[np.float64], turns: list[float]) -> tuple[float, NDArray, float, float]:
         """Return (score, direction, free distance, turn) of the best candidate direction around ``ahead``.
@@ -397,7 +419,7 @@ class Decision:
             row, apart = self.state[other], self.apart(other)
             same = row["goal"] == mine["goal"]
             goes_first = row["key"] < mine["key"]
-            share = (before if goes_first else rules.swath_behind) if same else rules.swath
+            share = (before if in_file or goes_first else rules.swath_behind) if same else rules.swath
             both = mine["half"] * math.cos(self.turn) + mine["radius"] + row["radius"]
             both += row["half"] * abs(row["hx"] * direction[0] + row["hy"] * direction[1])
             aside = abs(cross(direction, apart))

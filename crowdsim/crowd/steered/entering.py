@@ -40,7 +40,8 @@ _AROUND = np.column_stack((_RADII * cos(_TURNS), _RADII * sin(_TURNS)))
 class Entering:
     """Let agents enter, those with the earliest time first.
 
-    An agent whose place is taken tries again in the next step, after AWAITS_SECONDS at others in its start region.
+    An agent whose place is taken tries again in the next step, after AWAITS_SECONDS at others in its start region,
+    to which a straight line leads.
     """
 
     def __init__(
@@ -125,6 +126,7 @@ class Entering:
             rows = np.flatnonzero((waited >= 0) & (cast.group[agents] == group))
             others = places[rows] + _AROUND[waited[rows] % len(_AROUND)]
             inside = shapely.contains_xy(self._regions[group], *others.T)
+            inside &= self._place.leads_straight(places[rows], others)
             places[rows[inside]] = others[inside]
         return places
 

@@ -166,6 +166,13 @@ class SteeredPlace:
         """Return which positions (n, 2) [m] are inside of a movable that is present; no agent can enter there."""
         return np.asarray(shapely.contains_xy(self._standing, places))
 
+    def leads_straight(self, places: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return for which positions (n, 2) no wall lies on the straight line to that of ``others`` (n, 2) [m]."""
+        lines = shapely.linestrings(np.stack((places, others), 1))
+        free = self._layers[0].free
+        shapely.prepare(free)
+        return np.asarray(shapely.covers(free, lines) & ~shapely.intersects(self._standing, lines))
+
     def announces(self, places: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
         """Return which positions (n, 2) [m] are within ``reach`` [m] of a movable that waits to appear."""
         if not self._announced:

@@ -183,6 +183,20 @@ def test_in_a_lane_people_of_one_way_walk_in_file(width, opposed):
     assert turned > 0
 
 
+@pytest.mark.parametrize("goals", [(0, 0), (0, 1)])
+def test_in_a_file_the_leader_goes_first_whichever_is_nearer_to_its_goal(goals: tuple[int, int]) -> None:
+    """A leader that has just reached one goal, and has the longest way to the next, still limits the speed."""
+    walls = np.array([[-9.0, -0.4, 30.0, -0.4], [-9.0, 0.4, 30.0, 0.4]])
+    speeds = []
+    for leader_key in (4.0, 14.0):
+        state = agents(np.array([[0.0, 0.0], [0.75, 0.02]]), np.zeros(2), np.array(goals), np.random.default_rng(3))
+        state["gx"], state["gy"], state["ix"], state["iy"] = 1.0, 0.0, 1.0, 0.0
+        state["key"] = 9.0, leader_key
+        speeds.append(_decide(state, _near(state)[1], walls)["vx"][0])
+    alone = _decide(state[:1].copy(), _near(state[:1].copy())[1], walls)["vx"][0]
+    assert speeds[0] == speeds[1] < 0.5 * alone
+
+
 def _bend(width: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Walls of a lane that comes along the x axis and turns left half way round, as segments; its middle, (n, 4)."""
     angles = np.radians(np.arange(-90.0, 91.0, 6.0))

@@ -50,3 +50,21 @@ def test_those_whose_place_is_taken_for_good_begin_beside_it(seed: int, tmp_path
         first = np.flatnonzero(np.isfinite(x[:, agent]))[0]
         assert 5.0 <= x[first, agent] <= 7.0
         assert 2.0 <= y[first, agent] <= 4.0
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_nobody_begins_inside_of_an_obstacle(seed: int, tmp_path: Path) -> None:
+    """The start region lies across a crate, and the one place in front of it is taken for good."""
+    scene = steered_scene(
+        "name: first, count: 1, start: {rectangle: [1, 2, 3, 5]}, goal: {rectangle: [5.7, 2.25, 6.3, 2.75]}, "
+        "on_arrival: stay",
+        "name: later, count: 1, start_time: 15, start: {rectangle: [5.8, 0, 6.2, 2.7]}, "
+        "goal: {rectangle: [10, 1, 11, 5]}",
+        floor="{rectangle: [0, 0, 12, 6]}",
+        rest="obstacles: [{name: crate, box: {min: [4, 0], max: [9, 2]}, top: 1.2}]\n",
+        seed=seed,
+        duration=60,
+    )
+    with Simulation(parse_scenario(scene)).run(tmp_path / "run.h5") as recording:
+        assert np.isfinite(recording.x[:, 0]).any()
+        assert not np.isfinite(recording.x[:, 1]).any()

@@ -1,0 +1,108 @@
+"""Wedged agents: turns between walls, shoulders, steps back, and places that nobody left before."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+
+from crowdsim.jit import kernel
+from crowdsim.steering import wall_kernels, wedged_kernels
+from crowdsim.steering.decide_kernels import WANTED, decide_rows
+from crowdsim.steering.look_kernels import MOST_NEAR
+from crowdsim.steering.rules import Rules
+from crowdsim.steering.steering import Steering
+from crowdsim.steering.walls import build_walls
+from tests.reference import steering_reference as reference
+from tests.support.steered import agents
+
+
+@kernel
+def _turn_between_walls(walls, body, half, keep, turn):
+    return wedged_kernels.turn_between_walls(walls, body, half, keep, turn)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_a_body_turns_as_far_as_the_walls_allow(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ends = rng.uniform(-0.45, 0.45, (4, 2))
+    walls = np.column_stack((ends, ends + rng.uniform(-0.3, 0.3, (4, 2))))
+    state = agents(np.zeros((1, 2)), rng.uniform(-math.pi, math.pi, 1), np.zeros(1, int), rng)
+    half, turn = float(state["half"][0]), float(rng.uniform(-0.6, 0.6))
+    heading = float(state["heading"][0])
+    core = half * np.outer([-1.0, 1.0], [-math.sin(heading), math.cos(heading)])
+    # As near to a wall as a body can be, or a little away from it.
+    least = min(reference.segment_to_segment(core, wall.reshape(2, 2)) for wall in walls)
+    keep = max(least - rng.choice([5e-7, 1e-3, 0.05]), 0.0)
+    found = _turn_between_walls(build_walls(walls), state[0], half, keep, turn)
+    expected = reference.turn_between(walls, np.zeros(2), heading, half, keep, turn)
+    assert abs(found) <= abs(expected) + 1e-3
+    # Where the body grazes a wall, advances get too short to pass it. A millimeter more room is enough for them.
+    enough = reference.turn_between(walls, np.zeros(2), heading, half, keep + 1e-3, turn)
+    assert abs(found) >= abs(enough) - 1e-3
+
+
+@pytest.mark.parametrize("stuck", [4.0, 6.0, 10.5, 12.0, 30.0])
+@pytest.mark.parametrize("beside", [0.4, 1.2])
+@pytest.mark.parametrize("wall", [0.18, 0.6])
+def test_wedged_agents_turn_and_step_back_as_the_slow_twin(stuck: float, beside: float, wall: float) -> None:
+    rng = np.random.default_rng(4)
+    walls = np.array([(-5.0, wall, 5.0, wall)])
+    state = agents(np.array([(0.0, 0.0), (beside, -0.4)]), np.zeros(2), np.array([0, 1]), rng)
+    state["gx"], state["gy"], state["ix"], state["iy"] = 1.0, 0.0, 1.0, 0.0
+    state["stuck"] = stuck, 0.0
+    state["togo"] = state["key"] = 9.0
+    near = np.full((2, MOST_NEAR), -1, np.int32)
+    near[0, 0], near[1, 0] = 1, 0
+    wanted = np.zeros(2, WANTED)
+    order = np.arange(2, dtype=np.int32)
+    decide_rows(state, near, 0, 2, order, 2, (build_walls(walls), build_walls(walls), 0.1), Rules(), wanted)
+    free = partial(_free_ahead, build_walls(walls))
+    expected = reference.Decision(state, 0, [1], Rules(), walls, free)
+    np.testing.assert_allclose([wanted["vx"][0], wanted["vy"][0]], expected.velocity, atol=2e-3)
+    assert (wanted["turn_sin"][0] == 1.0) == (stuck > 5.0 and wall < 0.2)
+    assert (wanted["vx"][0] < 0.0) == (stuck in (10.5, 30.0) and wall < 0.2 and beside > 1.0)
+
+
+@kernel
+def _free_ahead(walls, x, y, ux, uy, width, farthest):
+    return wall_kernels.free_ahead(walls, x, y, ux, uy, width, farthest)
+
+
+BOX = [(6.132, 2.052), (6.808, 2.705), (6.148, 3.388), (5.472, 2.735)]
+"""A box that stands across the edge of a door (6.47, 1.84), 0.38 m from it."""
+
+
+@pytest.mark.parametrize(
+    ("place", "heading", "half"),
+    [((6.341, 1.948), -3.114, 0.12), ((6.286, 1.936), 1.557, 0.1), ((6.261, 1.9), 1.197, 0.085)],
+)
+def test_nobody_stays_wedged_between_a_box_and_the_edge_of_a_door(
+    place: tuple[float, float], heading: float, half: float
+) -> None:
+    """Three who stood in this gap for good: no half plane let them turn, and none of their turns let them pass."""
+    rng = np.random.default_rng(1)
+    corners = np.array(BOX)
+    walls = np.vstack(
+        (
+            np.column_stack((corners, np.roll(corners, -1, axis=0))),
+            [(6.47, 0.0, 6.47, 1.84), (6.47, 1.84, 6.67, 1.84), (6.67, 1.84, 6.67, 0.0)],
+        )
+    )
+    state = agents(np.array([place]), np.array([heading]), np.zeros(1, int), rng)
+    state["half"] = state["rest"] = half
+    steering = Steering(build_walls(walls), build_walls(walls), leg_radius=0.1)
+    smallest = np.full(3, math.inf)
+    for _ in range(600):
+        # Guidance leads to the right, through the gap.
+        state["gx"], state["gy"] = 0.86, 0.51
+        state["togo"] = 9.0
+        before = state.copy()
+        steering.step(state)
+        smallest = np.minimum(smallest, reference.smallest_gaps(before, state, walls, walls, 0.1))
+        if state["x"][0] > 7.0:
+            break
+    assert state["x"][0] > 7.0
+    assert (smallest >= 0.0).all()
