@@ -62,6 +62,6 @@ def core_to_segment(px, py, ux, uy, a, ax, ay, bx, by):
 
 @helper
 def gap_to(mine, other):
-    """Return the gap between an agent's body and that of ``other`` [m], negative if they overlap."""
+    """Return the gap between the body of ``mine`` (ROW) and that of ``other`` (NEAR) [m]; below 0 if they overlap."""
     _, _, distance = core_to_core(other.px, other.py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
     return distance - mine.radius - other.radius

@@ -18,24 +18,20 @@ import math
 
 import numpy as np
 
-from crowdsim.geometry.elementary_kernels import cos_sin
-from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL, FRAME_COLUMNS, FRAME_ROWS
+from crowdsim.steering.turn_kernels import fitting_turn, stands_still, turn_wedged
 from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
 from crowdsim.steering.way_kernels import gap_to_way
-from crowdsim.steering.wedged_kernels import WEDGED_AFTER, WEDGED_MOVE, turn_between_walls
+from crowdsim.steering.wedged_kernels import WEDGED_AFTER
 
 MARGIN = 1e-6
 """Part of each gap that no step uses [m]: above the rounding error of a step, below what is visible."""
 
 ROUNDING = 1e-9
 """Tolerance for violating a half plane by rounding [m]; granted only while at least half of the margin is left."""
-
-HALVINGS = 5
-"""Number of times that an infeasible turn is halved before the agent keeps its heading."""
 
 MOST_LINES = 128
 """Capacity of the list of half planes of an agent. An agent with more neighbors and walls in reach stands still."""
@@ -238,60 +234,6 @@ def nearest_feasible(wx, wy, lines, count):
     return dx, dy
 
 
-@helper
-def reach_of_turn(hx, hy, ex, ey, nx, ny):
-    """Return the largest |u . n| of the core's unit vector u while the heading turns from h to e, less than 90 degrees.
-
-    u is perpendicular to the heading, so |u . n| is 1 if the heading becomes perpendicular to n during the turn.
-    """
-    if (hx * nx + hy * ny) * (ex * nx + ey * ny) <= 0.0:
-        return 1.0
-    # Otherwise |u . n| has no maximum inside of the turn: the largest value is at one of its ends.
-    return max(abs(hx * ny - hy * nx), abs(ex * ny - ey * nx))
-
-
-@helper
-def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
-    """Return True if a body that moves by d, turns to e and whose core becomes ``half`` long satisfies all half planes.
-
-    The support of the body along n grows by n . d through the move, and by ``growth`` through turning and stretching.
-    """
-    longest = max(mine.half, half)
-    for k in range(count):
-        nx = lines[k, 0]
-        ny = lines[k, 1]
-        # Bound of the support of the core at any time of the step, less its support before the step. A move away from
-        # the line is not counted as room, since the turn may need the room before the move has made it.
-        growth = longest * reach_of_turn(mine.hx, mine.hy, ex, ey, nx, ny)
-        growth -= mine.half * abs(mine.hx * ny - mine.hy * nx)
-        if growth > lines[k, 2] + lines[k, 3] - max(0.0, nx * dx + ny * dy):
-            return False
-    return True
-
-
-@helper
-def fitting_turn(mine, turn, half, dx, dy, lines, count):
-    """Halve the turn until it fits beside a displacement d, and keep the core from growing if needed.
-
-    Return the heading [rad], its unit vector and the half length of the core [m].
-    """
-    heading = wrap_angle(mine.heading + turn)
-    ex, ey = cos_sin(heading)
-    # Usual case: all of the turn, and the core as long as wanted.
-    if count == 0 or turn_fits(mine, ex, ey, half, dx, dy, lines, count):
-        return heading, ex, ey, half
-    # Otherwise the core must not grow, and the turn is halved until it fits.
-    half = min(half, mine.half)
-    for _ in range(HALVINGS):
-        if turn_fits(mine, ex, ey, half, dx, dy, lines, count):
-            return heading, ex, ey, half
-        turn *= 0.5
-        heading = wrap_angle(mine.heading + turn)
-        ex, ey = cos_sin(heading)
-    # Keeping the heading always fits, as d alone satisfies all half planes.
-    return mine.heading, mine.hx, mine.hy, half
-
-
 @kernel
 def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest, step, state):
     """Move the agents of rows ``first`` to ``last`` (exclusive) towards what they want, as far as they touch nothing.
@@ -363,17 +305,12 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         if count > 0:
             dx, dy = nearest_feasible(dx, dy, lines, count)
         heading, hx, hy, half = fitting_turn(mine, turn, half, dx, dy, lines, count)
-        # Wedged: stuck, and neither a move nor a turn is left. Turn on the spot instead, past the corners of walls, if
-        # the half planes of others allow it.
-        still = dx * dx + dy * dy < WEDGED_MOVE * WEDGED_MOVE and abs(wrap_angle(heading - mine.heading)) < WEDGED_MOVE
-        if count > 0 and mine.stuck > WEDGED_AFTER and still and turn != 0.0:
-            half = min(half, mine.half)
-            turn = turn_between_walls(torso, mine, half, mine.radius + 0.5 * MARGIN, turn)
-            ex, ey = cos_sin(wrap_angle(mine.heading + turn))
-            if turn_fits(mine, ex, ey, half, 0.0, 0.0, lines, people) and turn_fits(
-                mine, ex, ey, half, 0.0, 0.0, lines[fixed:], count - fixed
-            ):
-                heading, hx, hy, dx, dy = wrap_angle(mine.heading + turn), ex, ey, 0.0, 0.0
+        # Wedged: neither a move nor a turn is left. Turn on the spot past the corners of walls, if others allow it.
+        if count > 0 and mine.stuck > WEDGED_AFTER and stands_still(mine, dx, dy, heading):
+            spans = (people, fixed, count)
+            heading, hx, hy, half = turn_wedged(mine, torso, mine.radius + 0.5 * MARGIN, turn, half, lines, spans)
+            if heading != mine.heading:
+                dx, dy = 0.0, 0.0
 
         # The time stuck grows while the progress along guidance is below 15 % of the free speed, and shrinks twice as
         # fast otherwise.

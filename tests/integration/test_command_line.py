@@ -248,6 +248,7 @@ def test_bench_lists_its_names(crowdsim):
         "motion-search",
         "crowd",
         "ranks",
+        "studies",
         "drills",
         "auto-drills",
         "auto-square",

@@ -24,7 +24,6 @@ OTHERWISE = {
         "motion.md",
         "Transitions and feet",
     ): "tests/unit/motion/graph/test_foot_contacts.py holds the drift of the default set",
-    ("page.md", "What is in the file"): "the form of the file; tests hold the bounds",
     ("steering.md", "Parties"): "tests/unit/crowd/steered/test_parties.py holds the shares",
 }
 """Sections whose figures no command prints, and why."""

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from crowdsim.jit import kernel
-from crowdsim.steering import capsule_kernels, commit_kernels
+from crowdsim.steering import capsule_kernels, commit_kernels, turn_kernels
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls
 from tests.reference import steering_reference as reference
@@ -29,7 +29,7 @@ def _nearest_feasible(wx, wy, lines, count):
 
 @kernel
 def _reach_of_turn(hx, hy, ex, ey, nx, ny):
-    return commit_kernels.reach_of_turn(hx, hy, ex, ey, nx, ny)
+    return turn_kernels.reach_of_turn(hx, hy, ex, ey, nx, ny)
 
 
 ANGLE = st.floats(-math.pi, math.pi) | st.sampled_from([0.0, math.pi / 2, math.pi, 1e-9, -1e-7])

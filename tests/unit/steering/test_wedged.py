@@ -9,19 +9,20 @@ import numpy as np
 import pytest
 
 from crowdsim.jit import kernel
-from crowdsim.steering import wall_kernels, wedged_kernels
+from crowdsim.steering import turn_kernels, wall_kernels
 from crowdsim.steering.decide_kernels import WANTED, decide_rows
 from crowdsim.steering.look_kernels import MOST_NEAR
 from crowdsim.steering.rules import Rules
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls
+from crowdsim.steering.wedged_kernels import STEP_BACK, WEDGED_AFTER
 from tests.reference import steering_reference as reference
 from tests.support.steered import agents
 
 
 @kernel
 def _turn_between_walls(walls, body, half, keep, turn):
-    return wedged_kernels.turn_between_walls(walls, body, half, keep, turn)
+    return turn_kernels.turn_between_walls(walls, body, half, keep, turn)
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -62,7 +63,8 @@ def test_wedged_agents_turn_and_step_back_as_the_slow_twin(stuck: float, beside:
     free = partial(_free_ahead, build_walls(walls))
     expected = reference.Decision(state, 0, [1], Rules(), walls, free)
     np.testing.assert_allclose([wanted["vx"][0], wanted["vy"][0]], expected.velocity, atol=2e-3)
-    assert (wanted["turn_sin"][0] == 1.0) == (stuck > 5.0 and wall < 0.2)
+    assert (wanted["turn_sin"][0] == 1.0) == (stuck > WEDGED_AFTER and wall < 0.2)
+    assert wanted["vx"][0] >= -STEP_BACK
     assert (wanted["vx"][0] < 0.0) == (stuck in (10.5, 30.0) and wall < 0.2 and beside > 1.0)
 
 

@@ -1,0 +1,148 @@
+"""Turns of bodies in a step: as far as the half planes of the commit allow, and past the corners of walls if wedged.
+
+A half plane separates a body from a wall by a line, which a turn may not cross even beyond the end of the wall. Where a
+wall and a corner touch a body on opposite sides, no turn is left then, although the body could turn around the corner.
+Walls stand still, so a wedged agent may: the distance to them is measured along its whole turn.
+
+``mine`` and ``body`` are rows (ROW), ``half`` is the half length of a core after the step [m], ``lines`` (k, 4) are
+half planes (:mod:`commit_kernels`), of which the first ``count`` count.
+"""
+
+import math
+
+from crowdsim.geometry.elementary_kernels import cos_sin
+from crowdsim.geometry.planar_kernels import wrap_angle
+from crowdsim.jit import helper
+from crowdsim.steering.capsule_kernels import core_to_segment
+from crowdsim.steering.wall_kernels import WALL_CELL
+
+HALVINGS = 5
+"""Number of times that an infeasible turn is halved before the agent keeps its heading."""
+
+_STILL = 1e-3
+"""Displacement [m] and turn [rad] in a step below which an agent stands still."""
+
+_ADVANCES = 100
+"""Number of times that a turn is continued by as much as the gap allows."""
+
+_LEAST = 1e-9
+"""Advance of a turn below which it ends [rad]."""
+
+
+@helper
+def reach_of_turn(hx, hy, ex, ey, nx, ny):
+    """Return the largest |u . n| of the core's unit vector u while the heading turns from h to e, less than 90 degrees.
+
+    u is perpendicular to the heading, so |u . n| is 1 if the heading becomes perpendicular to n during the turn.
+    """
+    if (hx * nx + hy * ny) * (ex * nx + ey * ny) <= 0.0:
+        return 1.0
+    # Otherwise |u . n| has no maximum inside of the turn: the largest value is at one of its ends.
+    return max(abs(hx * ny - hy * nx), abs(ex * ny - ey * nx))
+
+
+@helper
+def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
+    """Return True if a body that moves by d, turns to e and whose core becomes ``half`` long satisfies all half planes.
+
+    The support of the body along n grows by n . d through the move, and by ``growth`` through turning and stretching.
+    """
+    longest = max(mine.half, half)
+    for k in range(count):
+        nx = lines[k, 0]
+        ny = lines[k, 1]
+        # Bound of the support of the core at any time of the step, less its support before the step. A move away from
+        # the line is not counted as room, since the turn may need the room before the move has made it.
+        growth = longest * reach_of_turn(mine.hx, mine.hy, ex, ey, nx, ny)
+        growth -= mine.half * abs(mine.hx * ny - mine.hy * nx)
+        if growth > lines[k, 2] + lines[k, 3] - max(0.0, nx * dx + ny * dy):
+            return False
+    return True
+
+
+@helper
+def fitting_turn(mine, turn, half, dx, dy, lines, count):
+    """Halve the turn until it fits beside a displacement d, and keep the core from growing if needed.
+
+    Return the heading [rad], its unit vector and the half length of the core [m].
+    """
+    heading = wrap_angle(mine.heading + turn)
+    ex, ey = cos_sin(heading)
+    # Usual case: all of the turn, and the core as long as wanted.
+    if count == 0 or turn_fits(mine, ex, ey, half, dx, dy, lines, count):
+        return heading, ex, ey, half
+    # Otherwise the core must not grow, and the turn is halved until it fits.
+    half = min(half, mine.half)
+    for _ in range(HALVINGS):
+        if turn_fits(mine, ex, ey, half, dx, dy, lines, count):
+            return heading, ex, ey, half
+        turn *= 0.5
+        heading = wrap_angle(mine.heading + turn)
+        ex, ey = cos_sin(heading)
+    # Keeping the heading always fits, as d alone satisfies all half planes.
+    return mine.heading, mine.hx, mine.hy, half
+
+
+@helper
+def wall_room(walls, x, y, ux, uy, half):
+    """Return the distance from a core to the nearest wall listed at its cell [m]; infinite if none is near.
+
+    The core has its center at ``(x, y)``, the unit vector ``(ux, uy)`` and the half length ``half``.
+    """
+    column = math.floor((x - walls.left) / WALL_CELL)
+    row = math.floor((y - walls.bottom) / WALL_CELL)
+    least = math.inf
+    if not (0 <= column < walls.columns and 0 <= row < walls.rows):
+        return least
+    cell = row * walls.columns + column
+    for entry in range(walls.starts[cell], walls.starts[cell + 1]):
+        ax, ay, bx, by = walls.segments[walls.lists[entry]]
+        _, _, distance = core_to_segment(x, y, ux, uy, half, ax, ay, bx, by)
+        least = min(least, distance)
+    return least
+
+
+@helper
+def turn_between_walls(walls, body, half, keep, turn):
+    """Return the part of ``turn`` [rad] through which a body turns on the spot and keeps ``keep`` [m] off all walls.
+
+    ``walls`` are those of one layer, ``body`` a row (ROW), ``half`` the half length of its core [m]; ``keep`` counts
+    from the core. Conservative advancement (Mirtich, Impulse-based dynamic simulation, 1996): a point of the core moves
+    by at most ``half`` times the angle, so the body may turn by gap / half before it is measured again.
+    """
+    sign = 1.0 if turn > 0.0 else -1.0
+    done = 0.0
+    for _ in range(_ADVANCES):
+        hx, hy = cos_sin(wrap_angle(body.heading + sign * done))
+        gap = wall_room(walls, body.x, body.y, -hy, hx, half) - keep
+        # Done, or at a wall. A body that turns away from a wall doubles its gap with each advance.
+        if gap <= half * _LEAST:
+            break
+        done += gap / max(half, _LEAST)
+        if done >= abs(turn):
+            return turn
+    return sign * done
+
+
+@helper
+def stands_still(mine, dx, dy, heading):
+    """Return True if an agent hardly moves, by (dx, dy) [m], and hardly turns to ``heading`` [rad]."""
+    return dx * dx + dy * dy < _STILL * _STILL and abs(wrap_angle(heading - mine.heading)) < _STILL
+
+
+@helper
+def turn_wedged(mine, walls, keep, turn, half, lines, spans):
+    """Return heading [rad], its unit vector and half length of a wedged agent that turns on the spot by up to ``turn``.
+
+    ``walls`` are those of the torso's layers, off which its core keeps ``keep`` [m]. ``spans`` holds the numbers of
+    half planes of neighbors, of those and of walls, and of all: those of walls do not count.
+    """
+    people, fixed, count = spans
+    half = min(half, mine.half)
+    turn = turn_between_walls(walls, mine, half, keep, turn)
+    heading = wrap_angle(mine.heading + turn)
+    ex, ey = cos_sin(heading)
+    fits = turn_fits(mine, ex, ey, half, 0.0, 0.0, lines, people)
+    if fits and turn_fits(mine, ex, ey, half, 0.0, 0.0, lines[fixed:], count - fixed):
+        return heading, ex, ey, half
+    return mine.heading, mine.hx, mine.hy, half
