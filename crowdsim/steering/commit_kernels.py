@@ -297,9 +297,7 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         if count < 0:
             crowded += 1
             count = 0
-            dx = 0.0
-            dy = 0.0
-            turn = 0.0
+            dx, dy, turn = 0.0, 0.0, 0.0
             half = min(half, mine.half)
         # Without half planes the wanted step is free.
         if count > 0:
