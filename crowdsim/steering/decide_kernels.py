@@ -280,7 +280,7 @@ def follow_way(rows, mine, near, count, walls, rules, want):
     if mine.turn < 0.0:
         want.turn_cos = TURNS[turned, 0]
         want.turn_sin = TURNS[turned, 1]
-    wedged = mine.turn < 0.0 and is_wedged(mine, walls)
+    wedged = mine.turn < 0.0 and want.opposed <= 0.0 and is_wedged(mine, walls)
     if wedged:
         # No free distance tells how to turn, but sideways a body gets through wherever it can.
         want.turn_cos = 0.0

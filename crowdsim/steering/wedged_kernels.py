@@ -1,7 +1,10 @@
 """Wedged agents: those that have long been stuck beside a wall turn their shoulders, and step back to try again.
 
-The commit lets them turn past the corners of walls, too (:mod:`turn_kernels`). ``mine`` is the row of the agent (ROW),
-``near`` (NEAR[n]) are its neighbors, of which the first ``count`` count, ``walls`` as for the decision.
+Agents that meet opposing traffic are stuck for other reasons, and do not count. The commit lets wedged agents turn past
+the corners of walls, too (:mod:`turn_kernels`).
+
+``mine`` is the row of the agent (ROW), ``near`` (NEAR[n]) are its neighbors, of which the first ``count`` count,
+``walls`` as for the decision.
 """
 
 import math

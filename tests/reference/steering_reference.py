@@ -362,7 +362,7 @@ class Decision:
         speed = self.speed(direction)
         # Wedged beside a wall: sideways, and now and then a step back if nobody is near.
         near_wall = wall_distance(self.walls, mine["x"], mine["y"]) < mine["half"] + mine["radius"]
-        if mine["turn"] < 0.0 and mine["stuck"] > 5.0 and near_wall:
+        if mine["turn"] < 0.0 and self.opposed <= 0.0 and mine["stuck"] > 5.0 and near_wall:
             self.turn = 0.5 * math.pi
             speed = self.speed(direction)
             alone = all(gap(self.state, self.me, other) >= 0.3 for other in self.heeded)
