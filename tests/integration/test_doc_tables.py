@@ -17,8 +17,6 @@ WHOLE_PAGES = ("validation.md", "validation-auto.md")
 OTHERWISE = {
     ("captures.md", "What to capture"): "advice, no measurements",
     ("guidance.md", "Crowds"): "how a constant was chosen: `crowdsim bench drills` with other values of it",
-    ("motion-maps.md", "Following a path"): "how a constant was chosen, with a script that was not kept",
-    ("motion-maps.md", "While it is walked"): "a thousand agents beside other processes, measured once",
     ("motion.md", "Other manners"): "tests/unit/motion/synthesis/test_gait_bands.py holds the bands of gaits",
     (
         "motion.md",
