@@ -28,7 +28,7 @@ def test_a_browser_opens_a_page_in_a_temporary_file(recording, monkeypatch):
     assert address.fragment == "agent=1&view=follow"
     page = Path(url2pathname(address.path))
     assert page.name == "small.html"
-    assert page.read_bytes().startswith(b"<!doctype html>")
+    assert page.read_bytes().decode("utf-16").startswith("<!doctype html>")
     assert str(page) in result.output
 
 
