@@ -304,8 +304,8 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
             dx, dy = nearest_feasible(dx, dy, lines, count)
         heading, hx, hy, half = fitting_turn(mine, turn, half, dx, dy, lines, count)
         # Wedged: neither a move nor a turn is left. Turn on the spot past the corners of walls, if others allow it.
-        alone = mine.stuck > WEDGED_AFTER and want.opposed <= 0.0
-        if count > 0 and alone and stands_still(mine, dx, dy, heading):
+        stuck_alone = mine.stuck > WEDGED_AFTER and want.opposed <= 0.0
+        if count > 0 and stuck_alone and stands_still(mine, dx, dy, heading):
             spans = (people, fixed, count)
             heading, hx, hy, half = turn_wedged(mine, torso, mine.radius + 0.5 * MARGIN, turn, half, lines, spans)
             if heading != mine.heading:

@@ -195,7 +195,7 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
     """Return the speed along the unit vector ``(ux, uy)`` [m/s]: time gap to agents ahead, or pressing on if stuck.
 
     The time gap follows the collision-free speed model (Tordeux, Chraibi and Seyfried, Traffic and Granular Flow 2015):
-    speed <= (gap - standoff) / headway (of its own ``in_file``), plus a share of the leader's speed.
+    speed <= (gap - standoff) / headway, plus a share of the leader's speed. The headway is longer if ``in_file``.
     """
     # Free speed, lower with turned shoulders; half breadth of the body across its way.
     slowdown = rules.turned_slowdown if mine.turn < 0.0 else rules.sideways_slowdown

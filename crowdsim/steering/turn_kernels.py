@@ -8,13 +8,10 @@ Walls stand still, so a wedged agent may: the distance to them is measured along
 half planes (:mod:`commit_kernels`), of which the first ``count`` count.
 """
 
-import math
-
 from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper
-from crowdsim.steering.capsule_kernels import core_to_segment
-from crowdsim.steering.wall_kernels import WALL_CELL
+from crowdsim.steering.wall_kernels import wall_room
 
 HALVINGS = 5
 """Number of times that an infeasible turn is halved before the agent keeps its heading."""
@@ -84,25 +81,6 @@ def fitting_turn(mine, turn, half, dx, dy, lines, count):
 
 
 @helper
-def wall_room(walls, x, y, ux, uy, half):
-    """Return the distance from a core to the nearest wall listed at its cell [m]; infinite if none is near.
-
-    The core has its center at ``(x, y)``, the unit vector ``(ux, uy)`` and the half length ``half``.
-    """
-    column = math.floor((x - walls.left) / WALL_CELL)
-    row = math.floor((y - walls.bottom) / WALL_CELL)
-    least = math.inf
-    if not (0 <= column < walls.columns and 0 <= row < walls.rows):
-        return least
-    cell = row * walls.columns + column
-    for entry in range(walls.starts[cell], walls.starts[cell + 1]):
-        ax, ay, bx, by = walls.segments[walls.lists[entry]]
-        _, _, distance = core_to_segment(x, y, ux, uy, half, ax, ay, bx, by)
-        least = min(least, distance)
-    return least
-
-
-@helper
 def turn_between_walls(walls, body, half, keep, turn):
     """Return the part of ``turn`` [rad] through which a body turns on the spot and keeps ``keep`` [m] off all walls.
 
@@ -115,7 +93,7 @@ def turn_between_walls(walls, body, half, keep, turn):
     for _ in range(_ADVANCES):
         hx, hy = cos_sin(wrap_angle(body.heading + sign * done))
         gap = wall_room(walls, body.x, body.y, -hy, hx, half) - keep
-        # Done, or at a wall. A body that turns away from a wall doubles its gap with each advance.
+        # At a wall the turn ends. While the body turns away from it, the gap grows by up to its own size each time.
         if gap <= half * _LEAST:
             break
         done += gap / max(half, _LEAST)

@@ -12,6 +12,7 @@ import numpy as np
 from crowdsim.geometry.cell_kernels import cells_between, count_or_list, counts_to_starts
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
+from crowdsim.steering.capsule_kernels import core_to_segment
 
 WALL_CELL = 0.5
 """Side of the cells that list the segments near them [m]."""
@@ -238,3 +239,22 @@ def free_ahead(walls, x, y, ux, uy, width, farthest):
         if way >= farthest:
             return farthest
     return min(way, farthest)
+
+
+@helper
+def wall_room(walls, x, y, ux, uy, half):
+    """Return the distance from a core to the nearest wall listed at its cell [m]; infinite if none is near.
+
+    The core has its center at ``(x, y)``, the unit vector ``(ux, uy)`` and the half length ``half``.
+    """
+    column = math.floor((x - walls.left) / WALL_CELL)
+    row = math.floor((y - walls.bottom) / WALL_CELL)
+    least = math.inf
+    if not (0 <= column < walls.columns and 0 <= row < walls.rows):
+        return least
+    cell = row * walls.columns + column
+    for entry in range(walls.starts[cell], walls.starts[cell + 1]):
+        ax, ay, bx, by = walls.segments[walls.lists[entry]]
+        _, _, distance = core_to_segment(x, y, ux, uy, half, ax, ay, bx, by)
+        least = min(least, distance)
+    return least

@@ -6,10 +6,10 @@
 import math
 
 from crowdsim.jit import helper, kernel
-from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
+from crowdsim.steering.capsule_kernels import core_to_core
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL, FRAME_ROWS
-from crowdsim.steering.wall_kernels import WALL_CELL, distance_at
+from crowdsim.steering.wall_kernels import distance_at, wall_room
 
 _ROUNDED = 0.1
 """Amount by which an interpolated distance of the grid may exceed the true one [m]: half a diagonal of its spacing, and
@@ -58,17 +58,7 @@ def wall_gap(body, walls, half, radius):
 
     ``half`` is the half length of the core, 0 for a disc; ``radius`` that of the capsule or disc [m].
     """
-    gap = math.inf
-    column = math.floor((body.x - walls.left) / WALL_CELL)
-    row = math.floor((body.y - walls.bottom) / WALL_CELL)
-    if not (0 <= column < walls.columns and 0 <= row < walls.rows):
-        return gap
-    cell = row * walls.columns + column
-    for entry in range(walls.starts[cell], walls.starts[cell + 1]):
-        ax, ay, bx, by = walls.segments[walls.lists[entry]]
-        _, _, apart = core_to_segment(body.x, body.y, -body.hy, body.hx, half, ax, ay, bx, by)
-        gap = min(gap, apart - radius)
-    return gap
+    return wall_room(walls, body.x, body.y, -body.hy, body.hx, half) - radius
 
 
 @kernel

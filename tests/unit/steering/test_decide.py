@@ -14,6 +14,7 @@ from crowdsim.steering.decide_kernels import WANTED, decide_rows
 from crowdsim.steering.look_kernels import MOST_NEAR
 from crowdsim.steering.rules import Rules
 from crowdsim.steering.walls import build_walls
+from crowdsim.steering.wedged_kernels import STEP_BACK, WEDGED_AFTER
 from tests.reference import steering_reference as reference
 from tests.support.steered import State, agents, scatter
 
@@ -238,3 +239,24 @@ def test_who_stays_wants_nothing():
     assert not wanted["vx"].any()
     assert not wanted["vy"].any()
     assert not wanted["turn"].any()
+
+
+@pytest.mark.parametrize("stuck", [4.0, 6.0, 10.5, 12.0, 30.0])
+@pytest.mark.parametrize("beside", [0.4, 1.2])
+@pytest.mark.parametrize("wall", [0.18, 0.6])
+def test_wedged_agents_turn_and_step_back_as_the_slow_twin(stuck: float, beside: float, wall: float) -> None:
+    rng = np.random.default_rng(4)
+    walls = np.array([(-5.0, wall, 5.0, wall)])
+    state = agents(np.array([(0.0, 0.0), (beside, -0.4)]), np.zeros(2), np.array([0, 1]), rng)
+    state["gx"], state["gy"], state["ix"], state["iy"] = 1.0, 0.0, 1.0, 0.0
+    state["stuck"] = stuck, 0.0
+    state["togo"] = state["key"] = 9.0
+    near = np.full((2, MOST_NEAR), -1, np.int32)
+    near[0, 0], near[1, 0] = 1, 0
+    wanted = _decide(state, near, walls)
+    free = partial(_free_ahead, build_walls(walls))
+    expected = reference.Decision(state, 0, [1], Rules(), walls, free)
+    np.testing.assert_allclose([wanted["vx"][0], wanted["vy"][0]], expected.velocity, atol=2e-3)
+    assert (wanted["turn_sin"][0] == 1.0) == (stuck > WEDGED_AFTER and wall < 0.2)
+    assert wanted["vx"][0] >= -STEP_BACK
+    assert (wanted["vx"][0] < 0.0) == (stuck in (10.5, 30.0) and wall < 0.2 and beside > 1.0)

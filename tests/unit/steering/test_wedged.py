@@ -1,21 +1,16 @@
-"""Wedged agents: turns between walls, shoulders, steps back, and places that nobody left before."""
+"""Wedged agents: turns between walls, and a place that nobody left before."""
 
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 import pytest
 
 from crowdsim.jit import kernel
-from crowdsim.steering import turn_kernels, wall_kernels
-from crowdsim.steering.decide_kernels import WANTED, decide_rows
-from crowdsim.steering.look_kernels import MOST_NEAR
-from crowdsim.steering.rules import Rules
+from crowdsim.steering import turn_kernels
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls
-from crowdsim.steering.wedged_kernels import STEP_BACK, WEDGED_AFTER
 from tests.reference import steering_reference as reference
 from tests.support.steered import agents
 
@@ -43,34 +38,6 @@ def test_a_body_turns_as_far_as_the_walls_allow(seed: int) -> None:
     # Where the body grazes a wall, advances get too short to pass it. A millimeter more room is enough for them.
     enough = reference.turn_between(walls, np.zeros(2), heading, half, keep + 1e-3, turn)
     assert abs(found) >= abs(enough) - 1e-3
-
-
-@pytest.mark.parametrize("stuck", [4.0, 6.0, 10.5, 12.0, 30.0])
-@pytest.mark.parametrize("beside", [0.4, 1.2])
-@pytest.mark.parametrize("wall", [0.18, 0.6])
-def test_wedged_agents_turn_and_step_back_as_the_slow_twin(stuck: float, beside: float, wall: float) -> None:
-    rng = np.random.default_rng(4)
-    walls = np.array([(-5.0, wall, 5.0, wall)])
-    state = agents(np.array([(0.0, 0.0), (beside, -0.4)]), np.zeros(2), np.array([0, 1]), rng)
-    state["gx"], state["gy"], state["ix"], state["iy"] = 1.0, 0.0, 1.0, 0.0
-    state["stuck"] = stuck, 0.0
-    state["togo"] = state["key"] = 9.0
-    near = np.full((2, MOST_NEAR), -1, np.int32)
-    near[0, 0], near[1, 0] = 1, 0
-    wanted = np.zeros(2, WANTED)
-    order = np.arange(2, dtype=np.int32)
-    decide_rows(state, near, 0, 2, order, 2, (build_walls(walls), build_walls(walls), 0.1), Rules(), wanted)
-    free = partial(_free_ahead, build_walls(walls))
-    expected = reference.Decision(state, 0, [1], Rules(), walls, free)
-    np.testing.assert_allclose([wanted["vx"][0], wanted["vy"][0]], expected.velocity, atol=2e-3)
-    assert (wanted["turn_sin"][0] == 1.0) == (stuck > WEDGED_AFTER and wall < 0.2)
-    assert wanted["vx"][0] >= -STEP_BACK
-    assert (wanted["vx"][0] < 0.0) == (stuck in (10.5, 30.0) and wall < 0.2 and beside > 1.0)
-
-
-@kernel
-def _free_ahead(walls, x, y, ux, uy, width, farthest):
-    return wall_kernels.free_ahead(walls, x, y, ux, uy, width, farthest)
 
 
 BOX = [(6.132, 2.052), (6.808, 2.705), (6.148, 3.388), (5.472, 2.735)]
