@@ -192,7 +192,8 @@ def test_a_page_that_lost_its_connection_goes_on(live_page):
     live, visit = live_page(hall())
     select_someone(visit)
     visit.page.keyboard.press(" ")
-    # The connection breaks, and again before the page has gone on.
+    # Wait for the answer: a request that is under way when the connection breaks is lost with it.
+    visit.wait("crowdsim.player.playing")
     visit.ask("crowdsim.player.connection.socket.close()")
     visit.wait("document.getElementById('link').classList.contains('lost')")
     assert "Trying again" in visit.page.locator("#link").inner_text()
