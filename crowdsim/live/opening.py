@@ -12,7 +12,7 @@ from crowdsim.export.page.packed_feet import pack_no_feet
 from crowdsim.export.page.packed_place import density_cells, pack_scenery
 from crowdsim.export.page.packed_poses import pack_gaits, pack_nodes, pack_stretches, skeleton_facts
 from crowdsim.export.page.packing import Block
-from crowdsim.export.page.page import group_facts, page_units
+from crowdsim.export.page.page import agent_facts, page_units
 from crowdsim.export.page.tracks.track_chunks import PLACES, Events, pack_events
 from crowdsim.live.pictures import TURN, picture_columns
 
@@ -52,7 +52,7 @@ def pack_opening(simulation: Simulation) -> bytes:
         "columns": [list(column) for column in picture_columns(motion)],
         "turn": TURN,
         "kept": LONGEST_KEPT,
-        **group_facts(header.agents, agents),
+        **agent_facts(header.agents, agents),
     }
     none = np.zeros(0, np.int64)
     # The viewer of recordings reads tracks from arrays; here they are empty, and the socket brings all.

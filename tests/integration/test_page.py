@@ -1,10 +1,12 @@
 """Pages in a real browser, from ``file://``: what they show beside what recordings hold, and how they are used."""
 
+import io
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from crowdsim.export.page.page import PageOptions, write_page
 from crowdsim.recording.reader import Recording
@@ -79,7 +81,7 @@ def test_a_page_is_used_with_mouse_and_keys(visit, pages, name):
     )
     page.mouse.click(*at)
     page.wait_for_selector("#card:not([hidden])")
-    assert "Character" in page.locator("#card-title").inner_text()
+    assert "Agent" in page.locator("#card-title").inner_text()
     page.keyboard.press("3")
     assert ask("crowdsim.player.cameras.view") == "follow"
     assert "view=follow" in page.url
@@ -95,6 +97,28 @@ def test_a_page_is_used_with_mouse_and_keys(visit, pages, name):
     with page.expect_download() as download:
         page.keyboard.press("s")
     assert Path(download.value.path()).read_bytes()[:4] == b"\x89PNG"
+    assert shown.complained == []
+
+
+def orange_pixels(visit):
+    pixels = np.asarray(Image.open(io.BytesIO(visit.page.locator("#canvas").screenshot()))).astype(int)
+    return int(((pixels[..., 0] > pixels[..., 1] + 40) & (pixels[..., 1] > pixels[..., 2] + 40)).sum())
+
+
+def test_shirts_show_who_is_captured_and_who_is_steered(visit, pages):
+    source, file = pages("plaza")
+    with Recording.open(source) as recording:
+        times = np.arange(0.0, recording.duration, 1.0)
+        steered = [recording.at_time(time).steered for time in times]
+        busiest = int(np.argmax([each.sum() for each in steered]))
+        assert 0 < steered[busiest].sum() < (recording.at_time(times[busiest]).state != 0).sum()
+    shown = visit(file, f"#t={times[busiest]:g}", viewport={"width": 1000, "height": 640})
+    before = orange_pixels(shown)
+    shown.page.locator("#color").select_option("level")
+    legend = shown.page.locator("#legend li").all()
+    assert [each.inner_text() for each in legend] == ["captured", "steered"]
+    assert shown.ask("Array.from(crowdsim.player.frame.steered)") == steered[busiest].astype(int).tolist()
+    assert orange_pixels(shown) > before + 100
     assert shown.complained == []
 
 

@@ -14,6 +14,7 @@ import shapely
 import crowdsim
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
+from crowdsim.recording.shown.track_blocks import TICKS_PER_SECOND, block_of, read_block
 from crowdsim.scenario.loader import builtin_scenarios, parse_scenario
 from tests.support.recorded import Recorded
 
@@ -64,6 +65,17 @@ def test_of_captured_characters_on_a_crowded_plaza_most_arrive_and_nobody_touche
     assert summary["characters"] == 60
     assert summary["arrived"] >= 30
     require_safe(summary)
+
+
+def test_steered_bodies_are_shown_without_jerks(run: Run) -> None:
+    recording = run("counterflow")
+    blocks = block_of(recording.steps - 1, recording.steps_per_second) + 1
+    shown = [read_block(recording, block).tracks for block in range(blocks)]
+    tracks = [each for joined in shown for each in np.split(joined.samples[:, :2], joined.starts[1:-1])]
+    acceleration = np.concatenate([np.linalg.norm(np.diff(each, 2, axis=0), axis=1) for each in tracks])
+    acceleration *= TICKS_PER_SECOND**2
+    assert len(acceleration) > 10_000
+    assert np.quantile(acceleration, 0.95) <= 1.5  # [m/s2]
 
 
 def test_the_apartment_uses_all_three_behaviors(run: Run) -> None:

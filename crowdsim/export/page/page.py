@@ -41,9 +41,10 @@ from crowdsim.export.page.tracks.track_chunks import (
     turn_units,
 )
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
-from crowdsim.playback.crowd_mesh import group_colors
+from crowdsim.playback.crowd_mesh import LEVEL_COLORS, group_colors
 from crowdsim.playback.moments import telling_time
 from crowdsim.recording.header import AgentsRecord, AgentState, MotionRecord
+from crowdsim.recording.levels import Level
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.shown.steered_stretches import Stretches, read_stretches
 from crowdsim.whole_files import whole_file
@@ -207,7 +208,7 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
         "curve": {"moving": moving.tolist(), "waiting": waiting.tolist()},
         "density": pack_density(block, recording, chosen, bounds),
         "opening": _opening(recording, chosen),
-        **group_facts(recording.header.agents, chosen.agents),
+        **agent_facts(recording.header.agents, chosen.agents),
     }
     pack_feet(block, recording, chosen, played)
     pack_switches(block, recording, chosen)
@@ -237,13 +238,16 @@ def _opening(recording: Recording, chosen: Chosen) -> float:
     return min(max(telling_time(recording), first / rate), last / rate)
 
 
-def group_facts(agents: AgentsRecord, chosen: Ints) -> dict[str, Any]:
-    """Return groups with their colors; group and goals (x, y) [m] of each of the agents ``chosen`` (n,)."""
+def agent_facts(agents: AgentsRecord, chosen: Ints) -> dict[str, Any]:
+    """Return groups and levels with their colors; group and goals (x, y) [m] of each of the agents ``chosen`` (n,)."""
     names = sorted(set(agents.groups))
     index = {name: number for number, name in enumerate(names)}
     return {
         "groups": names,
         "group_colors": [list(map(int, color)) for color in group_colors(len(names))],
+        "locomotion_levels": [
+            {"name": level.name.lower(), "color": LEVEL_COLORS[level]} for level in (Level.CAPTURED, Level.STEERED)
+        ],
         "group_of": [index[agents.groups[agent]] for agent in chosen.tolist()],
         "goals": [[_number(value) for value in goal] for goal in agents.goals[chosen].tolist()],
     }

@@ -15,7 +15,7 @@ from crowdsim.motion.clips.kinematics import Floats
 STEP = 0.1
 """Time between the samples of a track [s]."""
 
-SMOOTHED = 0.7
+SMOOTHED = 0.85
 """Width of the window that smooths displayed tracks [s]. Wider: gentler movements, farther from the track."""
 
 _FASTEST = 6.0

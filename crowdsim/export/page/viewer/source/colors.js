@@ -1,9 +1,9 @@
-// What shirts show: behavior, group, speed, or how long somebody has waited.
+// What shirts show: behavior, group, speed, how long an agent has waited, or whether it is captured or steered.
 
 import { rgb } from "./place.js";
 import { heat } from "./density.js";
 
-export const COLORINGS = ["behavior", "group", "speed", "waiting"];
+export const COLORINGS = ["behavior", "group", "speed", "waiting", "level"];
 const FASTEST = 1.6; // m/s
 const LONGEST = 30; // seconds
 
@@ -25,6 +25,10 @@ export function shirts(by, facts, source, frame, builds) {
   if (by === "group") return (agent) => shaded(facts.group_colors[facts.group_of[agent]], builds[3 * agent + 2]);
   if (by === "speed") return (agent) => along(SPEEDS, frame.speed[agent] / FASTEST);
   if (by === "waiting") return (agent) => heat(source.waitedUntil(agent, frame.time) / LONGEST);
+  if (by === "level") {
+    const levels = facts.locomotion_levels.map(({ color }) => rgb(color));
+    return (agent) => levels[frame.steered[agent]];
+  }
   return (agent) => shaded(behaviors[frame.behavior[agent]] ?? [150, 150, 150], builds[3 * agent + 2]);
 }
 
@@ -33,5 +37,6 @@ export function legend(by, facts) {
   if (by === "group") return facts.groups.map((name, k) => [name, facts.group_colors[k]]);
   if (by === "speed") return [0, 0.5, 1, 1.5].map((speed) => [`${speed} m/s`, along(SPEEDS, speed / FASTEST)]);
   if (by === "waiting") return [0, 10, 20, 30].map((time) => [`${time}${time === 30 ? "+" : ""} s waited`, heat(time / LONGEST)]);
+  if (by === "level") return facts.locomotion_levels.map(({ name, color }) => [name, rgb(color)]);
   return facts.behaviors.map(({ name, color }) => [name.replaceAll("_", " "), rgb(color)]);
 }

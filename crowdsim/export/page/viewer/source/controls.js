@@ -127,7 +127,7 @@ export class Controls {
     const here = frame.state[selected] > 0, behavior = facts.behaviors[frame.behavior[selected]];
     const node = frame.node[selected], goal = facts.goals[selected];
     const number = (value) => value.toFixed(2);
-    find("card-title").textContent = `Character ${facts.agents[selected]}`;
+    find("card-title").textContent = `Agent ${facts.agents[selected]}`;
     const rows = [
       ["group", facts.groups[facts.group_of[selected]]],
       ["state", STATES[frame.state[selected]]],

@@ -5,7 +5,7 @@ import { bodyMaterial, shadowMaterial } from "./shaders.js";
 import { FarPoses } from "./far_poses.js";
 
 const NEAREST = 60; // bodies that are drawn whole if many are present
-const WIDE = 64; // characters in a line of the texture of looks
+const WIDE = 64; // agents in a line of the texture of looks
 const TISSUES = 5;
 
 export class Crowd {

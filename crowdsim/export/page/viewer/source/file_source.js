@@ -10,7 +10,7 @@ const STEERED = 4; // added to a state
 const CAPTURE_RATE = 60;
 const CHUNKS_KEPT = 8; // of at most a million samples: 130 MB
 
-/** What all characters do at one time, in arrays. */
+/** What all agents do at one time, in arrays. */
 export function newFrame(count) {
   return {
     time: 0, step: 0, share: 0,

@@ -115,7 +115,7 @@ export class Player {
   select(agent) {
     this.selected = agent;
     if (agent < 0 && this.cameras.view === "follow") this.cameras.view = "free";
-    this.controls.say(agent < 0 ? "nobody selected" : `character ${this.facts.agents[agent]} selected`);
+    this.controls.say(agent < 0 ? "nobody selected" : `agent ${this.facts.agents[agent]} selected`);
     this.writeLink();
     this.touch();
   }

@@ -8,7 +8,7 @@ import { wrapAngle } from "./quaternions.js";
 const TICKS = 10; // samples a second
 const BLOCK = 50, BEFORE = 45, AFTER = 45, FARTHEST = 720; // ticks
 const CYCLES = 2.25, SPARE = 5, OF_A_STAND = 15;
-const SMOOTHED = 0.7, REACH = 3; // seconds, and samples on both sides
+const SMOOTHED = 0.85, REACH = 4; // seconds, and samples on both sides
 const BLEND = 0.3; // seconds over which a body goes over from one behavior to another
 const KEPT = 1500; // planned blocks that are kept
 

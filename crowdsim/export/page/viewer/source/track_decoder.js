@@ -68,7 +68,7 @@ function cadence(speed, angle, turn) {
   return rate;
 }
 
-/** Reads one character after the other. coding: see `code_chunk`; x, y, heading: integers of the character read last. */
+/** Reads one agent after the other. coding: see `code_chunk`; x, y, heading: integers of the agent read last. */
 export class TrackDecoder {
   constructor(bytes, coding, span) {
     this.reader = new RangeDecoder(bytes, MODELS);
@@ -76,7 +76,7 @@ export class TrackDecoder {
     [this.x, this.y, this.heading] = [0, 1, 2].map(() => new Int32Array(span));
   }
 
-  /** Places and headings from step `first` to before `end`. steered: whether the character is, by step. */
+  /** Places and headings from step `first` to before `end`. steered: whether the agent is, by step. */
   track(steered, first, end) {
     this.places(steered, first, end);
     this.headings(steered, first, end);

@@ -1,9 +1,9 @@
-// Tracks from the socket: the last minute of all characters, step by step, read as those of a file are.
+// Tracks from the socket: the last minute of all agents, step by step, read as those of a file are.
 
 import { FileSource } from "./viewer.js";
 
 const STEERED = 4, WAITING = 2; // as in file_source.js
-const MOST = 4_000_000; // rows of all characters together
+const MOST = 4_000_000; // rows of all agents together
 const LEAST = 4; // seconds that are kept of any crowd
 const KINDS = {
   float32: Float32Array, int8: Int8Array, uint16: Uint16Array, int16: Int16Array, int32: Int32Array, uint32: Uint32Array,
