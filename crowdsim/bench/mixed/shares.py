@@ -17,7 +17,7 @@ from crowdsim.scenario.scenario import Scenario
 
 SEEDS = (1, 2, 3, 4, 5)
 
-ALONE_SECONDS = 40.0
+ALONE_SECONDS = 60.0
 """Time between two agents that walk alone [s]: longer than any of them needs."""
 
 
