@@ -59,6 +59,10 @@ _BENCHES = {
         "crowdsim.bench.crowds.drill_table",
         "steered crowds: counterflow, doors, crossings, necks, circles, endless corridors: arrivals, flow and speed",
     ),
+    "hall": (
+        "crowdsim.bench.mixed.hall",
+        "a steered crowd between pillars, benches and boards: least gaps to people and walls in a million steps",
+    ),
     "auto-drills": (
         "crowdsim.bench.mixed.cases",
         "the same drills walked by auto agents, beside steered ones and their bars",

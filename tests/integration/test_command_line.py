@@ -250,6 +250,7 @@ def test_bench_lists_its_names(crowdsim):
         "ranks",
         "studies",
         "drills",
+        "hall",
         "auto-drills",
         "auto-square",
         "auto-shares",

@@ -55,7 +55,7 @@ class LeastGaps:
         self.agent_steps += len(rows)
         self.captured_steps += captured
         for part in TIMES:
-            now = rows if part == 1.0 else _between(self._before, rows, part)
+            now = rows if part == 1.0 else between(self._before, rows, part)
             self._bodies(now, kind if part == 1.0 else kind[np.isin(rows["id"], now["id"])])
         self._ways(crowd)
         steered = rows[kind == 0]
@@ -65,8 +65,8 @@ class LeastGaps:
 
     def _bodies(self, rows: NDArray[Any], kind: NDArray[np.int64]) -> None:
         """Measure all pairs of bodies that are near each other."""
-        pairs = _near(np.column_stack((rows["x"], rows["y"])))
-        begin, end = _cores(rows)
+        pairs = near_pairs(np.column_stack((rows["x"], rows["y"])))
+        begin, end = cores(rows)
         radii = rows["radius"]
         for number, name in enumerate(KINDS):
             first, second = pairs[kind[pairs].sum(axis=1) == number].T
@@ -96,7 +96,7 @@ class LeastGaps:
             share = np.clip((at - here - begun) / (1.0 - begun), 0.0, 1.0)[:, None]
             sample = view.timeline[rows, here] * (1.0 - share) + view.timeline[rows, there] * share
             core = sample[:, CORE : CORE + 2]
-            first, second = _near(sample[:, :2]).T
+            first, second = near_pairs(sample[:, :2]).T
             begin, end, radii = sample[:, :2] - core, sample[:, :2] + core, sample[:, RADIUS]
             gap = core_gaps(begin[first], end[first], begin[second], end[second]) - radii[first] - radii[second]
             self.reserved = min(self.reserved, float(gap.min(initial=FAR)))
@@ -109,13 +109,13 @@ class LeastGaps:
         near = cKDTree(np.column_stack((steered["x"], steered["y"]))).query_ball_point(middles, reach)
         piece = np.repeat(np.arange(len(near)), [len(each) for each in near])
         body = np.concatenate([np.array(each, np.int64) for each in near])
-        begin, end = _cores(steered)
+        begin, end = cores(steered)
         apart = core_gaps(begin[body], end[body], segments[piece, :2], segments[piece, 2:4])
         gap = apart - steered["radius"][body] - (segments[piece, 4] - TRACK_ROOM)
         self.ahead = min(self.ahead, float(gap.min(initial=FAR)))
 
 
-def _between(before: NDArray[Any] | None, rows: NDArray[Any], part: float) -> NDArray[Any]:
+def between(before: NDArray[Any] | None, rows: NDArray[Any], part: float) -> NDArray[Any]:
     """Return bodies interpolated from one step to the next, with the later step's shapes; without new ones."""
     if before is None:
         return rows[:0]
@@ -133,7 +133,7 @@ def _between(before: NDArray[Any] | None, rows: NDArray[Any], part: float) -> ND
     return now
 
 
-def _near(places: Floats) -> NDArray[np.int64]:
+def near_pairs(places: Floats) -> NDArray[np.int64]:
     """Return the pairs of places that are near each other."""
     return cKDTree(places).query_pairs(FAR, output_type="ndarray").astype(np.int64) if len(places) else _NO_PAIRS
 
@@ -141,7 +141,7 @@ def _near(places: Floats) -> NDArray[np.int64]:
 _NO_PAIRS = np.zeros((0, 2), np.int64)
 
 
-def _cores(rows: NDArray[Any]) -> tuple[Floats, Floats]:
+def cores(rows: NDArray[Any]) -> tuple[Floats, Floats]:
     """Return both ends of the core segments of capsules, which lie across their headings."""
     middles = np.column_stack((rows["x"], rows["y"]))
     across = np.column_stack((-rows["hy"], rows["hx"])) * rows["half"][:, None]

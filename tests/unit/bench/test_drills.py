@@ -10,6 +10,7 @@ from shapely import box
 
 from crowdsim.bench.crowds import drill_table, drills, endless, rimea_corner, single_file
 from crowdsim.bench.crowds.rvo2 import Rvo2
+from crowdsim.bench.mixed import hall
 from crowdsim.errors import CrowdSimError
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls
@@ -156,3 +157,9 @@ def test_everyone_arrives_in_time(drill):
     # Nobody who has not arrived (nan) is in time.
     (seconds,) = (most for walked, most in drill_table.DRILLS if walked.name == drill.name)
     assert (drills.run_drill(drill, 501).arrived <= seconds).all()
+
+
+@pytest.mark.parametrize("density", hall.DENSITIES)
+def test_nobody_touches_people_or_walls_in_a_full_hall(density):
+    least = hall.hall_gaps(density, 20_000, seed=2)
+    assert 0.0 < min(least) < max(least) < 0.01
