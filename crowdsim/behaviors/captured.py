@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.behaviors.behavior import CAPTURED, FRONTAL, HELD, LATERAL, BehaviorClips
+from crowdsim.behaviors.capture_gaits import clips_of_gait
 from crowdsim.behaviors.capture_pieces import WALK, Band, Key, Piece, Room, find_pieces, room_of, sort_out, widths
 from crowdsim.behaviors.made_walks import NEEDS, find_maker, lacks, make_walks
 from crowdsim.constants import CAPTURE_RATE
@@ -139,6 +140,7 @@ def read_captures(
     meters_per_unit: float | None = None,
     joints: Mapping[str, str] | None = None,
     skeleton: Skeleton | None = None,
+    speed: float | None = None,
 ) -> Captures:
     """Read the captures ``paths`` in ``folder``, and choose the pieces that walk ahead.
 
@@ -156,6 +158,8 @@ def read_captures(
         As for :func:`~crowdsim.motion.captures.reader.read_capture`.
     skeleton : Skeleton or None
         Skeleton that all clips are brought to, if others walk on it.
+    speed : float or None
+        Speed that the gait is chosen by, if there are several [m/s]; None to use all clips.
 
     Returns
     -------
@@ -170,12 +174,15 @@ def read_captures(
     clips, notes = read_folder(paths, meters_per_unit, joints)
     if skeleton is not None:
         clips = tuple(on_joints_of(clip, skeleton) for clip in clips)
+    if speed is not None:
+        clips, more = clips_of_gait(clips, speed)
+        notes = (*notes, *more)
     pieces = find_pieces(clips, _DETECTORS, bands)
     cut = {piece.clip.name for piece in pieces}
     idle = [clip.name for clip in clips if clip.name not in cut]
     all_notes = [*notes, *(f"clip '{name}' is left out: it contains no whole stride" for name in idle)]
     # The largest space that a piece may take, and what makes motions that the captures lack from one of their walks.
-    room, maker = room_of(pieces), find_maker(clips)
+    room, maker = room_of(pieces), find_maker(clips, speed)
     # No piece walks: measure a walk that is made instead.
     if room is None:
         if maker is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
-from itertools import permutations
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -21,6 +20,7 @@ from crowdsim.behaviors.behavior import (
     is_own,
     read_behavior,
 )
+from crowdsim.behaviors.widths_compared import layer_names, never_used, note_on_width, require_worth
 from crowdsim.constants import CAPTURE_PATTERNS
 from crowdsim.errors import BehaviorError, MotionError
 from crowdsim.library import library_folder
@@ -104,6 +104,7 @@ def load_behavior_set(
     meters_per_unit: float | None = None,
     joints: Mapping[str, str] | None = None,
     beside: Path | None = None,
+    speed: float | None = None,
 ) -> BehaviorSet:
     """Read behaviors, measure their clearance in height bands, and build their motion graph.
 
@@ -126,6 +127,8 @@ def load_behavior_set(
         Unit and joint names of captures, if they cannot be found automatically.
     beside : Path or None
         Folder that these paths are relative to; None for the working directory.
+    speed : float or None
+        Speed that agents walk at, which picks one of several captured gaits [m/s]; None for all clips.
 
     Returns
     -------
@@ -155,27 +158,25 @@ def load_behavior_set(
         if any(is_own(name) for name in names):
             raise BehaviorError("own behaviors go with a built-in set; put these captures in a behavior of their own")
         paths = capture_paths(captures, capture_patterns)
-        return _load_captured(files, library, captures, paths, bands, meters_per_unit, joints)
+        return _load_captured(files, library, captures, paths, bands, meters_per_unit, joints, speed)
     styled = {} if motion_set == DEFAULT_SET else {n: f for n, f in files.items() if folders[n].parent == library}
     clips = {
         name: _library_clips(file, folders[name], tuple(files))
         for name, file in files.items()
         if name not in own and name not in styled
     }
-    if styled:
-        # Imported late: the default set does not need the synthesizer.
+    if styled:  # imported late, as the default set does not need the synthesizer
         from crowdsim.behaviors.styled import styled_clips
 
         clips |= styled_clips(motion_set, styled)
     radii = {name: _radii(files[name], clips[name].clips, bands) for name in clips}
     left_out: dict[str, Set[tuple[str, int, int]]] = {}
     notes: list[str] = []
-    if own:
-        # Not before it is needed, as it compiles how clips are deformed.
+    if own:  # imported late, as it compiles how clips are deformed
         from crowdsim.behaviors.own import read_own
 
         others = {name: (files[name], clips[name]) for name in clips}
-        found = read_own(own, folders, others, _measured(bands), _layer_names(bands))
+        found = read_own(own, folders, others, _measured(bands), layer_names(bands))
         files |= found.files
         for name, behavior in found.found.items():
             clips[name], radii[name], left_out[name] = behavior.clips, behavior.radii, behavior.left_out
@@ -185,12 +186,10 @@ def load_behavior_set(
         files[name].behavior(radii[name], folders[name], _turning(name, clips[name], bands)) for name in order
     )
     if any(is_own(name) for name in names):
-        notes += _never_used(behaviors)
-        notes += [
-            _note_on_width(behavior, _layer_names(bands)) for behavior in behaviors if behavior.folder.parent != library
-        ]
+        notes += never_used(behaviors)
+        notes += [note_on_width(each, layer_names(bands)) for each in behaviors if each.folder.parent != library]
     else:
-        _require_worth(behaviors)
+        require_worth(behaviors)
     graph = build_motion_graph(_sources(files, clips, order, radii, left_out))
     _require_joined(behaviors, graph)
     return BehaviorSet(behaviors, graph, tuple(clips[name] for name in order), tuple(notes))
@@ -204,13 +203,14 @@ def _load_captured(
     bands: Sequence[Band],
     meters_per_unit: float | None,
     joints: Mapping[str, str] | None,
+    speed: float | None,
 ) -> BehaviorSet:
     """Load the behaviors ``files`` from captures; synthesize missing movements, or all if the graph is disconnected."""
     # Imported late: it compiles the kernels that deform clips.
     from crowdsim.behaviors.captured import captured_set, read_captures
 
     names = tuple(files)
-    captures = read_captures(folder, paths, _measured(bands), _layer_names(bands), meters_per_unit, joints)
+    captures = read_captures(folder, paths, _measured(bands), layer_names(bands), meters_per_unit, joints, speed=speed)
     found = captured_set(captures, names)
     try:
         joined = _joined_captures(found, files, library, bands)
@@ -243,7 +243,7 @@ def _joined_captures(
         )
         for name in order
     )
-    _require_worth(behaviors)
+    require_worth(behaviors)
     graph = build_motion_graph(
         _sources(
             files,
@@ -269,10 +269,6 @@ def _joined_captures(
         for clip, frames in apart.items()
     ]
     return BehaviorSet(behaviors, graph, tuple(clips.values()), (*found.notes, *notes))
-
-
-def _layer_names(bands: Sequence[Band]) -> list[str]:
-    return ["legs", "torso"] if len(bands) == 2 else [f"height of {low:g} to {high:g} m" for low, high in bands]
 
 
 def _library_clips(file: BehaviorFile, folder: Path, names: Sequence[str]) -> BehaviorClips:
@@ -312,42 +308,6 @@ def _turning(name: str, clips: BehaviorClips, bands: Sequence[Band]) -> NDArray[
         reaches.append(own * np.array([[not back], [back]]))
     most = np.max(reaches, axis=0)
     return most if most.any() else None
-
-
-def _useless(behaviors: Sequence[Behavior]) -> list[tuple[Behavior, Behavior]]:
-    """Pairs of a behavior and a wider one that costs as much, and is never used, as the first fits wherever it does."""
-    return [
-        (narrow, wide)
-        for narrow, wide in permutations(behaviors, 2)
-        if narrow.cost_per_meter <= wide.cost_per_meter
-        and narrow.radii.max() < wide.radii.max()
-        and (narrow.radii <= wide.radii).all()
-    ]
-
-
-def _require_worth(behaviors: Sequence[Behavior]) -> None:
-    """Raise BehaviorError if a wider behavior is not cheaper than a narrower one, which fits wherever it does."""
-    for narrow, wide in _useless(behaviors):
-        raise BehaviorError(
-            f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii.max():.3f} m, {wide.radii.max():.3f} m)"
-            f" and no costlier, so '{wide.name}' would never be used; "
-            f"raise cost_per_meter in {narrow.folder}/behavior.yaml"
-        )
-
-
-def _never_used(behaviors: Sequence[Behavior]) -> list[str]:
-    """Return a sentence for each behavior that no plan can use."""
-    return [
-        f"no plan asks for '{wide.name}': '{narrow.name}' is narrower ({narrow.radii.max():.3f} m, "
-        f"{wide.radii.max():.3f} m) and no costlier"
-        for narrow, wide in _useless(behaviors)
-    ]
-
-
-def _note_on_width(behavior: Behavior, layers: Sequence[str]) -> str:
-    """How wide and how fast an own behavior was measured to be."""
-    reach = ", ".join(f"{radius:.3f} m at the {layer}" for layer, radius in zip(layers, behavior.radii, strict=True))
-    return f"'{behavior.name}' reaches {reach} to a side of its way, and goes at {behavior.speed:.2f} m/s"
 
 
 def _require_joined(behaviors: Sequence[Behavior], graph: MotionGraph) -> None:

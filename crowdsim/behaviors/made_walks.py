@@ -79,12 +79,16 @@ def make_walks(maker: MotionMaker, needs: Sequence[str]) -> list[Clip]:
     return made
 
 
-def find_maker(clips: Sequence[Clip]) -> MotionMaker | None:
-    """Return a MotionMaker of the straightest walk at ordinary speed among ``clips``; None if there is none."""
+def find_maker(clips: Sequence[Clip], speed: float | None = None) -> MotionMaker | None:
+    """Return a MotionMaker of the straightest walk near ``speed`` [m/s] among ``clips``; None if there is none.
+
+    ``speed`` is an ordinary one if None.
+    """
+    wanted = _ORDINARY if speed is None else speed
     ranked: list[tuple[float, int, Clip]] = []
     for clip in clips:
         for stretch in _ahead(clip):
-            cost = _cost(stretch)
+            cost = _cost(stretch, wanted)
             if cost is not None:
                 ranked.append((cost, len(ranked), stretch))
     for _, _, stretch in sorted(ranked, key=lambda entry: entry[:2]):
@@ -113,8 +117,23 @@ def _ahead(clip: Clip) -> list[Clip]:
     ]
 
 
-def _cost(clip: Clip) -> float | None:
-    """Return how far the straightest cycle of a clip is from an ordinary straight walk; None if it does not qualify."""
+def speed_ahead(clip: Clip) -> float | None:
+    """Return the speed of the straightest cycle in which a clip walks ahead [m/s]; None if it shows no such cycle."""
+    found = [walk for stretch in _ahead(clip) if (walk := _straightness(stretch)) is not None]
+    return min(found)[1] if found else None
+
+
+def _cost(clip: Clip, wanted: float) -> float | None:
+    """Return how far the straightest cycle of a clip is from a straight walk at ``wanted`` m/s; None without one."""
+    walk = _straightness(clip)
+    return None if walk is None else walk[0] + 0.5 * abs(walk[1] - wanted)
+
+
+def _straightness(clip: Clip) -> tuple[float, float] | None:
+    """Return how far the straightest cycle of a clip turns and goes aside [rad], and its speed [m/s].
+
+    None if it does not walk ahead.
+    """
     try:
         cycle = find_cycle(clip)
     except MotionError:
@@ -125,4 +144,4 @@ def _cost(clip: Clip) -> float | None:
     speed = cycle.stride / cycle.seconds
     if turn > _MOST_TURN or aside > _MOST_ASIDE or speed < _SLOWEST:
         return None
-    return turn + aside + 0.5 * abs(speed - _ORDINARY)
+    return turn + aside, speed

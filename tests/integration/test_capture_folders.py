@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import crowdsim
+from crowdsim.errors import MotionError
 from crowdsim.motion.captures.bvh_writer import write_bvh
 from crowdsim.motion.captures.reader import read_clip
 from crowdsim.motion.clips.clip import Clip
@@ -138,3 +139,49 @@ def test_everybody_arrives(shared: Path, tmp_path: Path, make: Callable[[Path, P
         summary = recording.summary
     assert summary["arrived"] == summary["characters"] == 6
     assert min(summary["obstacle_margin"].values()) >= -0.01
+
+
+SUBJECTS = {
+    "05": "walking turns to the left",
+    "09": "",
+    "16": "",
+    "17": "turns on the spot",
+    "127": "standing, setting off and stopping",
+    "135": "no clip walks ahead for a whole stride",
+}
+"""Subjects of the captures, and what their captures are refused for; empty if they walk."""
+
+SETS = {
+    **{subject: ("mocap", f"{subject}_*.bvh", missing) for subject, missing in SUBJECTS.items()},
+    "16 as AMC": ("mocap/asfamc", "*.amc", ""),
+    "16 with a T-pose": ("mocap/asfamc", "*.bvh", "standing, setting off and stopping"),
+}
+"""Folder, pattern of files, and reason."""
+
+
+def test_all_subjects_are_tried(shared: Path) -> None:
+    assert {path.name.partition("_")[0] for path in (shared / "mocap").glob("*.bvh")} == set(SUBJECTS)
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_a_subject_walks_or_is_refused_in_a_sentence(shared: Path, tmp_path: Path, name: str) -> None:
+    below, pattern, missing = SETS[name]
+    folder = shared / below
+    if not list(folder.glob(pattern)):
+        pytest.skip(f"no files {pattern} in {folder}")
+    file = tmp_path / "brought.yaml"
+    file.write_text(CORRIDOR.format(folder=f'{folder}, clips: ["{pattern}"]'))
+    scenario = crowdsim.load_scenario(file)
+    if missing:
+        with pytest.raises(MotionError) as refused:
+            crowdsim.Simulation(scenario)
+        message = str(refused.value)
+        assert missing in message
+        assert message.endswith("; add a clip that walks straight on for four steps or more")
+        assert "\n" not in message
+        assert ". " not in message
+    else:
+        with crowdsim.Simulation(scenario).run(tmp_path / "brought.h5") as recording:
+            summary = recording.summary
+        assert summary["arrived"] == summary["characters"] == 6
+        assert min(summary["obstacle_margin"].values()) >= -0.01

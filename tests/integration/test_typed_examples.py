@@ -19,6 +19,7 @@ from crowdsim.live.pictures import MAGIC
 
 DOCS = Path(__file__).parents[2] / "docs"
 LIVE = (DOCS / "live.md").read_text(encoding="utf-8")
+CAPTURES = (DOCS / "captures.md").read_text(encoding="utf-8")
 EXAMPLES = (DOCS / "gallery.md").read_text(encoding="utf-8").split("\n## ")[1:]
 SERVED = 20
 """Number of steps after which a served simulation is ended."""
@@ -77,6 +78,22 @@ def test_an_example_of_the_gallery_runs(example: str, tmp_path: Path, crowdsim, 
     for scenario in re.findall(r"^```yaml\n(.*?)^```", example, re.M | re.S):
         (tmp_path / named.pop()).write_text(scenario, encoding="utf-8")
     run_all(commands, tmp_path, crowdsim, environment)
+
+
+def test_captured_crowds_in_three_styles_arrive(
+    shared: Path, tmp_path: Path, crowdsim, environment: dict[str, str]
+) -> None:
+    if not (shared / "mocap").is_dir():
+        pytest.skip(f"the captures {shared / 'mocap'} are absent")
+    (tmp_path / "mocap").symlink_to(shared / "mocap")
+    scenario = re.search(r"cat > mine.yaml <<'EOF'\n(.*?)^EOF$", CAPTURES, re.M | re.S)[1]
+    (tmp_path / "mine.yaml").write_text(scenario, encoding="utf-8")
+    commands = commands_of(CAPTURES.partition("## Slow, brisk and dancing crowds")[2].partition("\n## ")[0])
+    assert len(commands) == 3
+    run_all(commands, tmp_path, crowdsim, environment)
+    for style in ("slow", "brisk", "dancing"):
+        with Recording.open(tmp_path / f"{style}.h5") as recording:
+            assert recording.summary["arrived"] == recording.summary["characters"] == 6
 
 
 def test_the_commands_of_live_simulations_run(tmp_path: Path, crowdsim, environment: dict[str, str]) -> None:

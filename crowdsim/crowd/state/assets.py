@@ -27,6 +27,7 @@ from crowdsim.motion.graph.motion_graph import MotionGraph
 from crowdsim.planning.baselines.collision3d import Bodies, make_bodies
 from crowdsim.planning.baselines.collision_scene import CollisionScene
 from crowdsim.planning.query.requirements import Requirements
+from crowdsim.scenario.people.walkers import mean_speed
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Timetable
 
@@ -132,7 +133,8 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
     """Load the behaviors of a scenario, measured on its layers, with their motion graph.
 
     Runs may share what it returns, in turn or in threads, if their scenarios agree in ``behaviors``, ``layers`` and
-    ``motion``, and name files from the same folder. It is not changed by them.
+    ``motion``, and name files from the same folder; with captures also in the mean ``speed`` that their groups give. It
+    is not changed by them.
 
     Parameters
     ----------
@@ -170,6 +172,7 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
         capture_patterns=motion.clips,
         meters_per_unit=None if motion.unit is None else UNITS[motion.unit],
         joints=motion.joints,
+        speed=mean_speed(scenario),
     )
 
 
@@ -195,8 +198,9 @@ def require_fitting(behavior_set: BehaviorSet, scenario: Scenario) -> BehaviorSe
 
 def motion_key(scenario: Scenario) -> tuple[Any, ...]:
     """Return what :func:`load_behaviors` depends on: scenarios with equal keys may share what it returns."""
+    speed = None if scenario.motion.captures is None else mean_speed(scenario)
     bands = tuple((layer.low, layer.high) for layer in scenario.environment.layers)
-    return tuple(scenario.behaviors), bands, scenario.motion.model_dump_json(), scenario.folder.resolve()
+    return tuple(scenario.behaviors), bands, scenario.motion.model_dump_json(), scenario.folder.resolve(), speed
 
 
 def prepare(

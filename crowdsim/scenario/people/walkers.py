@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.scenario.people.arrivals import first_of_party
-from crowdsim.scenario.people.draws import draw_spread
+from crowdsim.scenario.people.draws import draw_spread, quantiles
 from crowdsim.scenario.schema.schema import ScenarioFields
+
+_PROBABILITIES: NDArray[np.float64] = (np.arange(200, dtype=np.float64) + 0.5) / 200.0
+"""Probabilities at which a distribution is averaged."""
 
 _SPEED_STREAM, _BREADTH_STREAM, _DELAY_STREAM, _SHARE_STREAM = 3, 4, 5, 6
 
@@ -27,6 +30,25 @@ class Walkers(NamedTuple):
     """Time between appearing and the first step [s]."""
     shares: Floats
     """Random number in [0, 1) that breaks ties between agents."""
+
+
+def mean_speed(keys: ScenarioFields) -> float | None:
+    """Return the mean walking speed of the agents of all groups that give a ``speed`` [m/s]; None if none does.
+
+    It does not depend on the seed: of a source, the expected number of agents counts.
+    """
+    speeds, counts = [], []
+    for group in keys.agents:
+        if "speed" not in group.model_fields_set:
+            continue
+        fixed = group.speed.mean if group.speed.sd == 0.0 else None
+        speeds.append(float(quantiles(group.speed, _PROBABILITIES).mean()) if fixed is None else fixed)
+        count = np.inf if group.count is None else float(group.count)
+        if group.rate is not None:
+            until = keys.duration if group.until is None else group.until
+            count = min(count, group.rate * (until - group.start_time))
+        counts.append(max(count, 0.0))
+    return float(np.average(speeds, weights=counts)) if sum(counts) > 0.0 else None
 
 
 def draw_walkers(keys: ScenarioFields, number: int, count: int) -> Walkers:

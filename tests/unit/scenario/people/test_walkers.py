@@ -10,11 +10,12 @@ from crowdsim.errors import ScenarioError
 from crowdsim.scenario.cast import place_agents
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.people.draws import draw_spread
-from crowdsim.scenario.people.walkers import draw_walkers
+from crowdsim.scenario.people.walkers import draw_walkers, mean_speed
 from crowdsim.scenario.schema.spreads import Spread
 from tests.support.steered_scenes import steered_scene
 
 FLOOR = "{rectangle: [0, 0, 60, 60]}"
+HEAD = "crowdsim: 1\nname: a\nseed: 1\nduration: 60\nfloor: {rectangle: [0, 0, 60, 60]}\n"
 GROUP = "name: g, count: {count}, start: {{rectangle: [1, 1, 59, 59]}}, goal: {{rectangle: [50, 50, 55, 55]}}"
 
 
@@ -133,3 +134,20 @@ def test_another_rate_is_refused() -> None:
     text = steered_scene(GROUP.format(count=3), floor=FLOOR, rest="steps_per_second: 30\n")
     with pytest.raises(ScenarioError, match="steps_per_second: auto and steered agents take 10 steps a second"):
         parse_scenario(text)
+
+
+def test_the_mean_speed_is_that_of_the_groups_that_give_one() -> None:
+    def mean(*groups: str) -> float | None:
+        listed = ", ".join(
+            f"{{name: g{number}, start: {{rectangle: [1, 1, 40, 40]}}, goal: {{rectangle: [45, 45, 59, 59]}}, {group}}}"
+            for number, group in enumerate(groups)
+        )
+        return mean_speed(parse_scenario(HEAD + f"agents: [{listed}]\n"))
+
+    assert mean("count: 1") is None
+    assert mean("count: 1", "count: 1, speed: 0.9") == 0.9
+    assert mean("count: 3, speed: 0.8", "count: 1, speed: 1.6") == pytest.approx(1.0)
+    assert mean("count: 1, speed: {uniform: [0.8, 1.2]}") == pytest.approx(1.0)
+    assert mean("count: 1, speed: {mean: 1.2, sd: 0.2}") == pytest.approx(1.2)
+    # A source lets in 0.1 agents a second for 30 s of 60.
+    assert mean("rate: 0.1, until: 30, speed: 0.8", "count: 1, speed: 1.6") == pytest.approx(1.0)
