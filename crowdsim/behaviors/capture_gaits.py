@@ -62,10 +62,10 @@ def clips_of_gait(clips: Sequence[Clip], speed: float) -> tuple[tuple[Clip, ...]
         )
         (kept if same else out).append(clip)
     without = ", ".join(f"'{clip.name}'" for clip in out)
-    speeds = " and ".join(f"{gait:.2f}" for gait in gaits)
+    speeds = ", ".join(f"{gait:.2f}" for gait in gaits)
     note = (
-        f"agents walk at {speed:.2f} m/s, so of the gaits at {speeds} m/s that at {gaits[chosen]:.2f} m/s is used, "
-        f"without {without}"
+        f"agents walk at {speed:.2f} m/s; of the captured gaits ({speeds} m/s) the nearest is used, "
+        f"{gaits[chosen]:.2f} m/s, without {without}"
     )
     return tuple(kept), (note,)
 

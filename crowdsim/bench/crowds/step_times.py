@@ -55,8 +55,10 @@ def open_square(agents: int, density: float, seed: int = 1) -> tuple[State, floa
     return state, side
 
 
-def _turn_back(state: State, side: float) -> None:
-    out = (state["x"] < 0.0) | (state["x"] > side) | (state["y"] < 0.0) | (state["y"] > side)
+def turn_back(state: State, side: float, margin: float = 0.0) -> None:
+    """Let agents of a square that are nearer than ``margin`` to its edge, or outside, head for its middle [m]."""
+    low, high = margin, side - margin
+    out = (state["x"] < low) | (state["x"] > high) | (state["y"] < low) | (state["y"] > high)
     dx, dy = side / 2 - state["x"][out], side / 2 - state["y"][out]
     length = np.hypot(dx, dy)
     state["gx"][out], state["gy"][out] = dx / length, dy / length
@@ -72,7 +74,7 @@ def _step_times(agents: int, density: float, steps: int, threads: int) -> float:
             begin = time.perf_counter()
             steering.step(state)
             times.append(time.perf_counter() - begin)
-            _turn_back(state, side)
+            turn_back(state, side)
     return float(np.median(times[3:])) / agents * 1e6
 
 
@@ -93,5 +95,5 @@ def _stage_times(agents: int, density: float, steps: int) -> np.ndarray:
             steering.commit(crowd, 0, agents, listed(NOBODY_ELSE, crowd.frame, 0.0), state, agents)
             marks.append(time.perf_counter())
             times.append(np.diff(marks))
-            _turn_back(state, side)
+            turn_back(state, side)
     return np.array(times[3:]) / agents * 1e6

@@ -16,6 +16,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.bench.crowds.drills import LEG_RADIUS, State, make_agents
+from crowdsim.bench.crowds.step_times import turn_back
 from crowdsim.bench.mixed.gaps import FAR, TIMES, between, core_gaps, cores, near_pairs
 from crowdsim.bench.registry import Measurement
 from crowdsim.steering.guidance.place_walls import outline_segments
@@ -61,7 +62,7 @@ def hall_gaps(density: float, agent_steps: int, seed: int = 1) -> HallGaps:
             for part in TIMES:
                 found = _gaps(between(before, state, part), torso, legs)
                 least = HallGaps(*map(min, least, found))
-            _turn_back(state)
+            turn_back(state, SIDE, _TURN_BACK)
     return least
 
 
@@ -94,24 +95,15 @@ def _draw_hall(density: float, seed: int, taken: BaseGeometry) -> State:
     return state
 
 
-def _turn_back(state: State) -> None:
-    """Let agents near the outer walls head for the middle from now on."""
-    places = np.column_stack((state["x"], state["y"]))
-    out = ((places < _TURN_BACK) | (places > SIDE - _TURN_BACK)).any(axis=1)
-    ahead = 0.5 * SIDE - places[out]
-    state["gx"][out], state["gy"][out] = (ahead / np.hypot(*ahead.T)[:, None]).T
-
-
 def _gaps(rows: State, torso: Floats, legs: Floats) -> HallGaps:
     """Return the smallest gaps at one time [m]."""
     places = np.column_stack((rows["x"], rows["y"]))
     begin, end = cores(rows)
     first, second = near_pairs(places).T
-    people = core_gaps(begin[first], end[first], begin[second], end[second]) - (
-        rows["radius"][first] + rows["radius"][second]
-    )
+    radii = rows["radius"]
+    people = core_gaps(begin[first], end[first], begin[second], end[second]) - radii[first] - radii[second]
     body, wall = _beside(len(rows), torso)
-    beside = core_gaps(begin[body], end[body], torso[wall, :2], torso[wall, 2:]) - rows["radius"][body]
+    beside = core_gaps(begin[body], end[body], torso[wall, :2], torso[wall, 2:]) - radii[body]
     body, wall = _beside(len(rows), legs)
     below = core_gaps(places[body], places[body], legs[wall, :2], legs[wall, 2:]) - LEG_RADIUS
     return HallGaps(float(people.min(initial=FAR)), float(beside.min()), float(below.min()))
