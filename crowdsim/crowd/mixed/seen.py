@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
-from crowdsim.crowd.state.components import RADIUS, SLOT_FRAMES
+from crowdsim.crowd.state.components import BEND, RADIUS, SLOT_FRAMES
 from crowdsim.crowd.state.itineraries import Itineraries
 from crowdsim.crowd.steered.components import NO_GOAL
 from crowdsim.crowd.steered.errands import Errands
@@ -20,7 +20,7 @@ from crowdsim.steering.rules import Rules
 from crowdsim.steering.ways import Others
 
 TRACK_ROOM = 0.015
-"""Enlargement of reserved discs for steered bodies [m]: tracks bend between two samples of a timeline."""
+"""Least enlargement of reserved discs for steered bodies [m]; more where a track bends more between two samples."""
 
 PUSHES_AFTER = 0.5
 """Time for which a captured agent is refused before steered ones in its way step aside [s]."""
@@ -99,7 +99,8 @@ def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.in
     # Discs that contain the capsules, as broad as at the broader end of a segment.
     discs = bodies[..., 0] + hypot(bodies[..., 1], bodies[..., 2])
     broader = np.maximum(discs[:, :-1], discs[:, 1:])[walking, slots]
-    radii = np.concatenate([broader, discs[:, last]]) + TRACK_ROOM
+    bends = np.maximum(view.timeline[walking, slots, BEND], TRACK_ROOM)
+    radii = np.concatenate([broader + bends, discs[:, last] + TRACK_ROOM])
     return np.column_stack([np.concatenate([moving, rests]), radii]), owners
 
 

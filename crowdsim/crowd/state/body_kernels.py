@@ -1,20 +1,20 @@
 """Test of a timeline against the bodies of steered agents as they stand now."""
 
-from crowdsim.crowd.state.components import CORE, RADIUS
+from crowdsim.crowd.state.components import BEND, CORE, RADIUS
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import kernel
 from crowdsim.steering.capsule_kernels import core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 
 BODY_ROOM = 0.01
-"""Gap between a timeline and the body of a steered agent [m]: tracks bend between two samples."""
+"""Least gap between a timeline and the body of a steered agent [m]; more where the track bends more between samples."""
 
 
 @kernel
 def meets_body(agent, timeline, bodies):
-    """Return True if an agent on a timeline comes within BODY_ROOM of a steered body.
+    """Return True if an agent on a timeline comes within BODY_ROOM, or its bend, of a steered body.
 
-    ``timeline`` (K, 5) has the capsule at each sample: center, radius, and vector from center to end of the core [m].
+    ``timeline`` (K, 6) has the capsule at each sample: center, radius, and vector from center to end of the core [m].
     ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; the body of ``agent`` itself does not count.
     The agent's capsule is replaced by the disc that contains it, so the test is conservative.
     """
@@ -33,7 +33,8 @@ def meets_body(agent, timeline, bodies):
         radius += max(
             hypot(timeline[k, CORE], timeline[k, CORE + 1]), hypot(timeline[last, CORE], timeline[last, CORE + 1])
         )
-        far = radius + broadest + BODY_ROOM
+        radius += max(timeline[k, BEND], BODY_ROOM)
+        far = radius + broadest
         # Search the cells of the segment's bounding box, grown by all that could touch; rows_beside takes them from a
         # middle column to either side.
         low, bottom = cell_of(frame, min(ax, bx) - far, min(ay, by) - far)
@@ -48,6 +49,6 @@ def meets_body(agent, timeline, bodies):
                     continue
                 # Exact distance from the core of the steered body to the segment.
                 _, _, distance = core_to_segment(body.x, body.y, -body.hy, body.hx, body.half, ax, ay, bx, by)
-                if distance - body.radius < radius + BODY_ROOM:
+                if distance - body.radius < radius:
                     return True
     return False

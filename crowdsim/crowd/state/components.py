@@ -14,14 +14,19 @@ SLOT_FRAMES = CAPTURE_RATE // 5
 TIMELINE_SLOTS = 48
 """Number of samples of a reserved timeline: 9.6 s, longer than a few nodes and the stop after them."""
 
-SAMPLE = 5
-"""Values per sample: x, y of the track, radius of the body's capsule, and half of its core as a vector (x, y) [m]."""
+SAMPLE = 6
+"""Values per sample: x, y of the track, radius of the body's capsule, half of its core as a vector (x, y), and how far
+track and core come off the straight line to the next sample [m]."""
 
 RADIUS = 2
 """Index of the radius in a sample."""
 
 CORE = 3
 """Index of the x component of half the core (from the middle to one end) in a sample; the y component follows."""
+
+BEND = 5
+"""Index of the distance by which the body comes off its straight motion to the next sample [m]. It follows from the
+nodes that are played, so the state hash leaves it out."""
 
 WAY_POINTS = 8
 """Number of points of the way ahead in which others do not stop."""

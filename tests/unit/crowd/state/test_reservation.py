@@ -7,15 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crowdsim.crowd.near.neighbors import Neighbors
-from crowdsim.crowd.state.components import CORE, RADIUS, SAMPLE, SLOT_FRAMES
+from crowdsim.crowd.state.components import BEND, CORE, RADIUS, SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.reservation_kernels import (
     append_stop,
     comes_near,
     meets_anyone,
     pair_meets,
     reserve,
-    sample_chain,
 )
+from crowdsim.crowd.state.sampling_kernels import sample_chain
 from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Playback, Timelines
 from crowdsim.crowd.systems.animate import Playing
 from crowdsim.crowd.systems.animate_kernels import advance
@@ -29,6 +29,7 @@ from tests.reference.crowd import (
     ticks_one_by_one,
     timelines_meet,
     walking_graph,
+    write_bends,
 )
 
 GRAPH = walking_graph()
@@ -51,7 +52,7 @@ def random_timeline(rng: np.random.Generator):
     narrow = rng.random(6) < rng.choice([0.0, 0.5, 1.0])
     angle = rng.uniform(-3.0, 3.0)
     samples[narrow, RADIUS] = rng.uniform(0.15, 0.3)
-    samples[narrow, CORE:] = rng.choice([0.0, 0.15]) * np.array([np.cos(angle), np.sin(angle)])
+    samples[narrow, CORE:BEND] = rng.choice([0.0, 0.15]) * np.array([np.cos(angle), np.sin(angle)])
     return samples, start, gone
 
 
@@ -66,6 +67,27 @@ def test_two_timelines_meet_exactly_when_dense_sampling_finds_it(seed: int) -> N
         # Dense sampling misses a graze between its samples: the exact answer may only be the stricter one.
         assert found
         assert timelines_meet(a, b, first, 0.6, room=2e-3)
+
+
+def test_two_who_would_touch_between_samples_meet() -> None:
+    """Both sway towards each other in the middle of a segment, which no sample shows."""
+    walking = discs_along(np.column_stack([0.2 * np.arange(6), np.zeros(6)]), 0.3)
+    other = walking + np.array([0.0, 0.604, *[0.0] * (SAMPLE - 2)])
+    for each in (walking, other):
+        each[3, BEND] = 0.0025
+    assert pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 0, 0.6, True)
+    other[:, 1] += 0.002
+    assert not pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 0, 0.6, True)
+    other[:, 1] -= 0.002
+    assert not pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 4, 0.6, True), "the segment is over"
+
+
+def test_two_as_near_as_they_bend_may_part() -> None:
+    standing = discs_along(np.zeros((6, 2)), 0.3)
+    parting = discs_along(np.column_stack([0.601 + 0.1 * np.arange(6), np.zeros(6)]), 0.3)
+    parting[0, BEND] = 0.004
+    assert not pair_meets(parting, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, True)
+    assert pair_meets(parting, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, False)
 
 
 def test_those_who_stand_too_close_may_part_but_not_approach() -> None:
@@ -85,7 +107,7 @@ def test_whoever_is_gone_is_in_no_ones_way() -> None:
 
 
 def circles_of(timelines: np.ndarray) -> np.ndarray:
-    """Circles around the first positions of timelines (N, K, 5) that hold all of them."""
+    """Circles around the first positions of timelines (N, K, 6) that hold all of them."""
     tracks = timelines[..., :2]
     reach = np.hypot(*(tracks - tracks[:, :1]).transpose(2, 0, 1)).max(axis=1)
     return np.column_stack([tracks[:, 0], reach])
@@ -142,7 +164,11 @@ def test_a_sampled_chain_is_where_the_chain_will_be(frame: int, clock: int) -> N
         x, y, heading = pose_at(GRAPH, nodes, origins, blend_offsets, frame + later)
         core = -0.1 * np.sin(heading), 0.1 * np.cos(heading)
         place = now if k == 0 else found[:2]
-        assert [*place, *found[RADIUS:]] == pytest.approx([x, y, 0.2, *core], abs=1e-12)
+        assert [*place, *found[RADIUS:BEND]] == pytest.approx([x, y, 0.2, *core], abs=1e-12)
+    bent = out.copy()
+    write_bends(bent, clock, 0.1, lambda later: pose_at(GRAPH, nodes, origins, blend_offsets, frame + later))
+    assert out[:, BEND] == pytest.approx(bent[:, BEND], abs=1e-12)
+    assert out[:, BEND].max() > 1e-3
 
 
 @pytest.mark.parametrize("wanted", [0.6, 0.83, 1.15])
