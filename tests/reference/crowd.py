@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from crowdsim.crowd.state.components import BEND, CORE, RADIUS, SAMPLE, SLOT_FRAMES
+from crowdsim.crowd.state.components import BEND, CORE, QUARTERS, RADIUS, REST, SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
 from crowdsim.crowd.state.timelines import Playback
 from crowdsim.geometry.planar import compose, wrap_angle
@@ -98,27 +98,33 @@ def ticks_one_by_one(playback: Playback, steps: int) -> list[int]:
 
 
 def discs_along(tracks: np.ndarray, radius: float) -> np.ndarray:
-    """Return timeline samples (..., 6) of an agent that follows tracks (..., 2) as a disc [m]."""
+    """Return timeline samples (..., 13) of an agent that follows tracks (..., 2) as a disc [m]."""
     samples = np.zeros((*tracks.shape[:-1], SAMPLE))
     samples[..., :2], samples[..., RADIUS] = tracks, radius
     return samples
 
 
 def write_bends(timeline: np.ndarray, clock: int, half: float, pose: Callable[[int], np.ndarray]) -> None:
-    """Write to each sample (K, 6) how far a body comes off its straight motion to the next one, at any later frame.
+    """Write to each sample (K, 13) how far a body comes off its straight motion to the next one, at any later frame.
 
     ``pose(frame)`` is where it is ``frame`` frames after the clock, ``half`` the half length of its core.
     """
-    timeline[:, BEND] = 0.0
+    timeline[:, BEND:] = 0.0
+    frames = np.arange(SLOT_FRAMES + 1)
     for k, (here, there) in enumerate(pairwise(timeline)):
-        for inside in range(1, SLOT_FRAMES):
+        offs, turned = np.zeros((len(frames), 2)), np.zeros(len(frames))
+        for inside in frames[1:-1]:
             later = (clock // SLOT_FRAMES + k) * SLOT_FRAMES + inside - clock
             if later > 0:
                 straight = here + inside / SLOT_FRAMES * (there - here)
-                x, y, heading = pose(later)
+                x, y, heading = pose(int(later))
                 core = half * np.array([-np.sin(heading), np.cos(heading)])
-                off = np.hypot(*([x, y] - straight[:2])) + np.hypot(*(core - straight[CORE : CORE + 2]))
-                timeline[k, BEND] = max(timeline[k, BEND], off)
+                offs[inside], turned[inside] = [x, y] - straight[:2], np.hypot(*(core - straight[CORE : CORE + 2]))
+        quarters = frames[:: SLOT_FRAMES // 4]
+        pieces = np.column_stack([np.interp(frames, quarters, offs[quarters, axis]) for axis in range(2)])
+        timeline[k, BEND] = (np.hypot(*offs.T) + turned).max()
+        timeline[k, QUARTERS:REST] = offs[quarters[1:-1]].ravel()
+        timeline[k, REST] = (np.hypot(*(offs - pieces).T) + turned).max()
 
 
 def discs_at(timeline, slot: float) -> tuple[np.ndarray, float]:
@@ -133,7 +139,7 @@ def discs_at(timeline, slot: float) -> tuple[np.ndarray, float]:
 
 
 def timelines_meet(a, b, first_slot: int, at_rest: float, room: float = 0.0) -> bool:
-    """Return whether the gap of two timelines (samples (K, 6), start, gone) is ever less than ``room``.
+    """Return whether the gap of two timelines (samples (K, 13), start, gone) is ever less than ``room``.
 
     Sampled densely. A pair that already overlaps, or is already nearer at rest, counts only if it gets worse.
     """

@@ -6,6 +6,7 @@ none, if the kernels have enough budget. Whether two timelines meet is decided b
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from crowdsim.crowd.giving_way.give_way_kernels import (
 )
 from crowdsim.crowd.giving_way.moves import Moves
 from crowdsim.crowd.state.body_kernels import BODY_ROOM
-from crowdsim.crowd.state.components import BEND, CORE, RADIUS, SAMPLE, SLOT_FRAMES
+from crowdsim.crowd.state.components import CORE, QUARTERS, RADIUS, REST, SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.reservation_kernels import pair_meets
 from crowdsim.crowd.state.timelines import Obstacles, Timelines
 from crowdsim.geometry.planar import compose, wrap_angle
@@ -35,7 +36,7 @@ _STRIDE = 6  # frames between two poses that are tested for walls
 _ROUNDING = 1e-9  # meters
 
 Timeline = tuple[np.ndarray, int, int]
-"""Samples (K, 6), slot of the first sample, slot from which on the row is gone."""
+"""Samples (K, 13), slot of the first sample, slot from which on the row is gone."""
 
 
 class Scene(NamedTuple):
@@ -199,7 +200,11 @@ def meets_body(scene: Scene, timeline: np.ndarray) -> bool:
     """Return whether a timeline comes too near to a steered body."""
     for here, there in zip(timeline, [*timeline[1:], timeline[-1]], strict=True):
         radius = max(np.hypot(*each[CORE : CORE + 2]) for each in (here, there)) + max(here[RADIUS], there[RADIUS])
-        piece = np.array([*here[:2], *there[:2], radius + max(BODY_ROOM, here[BEND])])
-        if any(gap_to_piece(body, piece) < 0.0 for body in scene.obstacles.bodies.rows):
+        shares = np.linspace(0.0, 1.0, 5)[:, None]
+        bent = (1.0 - shares) * here[:2] + shares * there[:2]
+        bent[1:-1] += here[QUARTERS:REST].reshape(3, 2)
+        pieces = [np.array([*here[:2], *there[:2], radius + BODY_ROOM])]
+        pieces += [np.array([*begin, *end, radius + here[REST]]) for begin, end in pairwise(bent)]
+        if any(gap_to_piece(body, piece) < 0.0 for body in scene.obstacles.bodies.rows for piece in pieces):
             return True
     return False

@@ -5,13 +5,13 @@ A timeline samples track and body at the world's slots (every ``slot_frames`` fr
 samples, positions are interpolated linearly; a body comes off that by at most the bend of the first sample. A body is a
 disc as broad as its behavior, narrower with the arms held in, or a capsule along the way if it walks sideways.
 
-Arguments of all helpers: a timeline (K, 6) with its ``start`` and ``gone`` slots; ``first_slot``, before which meetings
-do not count; ``radius`` of the body at rest [m]; ``obstacles``, ``everyone`` or ``others`` (the timelines of all rows),
-``chain``, ``draft`` (a scratch chain) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one
-of the present node from which a chain goes on. ``graph`` is the motion graph
-(:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``a`` and ``b`` are two timelines (K, 6), each with its own start
-and gone slots; ``me`` and ``row`` are rows, ``other`` is a timeline. The columns of a timeline are
-in :data:`crowdsim.crowd.state.components.SAMPLE`.
+Arguments of all helpers: a timeline (K, 13) with its ``start`` and ``gone`` slots; ``first_slot``, before which
+meetings do not count; ``radius`` of the body at rest [m]; ``obstacles``, ``everyone`` or ``others`` (the timelines of
+all rows), ``chain``, ``draft`` (a scratch chain) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`;
+``frame``, the one of the present node from which a chain goes on. ``graph`` is the motion graph
+(:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``a`` and ``b`` are two timelines (K, 13), each with its own start
+and gone slots; ``me`` and ``row`` are rows, ``other`` is a timeline. The columns of a timeline are those of
+:data:`crowdsim.crowd.state.components.SAMPLE`.
 """
 
 import math
@@ -20,12 +20,12 @@ import numpy as np
 
 from crowdsim.crowd.near.neighbor_kernels import OF_BODIES, OF_TIMELINES, cells_within, insert_row, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
-from crowdsim.crowd.state.components import BEND, CORE, RADIUS
+from crowdsim.crowd.state.components import BEND, CORE, QUARTERS, RADIUS, REST
 from crowdsim.crowd.state.sampling_kernels import sample_chain
 from crowdsim.crowd.state.way_kernels import FOREVER, stops_in_passage, stops_in_way
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
-from crowdsim.geometry.segments_kernels import segment_segment_distance2
+from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance.clearance_kernels import capsule_clearance, disc_clearance
@@ -87,19 +87,40 @@ def _moving_gap(a, i, j, b, k, m):
 
 
 @helper
-def _bends(a, i, j, b, k, m):
-    """Return how much nearer two bodies may come than straight motion from ``i`` to ``j`` and ``k`` to ``m`` [m]."""
-    return (a[i, BEND] if j > i else 0.0) + (b[k, BEND] if m > k else 0.0)
+def _at_quarter(a, i, j, quarter, p, axis):
+    """Return a coordinate of disc ``p`` (-1, 0, 1) of a body after some quarters of its way from ``i`` to ``j`` [m]."""
+    share = 0.25 * quarter
+    core = a[i, CORE + axis] + share * (a[j, CORE + axis] - a[i, CORE + axis])
+    place = a[i, axis] + share * (a[j, axis] - a[i, axis]) + p * core
+    if j > i and 0 < quarter < 4:
+        place += a[i, QUARTERS + 2 * (quarter - 1) + axis]
+    return place
+
+
+@helper
+def _bent_gap(a, i, j, b, k, m):
+    """Return the least gap [m] as :func:`_moving_gap` does, along the tracks as they bend; REST comes off it."""
+    least = math.inf
+    for p in range(-1, 2):
+        for q in range(-1, 2):
+            dx = _at_quarter(a, i, j, 0, p, 0) - _at_quarter(b, k, m, 0, q, 0)
+            dy = _at_quarter(a, i, j, 0, p, 1) - _at_quarter(b, k, m, 0, q, 1)
+            for quarter in range(1, 5):
+                ex = _at_quarter(a, i, j, quarter, p, 0) - _at_quarter(b, k, m, quarter, q, 0)
+                ey = _at_quarter(a, i, j, quarter, p, 1) - _at_quarter(b, k, m, quarter, q, 1)
+                least = min(least, point_segment_distance2(0.0, 0.0, dx, dy, ex, ey))
+                dx, dy = ex, ey
+    return math.sqrt(least) - max(a[i, RADIUS], a[j, RADIUS]) - max(b[k, RADIUS], b[m, RADIUS])
 
 
 @kernel
 def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, present):
     """Return True if two bodies touch along their timelines at or after ``first_slot``, or come to rest too near.
 
-    a, b: (K, 6) samples, from the slots a_start and b_start to before a_gone and b_gone. Exact for the piecewise linear
-    motion of the discs, to the end of time; that their tracks bend in between is allowed for. At rest, their tracks are
-    at least ``at_rest`` + ELBOW_ROOM apart [m], so that either can turn on the spot. If both are ``present`` in the
-    world and nearer already, they may move as long as they do not come nearer still; otherwise they could never part.
+    a, b: (K, 13) samples, from the slots a_start and b_start to before a_gone and b_gone. Exact for the motion of the
+    discs, also as they bend between samples, to the end of time. At rest, their tracks are at least ``at_rest`` +
+    ELBOW_ROOM apart [m], so that either can turn on the spot. If both are ``present`` in the world and nearer already,
+    they may move as long as they do not come nearer still; otherwise they could never part.
     """
     if first_slot >= a_gone or first_slot >= b_gone:
         return False
@@ -108,12 +129,14 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
     ib = min(max(first_slot - b_start, 0), len(b) - 1)
     apart = at_rest + ELBOW_ROOM
     overlap = 0.0
-    now = math.inf
+    # The same, less what the bodies come off their tracks.
+    doubt = 0.0
     # Two that are too near already only have to stay as far apart as they are.
     if present:
         apart = min(apart, hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1]) - ROUNDING)
         now = _moving_gap(a, ia, ia, b, ib, ib) - ROUNDING
         overlap = min(now, 0.0)
+        doubt = min(now - a[ia, REST] - b[ib, REST], 0.0)
     # Both stay for ever: compare the places where they come to rest.
     rest = hypot(a[-1, 0] - b[-1, 0], a[-1, 1] - b[-1, 1])
     if rest < apart and min(a_gone, b_gone) == FOREVER:
@@ -128,10 +151,13 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
         ib = min(max(slot - b_start, 0), len(b) - 1)
         jb = min(max(slot + 1 - b_start, 0), len(b) - 1)
         gap = _moving_gap(a, ia, ja, b, ib, jb)
-        # Two that part in the first segment may be nearer than their bends.
-        parting = slot == first_slot and gap >= now
-        if gap < overlap or (gap - _bends(a, ia, ja, b, ib, jb) < overlap and not parting):
+        if gap < overlap:
             return True
+        # The tracks bend between samples: follow them from quarter to quarter, but only if that could matter.
+        if gap - a[ia, BEND] - b[ib, BEND] < doubt:
+            gap = _bent_gap(a, ia, ja, b, ib, jb)
+            if gap - a[ia, REST] - b[ib, REST] < doubt:
+                return True
     return False
 
 
@@ -278,7 +304,7 @@ def append_stop(graph, chain, count):
 
 @kernel
 def comes_near(timeline, segments, distance):
-    """Return True if a timeline (K, 6) comes nearer than ``distance`` to one of ``segments`` (M, 4) [m]."""
+    """Return True if a timeline (K, 13) comes nearer than ``distance`` to one of ``segments`` (M, 4) [m]."""
     square = distance * distance
     for k in range(len(timeline) - 1):
         ax, ay, bx, by = timeline[k, 0], timeline[k, 1], timeline[k + 1, 0], timeline[k + 1, 1]
@@ -339,7 +365,7 @@ def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, firs
     least ``first`` are taken. ``draft`` is scratch of the same size. ``ends_plan``: the agent leaves the world
     after the last of them. ``obstacles`` and ``everyone`` (all rows) are those of
     :mod:`crowdsim.crowd.state.timelines`. Return (number of nodes taken, gone slot), with 0 nodes if there is none; the
-    timeline is left in ``timeline`` (K, 6).
+    timeline is left in ``timeline`` (K, 13).
     """
     forever = np.int64(FOREVER)
     start = playback.clock // playback.slot_frames

@@ -64,7 +64,7 @@ def chained_hash(digest: int, environment: bytes, step: int, before: int) -> int
 
 
 def timeline_digest(timeline: NDArray[np.float64]) -> int:
-    """Return 64 bits that tell a reserved timeline (K, 6) from others."""
+    """Return 64 bits that tell a reserved timeline (K, 13) from others."""
     return digest_of(timeline[:, :BEND].tobytes())
 
 

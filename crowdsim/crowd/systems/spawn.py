@@ -13,9 +13,10 @@ from crowdsim.constants import NONE
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.body_kernels import meets_body
-from crowdsim.crowd.state.components import RADIUS, SAMPLE, SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.state.components import BEND, RADIUS, REST, SAMPLE, SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, meets_anyone
+from crowdsim.crowd.state.sampling_kernels import sway_behind
 from crowdsim.crowd.state.timelines import NO_BODIES, StandingBodies, Timelines
 from crowdsim.crowd.state.way_kernels import FOREVER
 from crowdsim.crowd.systems.apply_events import KEPT_OFF
@@ -65,6 +66,8 @@ class Spawning:
                 self._ask(agent)
             elif max(self.cast.start_steps[agent], self.refused.get(agent, -self._pause) + self._pause) <= step:
                 position = plan.departure[:2]
+                # It may have to stand there, swaying.
+                self._parked[:, [BEND, REST]] = sway_behind(self.assets.graph, plan.departure_node, 0.0)
                 if everyone is None:
                     near = Neighbors.of(view.pose[:, :2], view.timeline_circle, view.body_radius)
                     everyone = Timelines.of(view, near)

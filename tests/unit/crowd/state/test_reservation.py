@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crowdsim.crowd.near.neighbors import Neighbors
-from crowdsim.crowd.state.components import BEND, CORE, RADIUS, SAMPLE, SLOT_FRAMES
+from crowdsim.crowd.state.components import BEND, CORE, QUARTERS, RADIUS, REST, SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.reservation_kernels import (
     append_stop,
     comes_near,
@@ -73,19 +73,23 @@ def test_two_who_would_touch_between_samples_meet() -> None:
     """Both sway towards each other in the middle of a segment, which no sample shows."""
     walking = discs_along(np.column_stack([0.2 * np.arange(6), np.zeros(6)]), 0.3)
     other = walking + np.array([0.0, 0.604, *[0.0] * (SAMPLE - 2)])
-    for each in (walking, other):
-        each[3, BEND] = 0.0025
+    for each, side in ((walking, 1.0), (other, -1.0)):
+        each[3, BEND], each[3, REST] = 0.0025, 0.0001
+        each[3, QUARTERS:REST] = [0.0, 0.002 * side, 0.0, 0.0025 * side, 0.0, 0.002 * side]
     assert pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 0, 0.6, True)
-    other[:, 1] += 0.002
-    assert not pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 0, 0.6, True)
-    other[:, 1] -= 0.002
     assert not pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 4, 0.6, True), "the segment is over"
+    other[:, 1] += 0.0015
+    assert not pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 0, 0.6, True)
+    other[:, 1] -= 0.0015
+    for each in (walking, other):
+        each[3, QUARTERS:REST] *= -1.0
+    assert not pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 0, 0.6, True), "they sway apart"
 
 
 def test_two_as_near_as_they_bend_may_part() -> None:
     standing = discs_along(np.zeros((6, 2)), 0.3)
     parting = discs_along(np.column_stack([0.601 + 0.1 * np.arange(6), np.zeros(6)]), 0.3)
-    parting[0, BEND] = 0.004
+    parting[0, BEND], parting[0, REST] = 0.004, 0.003
     assert not pair_meets(parting, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, True)
     assert pair_meets(parting, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, False)
 
@@ -107,7 +111,7 @@ def test_whoever_is_gone_is_in_no_ones_way() -> None:
 
 
 def circles_of(timelines: np.ndarray) -> np.ndarray:
-    """Circles around the first positions of timelines (N, K, 6) that hold all of them."""
+    """Circles around the first positions of timelines (N, K, 13) that hold all of them."""
     tracks = timelines[..., :2]
     reach = np.hypot(*(tracks - tracks[:, :1]).transpose(2, 0, 1)).max(axis=1)
     return np.column_stack([tracks[:, 0], reach])
@@ -167,8 +171,8 @@ def test_a_sampled_chain_is_where_the_chain_will_be(frame: int, clock: int) -> N
         assert [*place, *found[RADIUS:BEND]] == pytest.approx([x, y, 0.2, *core], abs=1e-12)
     bent = out.copy()
     write_bends(bent, clock, 0.1, lambda later: pose_at(GRAPH, nodes, origins, blend_offsets, frame + later))
-    assert out[:, BEND] == pytest.approx(bent[:, BEND], abs=1e-12)
-    assert out[:, BEND].max() > 1e-3
+    assert out[:, BEND:] == pytest.approx(bent[:, BEND:], abs=1e-12)
+    assert out[:, BEND].max() > 5.0 * out[:, REST].max() > 0.0
 
 
 @pytest.mark.parametrize("wanted", [0.6, 0.83, 1.15])
