@@ -72,7 +72,6 @@ class Choosing:
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
         self.surroundings = Surroundings(plans)
-        self._looked_ahead: dict[int, NDArray[np.int32]] = {}
         self._giving_way = GivingWay(plans)
         self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
         self._ahead_steps = max(round(AHEAD_RETRY_SECONDS * plans.assets.steps_per_second), 1)
@@ -368,8 +367,8 @@ class Choosing:
         agent = int(view.agent[row])
         if plan.count - following > NODES_LEFT or view.awaiting_plan[row] or not self._walks_through(plan, agent):
             return
-        if self._looked_ahead.get(agent) is not plan.nodes:
-            self._looked_ahead[agent] = plan.nodes  # once for each plan: another search would fail, too
+        if self.plans.looked_ahead.get(agent) is not plan.nodes:
+            self.plans.looked_ahead[agent] = plan.nodes  # once for each plan: another search would fail, too
             view.awaiting_plan[row] = True
             self.plans.request_on(agent, Join(plan, plan.count - 1, reaches=True), len(plan.passes) + 1)
 

@@ -74,6 +74,7 @@ class Spawning:
                 if self._is_free(everyone, position, taken, slot, bodies):
                     self._spawn(agent, plan, slot)
                     self.spawned[agent] = step
+                    self.forget(agent)
                     taken.append(position)
                 else:
                     self.refused[agent] = step
@@ -97,6 +98,11 @@ class Spawning:
         if meets_body(NONE, self._parked, bodies):
             return False
         return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, everyone)
+
+    def forget(self, agent: int) -> None:
+        """Drop what is known of an agent that asked for its motion, or found its place taken."""
+        self.requested.pop(agent, None)
+        self.refused.pop(agent, None)
 
     def _ask(self, agent: int) -> None:
         """Request a motion for an agent without one, unless a search is under way or has failed."""
