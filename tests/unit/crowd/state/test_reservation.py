@@ -12,10 +12,11 @@ from crowdsim.crowd.state.reservation_kernels import (
     append_stop,
     comes_near,
     meets_anyone,
+    node_is_free,
     pair_meets,
     reserve,
 )
-from crowdsim.crowd.state.sampling_kernels import sample_chain
+from crowdsim.crowd.state.sampling_kernels import sample_chain, sway_behind
 from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Playback, Timelines
 from crowdsim.crowd.systems.animate import Playing
 from crowdsim.crowd.systems.animate_kernels import advance
@@ -319,6 +320,38 @@ def test_more_strides_are_reserved_where_someone_stands_in_the_place_to_stop() -
 
 def test_nothing_is_reserved_through_someone_who_stands() -> None:
     assert reserved(tuple(walked(3)[0][9]))[0] == 0
+
+
+@pytest.mark.parametrize(("off", "free"), [(0.199, False), (0.2005, True)])
+def test_a_corner_passed_between_two_samples_counts(off: float, free: bool) -> None:
+    """The body passes the corner in frame 10; frames 8 and 12, which are tested first, are 4 mm farther away from it."""
+    x, y, _ = pose_at(GRAPH, [2], np.zeros((1, 3)), np.zeros((1, 3)), 10)
+    corner = shapely.Polygon([(x, y + off), (x + 0.2, y + off + 0.9), (x - 0.2, y + off + 0.9)])
+    mesh = NavMesh(shapely.box(-5, -5, 10, 10).difference(corner)).arrays
+    breadths = np.array([[0.2, 0.0]])
+    obstacles = Obstacles((mesh,), breadths[:, :1], breadths, NOTHING, 0.0, NO_BODIES, 0, 0.2)
+    assert node_is_free(GRAPH, 2, np.zeros(3), np.zeros(3), obstacles, np.full(1, -1)) == free
+
+
+def test_a_standing_body_sways() -> None:
+    tracks = GRAPH.tracks.copy()
+    idle = int(GRAPH.node_track[0])
+    tracks[idle + 10, :2] = 0.003, 0.004
+    tracks[idle + 20, 2] = 0.02
+    graph = GRAPH._replace(tracks=tracks)
+    assert sway_behind(graph, 3, 0.0) == pytest.approx(0.005)
+    assert sway_behind(graph, 3, 0.5) == pytest.approx(0.01)
+    assert sway_behind(graph, 1, 0.5) == 0.0, "nobody stands behind this node"
+    chain = Chain(np.array([3], np.int32), START[None], np.zeros((1, 3)))
+    out = np.zeros((40, SAMPLE))
+    ended = sample_chain(graph, chain, 1, SIDEWAYS, 0, natural(0), out)
+    assert out[ended:, [BEND, REST]] == pytest.approx(0.005)
+    # Somebody who passes keeps off by that much.
+    passing = discs_along(np.column_stack([np.linspace(-2.0, 2.0, 40), np.full(40, 0.504)]), 0.3)
+    standing = discs_along(np.zeros((40, 2)), 0.2)
+    assert not pair_meets(passing, 0, FOREVER, standing, 0, FOREVER, 0, 0.5, True)
+    standing[:, [BEND, REST]] = 0.005
+    assert pair_meets(passing, 0, FOREVER, standing, 0, FOREVER, 0, 0.5, True)
 
 
 def test_a_wall_behind_the_stop_asks_for_a_stride_more_or_refuses() -> None:
