@@ -128,14 +128,14 @@ def write_bends(timeline: np.ndarray, clock: int, half: float, pose: Callable[[i
 
 
 def discs_at(timeline, slot: float) -> tuple[np.ndarray, float]:
-    """Return the centers (3, 2) of a body's discs at a slot, and their radius: that of the broader sample beside it."""
+    """Return the centers (41, 2) of a body's discs at a slot, and their radius, that of the broader sample beside."""
     samples, start, _ = timeline
     u = np.clip(slot - start, 0, len(samples) - 1)
     low = int(np.floor(u))
     high = min(low + 1, len(samples) - 1)
     at = samples[low] + (u - low) * (samples[high] - samples[low])
     radius = max(samples[low, RADIUS], samples[high, RADIUS]) if u > low else samples[low, RADIUS]
-    return at[:2] + np.array([[-1.0], [0.0], [1.0]]) * at[CORE : CORE + 2], float(radius)
+    return at[:2] + np.linspace(-1.0, 1.0, 41)[:, None] * at[CORE : CORE + 2], float(radius)
 
 
 def timelines_meet(a, b, first_slot: int, at_rest: float, room: float = 0.0) -> bool:
@@ -152,7 +152,7 @@ def timelines_meet(a, b, first_slot: int, at_rest: float, room: float = 0.0) -> 
     last = max(a[1] + len(a[0]), b[1] + len(b[0]))
     if first_slot >= min(a[2], b[2]):
         return False
-    now = np.linalg.norm(discs_at(a, first_slot)[0][1] - discs_at(b, first_slot)[0][1])
+    now = np.linalg.norm(discs_at(a, first_slot)[0][20] - discs_at(b, first_slot)[0][20])
     rest = np.linalg.norm(a[0][-1, :2] - b[0][-1, :2])
     if min(a[2], b[2]) == FOREVER and rest < min(at_rest + ELBOW_ROOM, now - 1e-6):
         return True

@@ -18,14 +18,15 @@ import math
 
 import numpy as np
 
+from crowdsim.crowd.near.gap_kernels import beside_discs, moving_gap, sure_gap
 from crowdsim.crowd.near.neighbor_kernels import OF_BODIES, OF_TIMELINES, cells_within, insert_row, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
-from crowdsim.crowd.state.components import BEND, CORE, QUARTERS, RADIUS, REST
+from crowdsim.crowd.state.components import BEND
 from crowdsim.crowd.state.sampling_kernels import sample_chain
 from crowdsim.crowd.state.way_kernels import FOREVER, stops_in_passage, stops_in_way
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
-from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
+from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance.clearance_kernels import capsule_clearance, disc_clearance
@@ -57,62 +58,6 @@ _WINDING = 0.01
 """Length by which a track is longer than the straight line between two samples, at most [m]."""
 
 
-@helper
-def _moving_gap(a, i, j, b, k, m):
-    """Return the least gap of two bodies [m] while they move from sample ``i`` to ``j`` and from ``k`` to ``m``.
-
-    A capsule is replaced by three discs. A segment is as broad as the broader of its ends.
-    """
-    radii = max(a[i, RADIUS], a[j, RADIUS]) + max(b[k, RADIUS], b[m, RADIUS])
-    my_discs = a[i, CORE] != 0.0 or a[i, CORE + 1] != 0.0 or a[j, CORE] != 0.0 or a[j, CORE + 1] != 0.0
-    its_discs = b[k, CORE] != 0.0 or b[k, CORE + 1] != 0.0 or b[m, CORE] != 0.0 or b[m, CORE + 1] != 0.0
-    mine = 1 if my_discs else 0
-    its = 1 if its_discs else 0
-    least = math.inf
-    for p in range(-mine, mine + 1):
-        for q in range(-its, its + 1):
-            # Relative motion of two discs: a point from d to d + e. Its nearest distance to the origin is at t.
-            dx = a[i, 0] + p * a[i, CORE] - b[k, 0] - q * b[k, CORE]
-            dy = a[i, 1] + p * a[i, CORE + 1] - b[k, 1] - q * b[k, CORE + 1]
-            ex = a[j, 0] + p * a[j, CORE] - b[m, 0] - q * b[m, CORE] - dx
-            ey = a[j, 1] + p * a[j, CORE + 1] - b[m, 1] - q * b[m, CORE + 1] - dy
-            square = ex * ex + ey * ey
-            t = 0.0
-            if square > 0.0:
-                t = min(max(-(dx * ex + dy * ey) / square, 0.0), 1.0)
-            cx = dx + t * ex
-            cy = dy + t * ey
-            least = min(least, cx * cx + cy * cy)
-    return math.sqrt(least) - radii
-
-
-@helper
-def _at_quarter(a, i, j, quarter, p, axis):
-    """Return a coordinate of disc ``p`` (-1, 0, 1) of a body after some quarters of its way from ``i`` to ``j`` [m]."""
-    share = 0.25 * quarter
-    core = a[i, CORE + axis] + share * (a[j, CORE + axis] - a[i, CORE + axis])
-    place = a[i, axis] + share * (a[j, axis] - a[i, axis]) + p * core
-    if j > i and 0 < quarter < 4:
-        place += a[i, QUARTERS + 2 * (quarter - 1) + axis]
-    return place
-
-
-@helper
-def _bent_gap(a, i, j, b, k, m):
-    """Return the least gap [m] as :func:`_moving_gap` does, along the tracks as they bend; REST comes off it."""
-    least = math.inf
-    for p in range(-1, 2):
-        for q in range(-1, 2):
-            dx = _at_quarter(a, i, j, 0, p, 0) - _at_quarter(b, k, m, 0, q, 0)
-            dy = _at_quarter(a, i, j, 0, p, 1) - _at_quarter(b, k, m, 0, q, 1)
-            for quarter in range(1, 5):
-                ex = _at_quarter(a, i, j, quarter, p, 0) - _at_quarter(b, k, m, quarter, q, 0)
-                ey = _at_quarter(a, i, j, quarter, p, 1) - _at_quarter(b, k, m, quarter, q, 1)
-                least = min(least, point_segment_distance2(0.0, 0.0, dx, dy, ex, ey))
-                dx, dy = ex, ey
-    return math.sqrt(least) - max(a[i, RADIUS], a[j, RADIUS]) - max(b[k, RADIUS], b[m, RADIUS])
-
-
 @kernel
 def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, present):
     """Return True if two bodies touch along their timelines at or after ``first_slot``, or come to rest too near.
@@ -129,14 +74,11 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
     ib = min(max(first_slot - b_start, 0), len(b) - 1)
     apart = at_rest + ELBOW_ROOM
     overlap = 0.0
-    # The same, less what the bodies come off their tracks.
-    doubt = 0.0
     # Two that are too near already only have to stay as far apart as they are.
     if present:
         apart = min(apart, hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1]) - ROUNDING)
-        now = _moving_gap(a, ia, ia, b, ib, ib) - ROUNDING
-        overlap = min(now, 0.0)
-        doubt = min(now - a[ia, REST] - b[ib, REST], 0.0)
+        overlap = min(moving_gap(a, ia, ia, b, ib, ib) - ROUNDING, 0.0)
+    first_a, first_b = ia, ib
     # Both stay for ever: compare the places where they come to rest.
     rest = hypot(a[-1, 0] - b[-1, 0], a[-1, 1] - b[-1, 1])
     if rest < apart and min(a_gone, b_gone) == FOREVER:
@@ -150,13 +92,16 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
         ja = min(max(slot + 1 - a_start, 0), len(a) - 1)
         ib = min(max(slot - b_start, 0), len(b) - 1)
         jb = min(max(slot + 1 - b_start, 0), len(b) - 1)
-        gap = _moving_gap(a, ia, ja, b, ib, jb)
+        gap = moving_gap(a, ia, ja, b, ib, jb)
         if gap < overlap:
             return True
-        # The tracks bend between samples: follow them from quarter to quarter, but only if that could matter.
-        if gap - a[ia, BEND] - b[ib, BEND] < doubt:
-            gap = _bent_gap(a, ia, ja, b, ib, jb)
-            if gap - a[ia, REST] - b[ib, REST] < doubt:
+        # Tracks bend between samples, and capsules are broader than three discs: look closer where that could matter.
+        off = a[ia, BEND] + b[ib, BEND] + beside_discs(a, ia, ja, 1) + beside_discs(b, ib, jb, 1)
+        if gap < off:
+            allowed = 0.0
+            if present:
+                allowed = min(sure_gap(a, first_a, first_a, b, first_b, first_b) - ROUNDING, 0.0)
+            if sure_gap(a, ia, ja, b, ib, jb) < allowed:
                 return True
     return False
 

@@ -87,6 +87,16 @@ def test_two_who_would_touch_between_samples_meet() -> None:
     assert not pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 0, 0.6, True), "they sway apart"
 
 
+def test_between_the_discs_of_a_capsule_it_is_as_broad() -> None:
+    """A narrow body passes a sideways one half way between the middle and the end of its core."""
+    sideways = discs_along(np.zeros((40, 2)), 0.15)
+    sideways[:, CORE] = 0.15
+    passing = discs_along(np.column_stack([np.full(40, 0.075), np.linspace(-2.0, -0.29, 40)]), 0.15)
+    assert pair_meets(passing, 0, FOREVER, sideways, 0, FOREVER, 0, 0.1, True)
+    passing[:, 1] -= 0.013
+    assert not pair_meets(passing, 0, FOREVER, sideways, 0, FOREVER, 0, 0.1, True)
+
+
 def test_two_as_near_as_they_bend_may_part() -> None:
     standing = discs_along(np.zeros((6, 2)), 0.3)
     parting = discs_along(np.column_stack([0.601 + 0.1 * np.arange(6), np.zeros(6)]), 0.3)
@@ -324,7 +334,7 @@ def test_nothing_is_reserved_through_someone_who_stands() -> None:
 
 @pytest.mark.parametrize(("off", "free"), [(0.199, False), (0.2005, True)])
 def test_a_corner_passed_between_two_samples_counts(off: float, free: bool) -> None:
-    """The body passes the corner in frame 10; frames 8 and 12, which are tested first, are 4 mm farther away from it."""
+    """The body passes the corner in frame 10; frames 8 and 12, which are tested, are 4 mm farther away from it."""
     x, y, _ = pose_at(GRAPH, [2], np.zeros((1, 3)), np.zeros((1, 3)), 10)
     corner = shapely.Polygon([(x, y + off), (x + 0.2, y + off + 0.9), (x - 0.2, y + off + 0.9)])
     mesh = NavMesh(shapely.box(-5, -5, 10, 10).difference(corner)).arrays
