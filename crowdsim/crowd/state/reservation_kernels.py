@@ -18,11 +18,10 @@ import math
 
 import numpy as np
 
-from crowdsim.crowd.near.gap_kernels import beside_discs, moving_gap, sure_gap
 from crowdsim.crowd.near.neighbor_kernels import OF_BODIES, OF_TIMELINES, cells_within, insert_row, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import BEND
-from crowdsim.crowd.state.sampling_kernels import sample_chain
+from crowdsim.crowd.state.sampling_kernels import beside_discs, moving_gap, sample_chain, sure_gap
 from crowdsim.crowd.state.way_kernels import FOREVER, stops_in_passage, stops_in_way
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
