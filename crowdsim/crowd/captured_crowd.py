@@ -43,6 +43,9 @@ from crowdsim.scenario.people.placement import Placement
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing, Timetable
 
+AT_ONCE = 256
+"""Number of agents in the world for which memory is taken at first; more get it as they come."""
+
 LEAD_SECONDS = 0.2
 """Time before its need at which a plan is requested, if that is known [s]."""
 
@@ -76,7 +79,7 @@ class CapturedCrowd:
         self.assets = prepare(scenario, workers, preparing, behavior_set)
         self.environment = EnvironmentState(self.assets)
         self.cast = place_agents(scenario, self.assets.personal_radius + TRACKING_MARGIN) if cast is None else cast
-        self.world = World(COLUMNS, capacity=len(self.cast.starts))
+        self.world = World(COLUMNS, capacity=min(len(self.cast.starts), AT_ONCE))
         self.searches = Searches(WorkerPool(workers, latency=1))
         self._new_routes: list[tuple[int, AnnotatedPath]] = []
         self.itineraries = Itineraries(self.cast)
@@ -167,7 +170,7 @@ class CapturedCrowd:
             row = rows.get(agent)
             if row is None:
                 self.plans.forget(agent)
-                self.spawning.requested.pop(agent, None)
+                self.spawning.forget(agent)
                 continue
             view.goal[row], view.stays[row] = place, stays
             if view.state[row] == AgentState.ARRIVED:
@@ -190,7 +193,7 @@ class CapturedCrowd:
         self.cast.start_steps[agents] = NEVER
         for agent in agents.tolist():
             self.plans.forget(agent)
-            self.spawning.requested.pop(agent, None)
+            self.spawning.forget(agent)
 
     def set_speed(self, agents: NDArray[np.int64], speed: float) -> None:
         """Let ``agents`` (k,) walk at ``speed`` [m/s] from their next node on, or at the nearest playable one."""
@@ -228,6 +231,7 @@ class CapturedCrowd:
 
     def end_step(self) -> None:
         """Begin the search slices for the next step, after all else, as their threads would slow it down."""
+        self._new_routes.clear()  # a run without a recording does not ask for them
         search_on(self.plans, self.world.view())
         self.plans.step += 1
 
@@ -236,7 +240,7 @@ class CapturedCrowd:
         return self.environment.placing(movable)
 
     def new_routes(self) -> list[Route]:
-        """Return the paths that agents follow since the last call."""
+        """Return the paths that agents follow since the last call, or since the step before ended."""
         routes = [Route(agent, *labeled_points(route)) for agent, route in self._new_routes]
         self._new_routes.clear()
         return routes

@@ -88,7 +88,7 @@ class Crowd(Protocol):
         """Return the present step of all agents; those outside the world are marked absent."""
 
     def new_routes(self) -> list[Route]:
-        """Return the paths that agents follow since the last call."""
+        """Return the paths that agents follow since the last call, or since the step before ended."""
 
     def placing(self, movable: int) -> Placing | None:
         """Return the placing of a movable; None while it is absent."""

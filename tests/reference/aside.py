@@ -69,12 +69,12 @@ def step_to_wall_slow(scene: Scene, row: int) -> int:
     slot = scene.clock // SLOT_FRAMES
     # The cheapest move that meets no timeline, no steered body and no wall.
     for _, move in sorted(priced):
-        timeline, poses = play(scene, row, move)
+        timeline, poses, ways = play(scene, row, move)
         radii = everyone.body_radius
         meets = (
             pair_meets(timeline, slot, FOREVER, *scene.timeline(k), slot, float(radii[row] + radii[k]), True)
             for k in others
         )
-        if not any(meets) and not meets_body(scene, timeline) and is_clear(scene, row, poses, 0.0):
+        if not any(meets) and not meets_body(scene, timeline) and is_clear(scene, row, poses, ways, 0.0):
             return move
     return -1

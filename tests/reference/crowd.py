@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 
-from crowdsim.crowd.state.components import CORE, RADIUS, SAMPLE
+from crowdsim.crowd.state.components import BEND, CORE, QUARTERS, RADIUS, REST, SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
 from crowdsim.crowd.state.timelines import Playback
 from crowdsim.geometry.planar import compose, wrap_angle
@@ -97,25 +98,48 @@ def ticks_one_by_one(playback: Playback, steps: int) -> list[int]:
 
 
 def discs_along(tracks: np.ndarray, radius: float) -> np.ndarray:
-    """Return timeline samples (..., 5) of an agent that follows tracks (..., 2) as a disc [m]."""
+    """Return timeline samples (..., 13) of an agent that follows tracks (..., 2) as a disc [m]."""
     samples = np.zeros((*tracks.shape[:-1], SAMPLE))
     samples[..., :2], samples[..., RADIUS] = tracks, radius
     return samples
 
 
+def write_bends(timeline: np.ndarray, clock: int, half: float, pose: Callable[[int], np.ndarray]) -> None:
+    """Write to each sample (K, 13) how far a body comes off its straight motion to the next one, at any later frame.
+
+    ``pose(frame)`` is where it is ``frame`` frames after the clock, ``half`` the half length of its core.
+    """
+    timeline[:, BEND:] = 0.0
+    frames = np.arange(SLOT_FRAMES + 1)
+    for k, (here, there) in enumerate(pairwise(timeline)):
+        offs, turned = np.zeros((len(frames), 2)), np.zeros(len(frames))
+        for inside in frames[1:-1]:
+            later = (clock // SLOT_FRAMES + k) * SLOT_FRAMES + inside - clock
+            if later > 0:
+                straight = here + inside / SLOT_FRAMES * (there - here)
+                x, y, heading = pose(int(later))
+                core = half * np.array([-np.sin(heading), np.cos(heading)])
+                offs[inside], turned[inside] = [x, y] - straight[:2], np.hypot(*(core - straight[CORE : CORE + 2]))
+        quarters = frames[:: SLOT_FRAMES // 4]
+        pieces = np.column_stack([np.interp(frames, quarters, offs[quarters, axis]) for axis in range(2)])
+        timeline[k, BEND] = (np.hypot(*offs.T) + turned).max()
+        timeline[k, QUARTERS:REST] = offs[quarters[1:-1]].ravel()
+        timeline[k, REST] = (np.hypot(*(offs - pieces).T) + turned).max()
+
+
 def discs_at(timeline, slot: float) -> tuple[np.ndarray, float]:
-    """Return the centers (3, 2) of a body's discs at a slot, and their radius: that of the broader sample beside it."""
+    """Return the centers (41, 2) of a body's discs at a slot, and their radius, that of the broader sample beside."""
     samples, start, _ = timeline
     u = np.clip(slot - start, 0, len(samples) - 1)
     low = int(np.floor(u))
     high = min(low + 1, len(samples) - 1)
     at = samples[low] + (u - low) * (samples[high] - samples[low])
     radius = max(samples[low, RADIUS], samples[high, RADIUS]) if u > low else samples[low, RADIUS]
-    return at[:2] + np.array([[-1.0], [0.0], [1.0]]) * at[CORE : CORE + 2], float(radius)
+    return at[:2] + np.linspace(-1.0, 1.0, 41)[:, None] * at[CORE : CORE + 2], float(radius)
 
 
 def timelines_meet(a, b, first_slot: int, at_rest: float, room: float = 0.0) -> bool:
-    """Return whether the gap of two timelines (samples (K, 5), start, gone) is ever less than ``room``.
+    """Return whether the gap of two timelines (samples (K, 13), start, gone) is ever less than ``room``.
 
     Sampled densely. A pair that already overlaps, or is already nearer at rest, counts only if it gets worse.
     """
@@ -128,7 +152,7 @@ def timelines_meet(a, b, first_slot: int, at_rest: float, room: float = 0.0) -> 
     last = max(a[1] + len(a[0]), b[1] + len(b[0]))
     if first_slot >= min(a[2], b[2]):
         return False
-    now = np.linalg.norm(discs_at(a, first_slot)[0][1] - discs_at(b, first_slot)[0][1])
+    now = np.linalg.norm(discs_at(a, first_slot)[0][20] - discs_at(b, first_slot)[0][20])
     rest = np.linalg.norm(a[0][-1, :2] - b[0][-1, :2])
     if min(a[2], b[2]) == FOREVER and rest < min(at_rest + ELBOW_ROOM, now - 1e-6):
         return True

@@ -6,6 +6,7 @@ none, if the kernels have enough budget. Whether two timelines meet is decided b
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -22,20 +23,20 @@ from crowdsim.crowd.giving_way.give_way_kernels import (
 )
 from crowdsim.crowd.giving_way.moves import Moves
 from crowdsim.crowd.state.body_kernels import BODY_ROOM
-from crowdsim.crowd.state.components import CORE, RADIUS, SAMPLE, SLOT_FRAMES
+from crowdsim.crowd.state.components import CORE, QUARTERS, RADIUS, REST, SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.reservation_kernels import pair_meets
 from crowdsim.crowd.state.timelines import Obstacles, Timelines
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, next_origin
-from tests.reference.crowd import FOREVER, off_way
+from tests.reference.crowd import FOREVER, off_way, write_bends
 from tests.reference.mixed_crowd import gap_to_piece
 
 _STRIDE = 6  # frames between two poses that are tested for walls
 _ROUNDING = 1e-9  # meters
 
 Timeline = tuple[np.ndarray, int, int]
-"""Samples (K, 5), slot of the first sample, slot from which on the row is gone."""
+"""Samples (K, 13), slot of the first sample, slot from which on the row is gone."""
 
 
 class Scene(NamedTuple):
@@ -76,9 +77,9 @@ def _let_move(scene, me, trail, owned, moved, strict):
         return list(moved.items())
     row = trail[len(moved)]
     for move in moves_in_order(scene, me, row, strict and not moved):
-        timeline, poses = play(scene, row, move)
+        timeline, poses, ways = play(scene, row, move)
         asked = _asked(scene, me, row, (timeline, scene.clock // SLOT_FRAMES, FOREVER), owned, trail)
-        if asked is None or not is_clear(scene, row, poses) or meets_body(scene, timeline):
+        if asked is None or not is_clear(scene, row, poses, ways) or meets_body(scene, timeline):
             continue
         its = {row: (timeline, scene.clock // SLOT_FRAMES, FOREVER)}
         found = _let_move(scene, me, trail + asked, owned | its, moved | {row: move}, strict)
@@ -136,13 +137,17 @@ def _off(way: np.ndarray, place: np.ndarray) -> float:
     return np.inf if np.isnan(way).any() else off_way(way, place)[0]
 
 
-def play(scene: Scene, row: int, move: int) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return the timeline of a move, and the poses along it that are tested for walls, the last one first."""
+def play(scene: Scene, row: int, move: int) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
+    """Return the timeline of a move, the poses along it that are tested for walls, the last one first, and the ways.
+
+    Each way leads along one node, that of the first from the first of the tested poses on.
+    """
     graph, moves, clock = scene.graph, scene.moves, scene.clock
     node = int(scene.standing.node[row])
     end = compose(scene.standing.origin[row], graph.node_motion[node])
     track: list[np.ndarray] = [end]
     poses: list[np.ndarray] = []
+    ways: list[np.ndarray] = []
     for k in range(moves.lengths[move]):
         edge = int(moves.edges[move, k])
         node = int(graph.edge_target[edge])
@@ -156,6 +161,7 @@ def play(scene: Scene, row: int, move: int) -> tuple[np.ndarray, list[np.ndarray
             pose = compose(origin, graph.tracks[graph.node_track[node] + frame])
             played.append(pose + (1.0 - u * u * (3.0 - 2.0 * u)) * offset)
         poses = played[count::-_STRIDE] + poses
+        ways.append(np.array(played[0 if k else count % _STRIDE :])[:, :2])
         track += played[1:]
         end = compose(origin, graph.node_motion[node])
     radius, half = scene.obstacles.breadths[0]
@@ -168,27 +174,37 @@ def play(scene: Scene, row: int, move: int) -> tuple[np.ndarray, list[np.ndarray
     # The clock may lie within a slot: shift the first sample so that interpolation at the clock gives the row's place.
     share = clock % SLOT_FRAMES / SLOT_FRAMES
     timeline[0, :2] = (timeline[0, :2] - share * timeline[1, :2]) / (1.0 - share)
-    return timeline, poses
+    write_bends(timeline, clock, half, lambda frame: track[min(frame, len(track) - 1)])
+    return timeline, poses, ways
 
 
-def is_clear(scene: Scene, row: int, poses: list[np.ndarray], off_walls: float = OFF_WALLS) -> bool:
-    """Return whether poses, the last one first, keep the widest clearance, and at the end more if the row had more."""
+def is_clear(
+    scene: Scene, row: int, poses: list[np.ndarray], ways: list[np.ndarray], off_walls: float = OFF_WALLS
+) -> bool:
+    """Return whether poses, the last one first, keep the widest clearance, and at the end more if the row had more.
+
+    So do the ways between them.
+    """
     own = float(scene.obstacles.radii.max())
 
     def clearance(pose: np.ndarray) -> float:
-        place = shapely.Point(pose[:2])
+        place = shapely.Point(pose[:2]) if pose.ndim == 1 else shapely.LineString(pose)
         return scene.floor.exterior.distance(place) if scene.floor.contains(place) else 0.0
 
     before = min(clearance(scene.standing.origin[row]), own + off_walls)
     at_end = max(own, before - _ROUNDING)
-    return clearance(poses[0]) >= at_end and all(clearance(pose) >= own for pose in poses)
+    return clearance(poses[0]) >= at_end and all(clearance(pose) >= own for pose in (*poses, *ways))
 
 
 def meets_body(scene: Scene, timeline: np.ndarray) -> bool:
     """Return whether a timeline comes too near to a steered body."""
     for here, there in zip(timeline, [*timeline[1:], timeline[-1]], strict=True):
         radius = max(np.hypot(*each[CORE : CORE + 2]) for each in (here, there)) + max(here[RADIUS], there[RADIUS])
-        piece = np.array([*here[:2], *there[:2], radius + BODY_ROOM])
-        if any(gap_to_piece(body, piece) < 0.0 for body in scene.obstacles.bodies.rows):
+        shares = np.linspace(0.0, 1.0, 5)[:, None]
+        bent = (1.0 - shares) * here[:2] + shares * there[:2]
+        bent[1:-1] += here[QUARTERS:REST].reshape(3, 2)
+        pieces = [np.array([*here[:2], *there[:2], radius + BODY_ROOM])]
+        pieces += [np.array([*begin, *end, radius + here[REST]]) for begin, end in pairwise(bent)]
+        if any(gap_to_piece(body, piece) < 0.0 for body in scene.obstacles.bodies.rows for piece in pieces):
             return True
     return False

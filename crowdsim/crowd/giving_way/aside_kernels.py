@@ -14,7 +14,8 @@ from crowdsim.crowd.giving_way.give_way_kernels import DETOUR_COST, lay_move, mo
 from crowdsim.crowd.near.neighbor_kernels import cells_within, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import RADIUS
-from crowdsim.crowd.state.reservation_kernels import ROUNDING, meets_anyone, sample_chain
+from crowdsim.crowd.state.reservation_kernels import ROUNDING, meets_anyone
+from crowdsim.crowd.state.sampling_kernels import sample_chain
 from crowdsim.crowd.state.way_kernels import FOREVER
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import compose

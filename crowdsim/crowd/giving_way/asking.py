@@ -58,7 +58,7 @@ class Trail(NamedTuple):
     gone_slot: NDArray[np.int64]
     """(D + 1,) their slots of leaving."""
     candidate: Floats
-    """(K, 5) timeline of the move that is tried."""
+    """(K, 13) timeline of the move that is tried."""
     tries: NDArray[np.int64]
     """(1,) moves that may still be tried in this step."""
 

@@ -17,15 +17,8 @@ import numpy as np
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.crowd.near.neighbor_kernels import cells_within, rows_of_line, widen
 from crowdsim.crowd.state.body_kernels import meets_body
-from crowdsim.crowd.state.reservation_kernels import (
-    IN_WAY,
-    ROUNDING,
-    TOO_LONG,
-    from_stand,
-    lay_out,
-    next_met,
-    sample_chain,
-)
+from crowdsim.crowd.state.reservation_kernels import BEYOND, IN_WAY, ROUNDING, TOO_LONG, lay_out, next_met, stays_free
+from crowdsim.crowd.state.sampling_kernels import from_stand, sample_chain
 from crowdsim.crowd.state.way_kernels import FOREVER, near_any, nearest_of_way
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
@@ -131,21 +124,27 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
         now, hints[k] = disc_clearance(mesh, chain.origins[0, 0], chain.origins[0, 1], widest + off_walls, hints[k])
         # Backwards from the end, as most moves that are blocked are blocked there.
         for c in range(count - 1, 0, -1):
-            node = chain.nodes[c]
+            node = np.int64(chain.nodes[c])
             own = obstacles.radii[graph.node_behavior[node], k]
             o, s = chain.origins[c], chain.blend_offsets[c]
-            frame = graph.node_frames[node]
+            frame = np.int64(graph.node_frames[node])
+            later, left = frame, math.inf  # the frame tested before, and its clearance beyond the body
             # Only the last frame of the move is a place to stay at.
             ends = c == count - 1
             while frame >= 0:
                 # At least the clearance of the node's behavior, and no more than there is now.
                 need = max(own, min(now - ROUNDING, widest + off_walls if ends else widest))
                 ends = False
-                x, y, _ = track_pose(graph, np.int64(node), np.int64(frame), o[0], o[1], o[2], s[0], s[1], s[2])
-                distance, hints[k] = disc_clearance(mesh, x, y, need, hints[k])
-                if distance < need:
+                x, y, _ = track_pose(graph, node, frame, o[0], o[1], o[2], s[0], s[1], s[2])
+                distance, hints[k] = disc_clearance(mesh, x, y, max(need, own + BEYOND), hints[k])
+                room = left + distance - own
+                if distance < need or not stays_free(graph, mesh, node, frame, later, o, s, own, room, hints[k]):
                     return False
+                later, left = frame, distance - own
                 frame -= _STRIDE
+            # The first frames of a node that another one comes before.
+            if c > 1 and not stays_free(graph, mesh, node, np.int64(0), later, o, s, own, left, hints[k]):
+                return False
     return True
 
 

@@ -311,6 +311,7 @@ class MixedCrowd:
         self.levels.changed[came] = self._stands_since[came] = step
         for agent in came[steered.entering.entered[came] == step].tolist():
             captured.plans.forget(agent)
+            captured.spawning.forget(agent)
 
     def _comes_into_crowd(self, outside: Any, step: int) -> NDArray[np.bool_]:
         """Return which of the agents about to enter have many others around their places."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
-from crowdsim.crowd.state.components import RADIUS, SLOT_FRAMES
+from crowdsim.crowd.state.components import BEND, QUARTERS, RADIUS, REST, SLOT_FRAMES
 from crowdsim.crowd.state.itineraries import Itineraries
 from crowdsim.crowd.steered.components import NO_GOAL
 from crowdsim.crowd.steered.errands import Errands
@@ -20,7 +20,8 @@ from crowdsim.steering.rules import Rules
 from crowdsim.steering.ways import Others
 
 TRACK_ROOM = 0.015
-"""Enlargement of reserved discs for steered bodies [m]: tracks bend between two samples of a timeline."""
+"""Enlargement of reserved discs for steered bodies [m]: tracks bend between two samples of a timeline. Where they bend
+more, the pieces between their quarters are reserved, too."""
 
 PUSHES_AFTER = 0.5
 """Time for which a captured agent is refused before steered ones in its way step aside [s]."""
@@ -100,7 +101,17 @@ def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.in
     discs = bodies[..., 0] + hypot(bodies[..., 1], bodies[..., 2])
     broader = np.maximum(discs[:, :-1], discs[:, 1:])[walking, slots]
     radii = np.concatenate([broader, discs[:, last]]) + TRACK_ROOM
-    return np.column_stack([np.concatenate([moving, rests]), radii]), owners
+    segments = np.column_stack([np.concatenate([moving, rests]), radii])
+    bent = np.flatnonzero(view.timeline[walking, slots, BEND] > TRACK_ROOM)
+    if not len(bent):
+        return segments, owners
+    # Points after each quarter of the time, and the pieces between them.
+    share = np.linspace(0.0, 1.0, 5)[:, None]
+    points = (1.0 - share) * moving[bent, None, :2] + share * moving[bent, None, 2:]
+    points[:, 1:-1] += view.timeline[walking, slots, QUARTERS:REST][bent].reshape(-1, 3, 2)
+    wide = np.repeat(broader[bent] + view.timeline[walking, slots, REST][bent], 4)
+    pieces = np.column_stack([points[:, :-1].reshape(-1, 2), points[:, 1:].reshape(-1, 2), wide])
+    return np.concatenate([segments, pieces]), np.concatenate([owners, np.repeat(walking[bent], 4)])
 
 
 def now_slot(step: int) -> int:

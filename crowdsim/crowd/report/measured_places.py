@@ -52,7 +52,8 @@ class MeasuredPlaces:
         self._places: list[Floats] = []
         self._counts = [array("i") for _ in self._areas]
         self._speeds = [array("f") for _ in self._areas]
-        self._crossed: list[list[tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]]] = [[] for _ in self._lines]
+        nobody = np.zeros(0, np.int64), np.zeros(0), np.zeros(0, np.bool_)
+        self._crossed: list[list[tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]]] = [[nobody] for _ in self._lines]
         self._step = 0
 
     def add(self, frame: RecordedFrame) -> None:
@@ -81,8 +82,6 @@ class MeasuredPlaces:
         ranks = self._share.ranks
         for count in self._counts:
             count[:] = array("i", ranks.sum(np.array(count, np.int64)).tolist())
-        if self._step < 2:  # nobody can have crossed a line, and no process has noted anything
-            return
         for number, parts in enumerate(self._crossed):
             agents, times, to_left = (ranks.together(np.concatenate(column))[0] for column in zip(*parts, strict=True))
             self._crossed[number] = [(agents, times, to_left)]
@@ -95,9 +94,7 @@ class MeasuredPlaces:
         }
         lines = {}
         for line, width, parts in zip(self._lines, self._widths, self._crossed, strict=True):
-            agents = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
-            times = np.concatenate([np.zeros(0), *(part[1] for part in parts)])
-            to_left = np.concatenate([np.zeros(0, np.bool_), *(part[2] for part in parts)])
+            agents, times, to_left = (np.concatenate(column) for column in zip(*parts, strict=True))
             order = np.lexsort((agents, times))
             lines[line.name] = Crossings(
                 line.shape().length, width, agents[order].astype(np.int32), times[order], to_left[order]
@@ -150,7 +147,8 @@ class MeasuredPlaces:
             for first, second in itertools.pairwise(points):
                 agents, share, to_left = crossings_of(before, after, first, second)
                 times = (self._step - 1 + share) / self._rate
-                self._crossed[number].append((agents + self._share.agents.start, times, to_left))
+                if len(agents):
+                    self._crossed[number].append((agents + self._share.agents.start, times, to_left))
 
 
 def crossings_of(

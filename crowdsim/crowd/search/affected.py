@@ -11,7 +11,7 @@ from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.components import SAMPLE
 from crowdsim.crowd.state.environment import Edit, Footprints
 from crowdsim.crowd.state.motion_plan import MotionPlan
-from crowdsim.crowd.state.reservation_kernels import sample_chain
+from crowdsim.crowd.state.sampling_kernels import sample_chain
 from crowdsim.crowd.state.timelines import Chain, Playback
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, points_at
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE

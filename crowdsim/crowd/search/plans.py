@@ -83,6 +83,8 @@ class Plans:
     """By agent: route that it has followed last, also if it is to plan another one."""
     unreachable: dict[int, str] = field(default_factory=dict)
     """By agent: reason why no path to its goal was found at the last request."""
+    looked_ahead: dict[int, NDArray[np.int32]] = field(default_factory=dict)
+    """By agent: nodes of the plan from whose goal the way onwards was requested last."""
     moved: int = 0
     """Number of times that agents gave way."""
     away: set[int] = field(default_factory=set)
@@ -116,7 +118,7 @@ class Plans:
     def forget(self, agent: int) -> None:
         """Drop all plans and searches of an agent."""
         self.searches.drop(agent)
-        for table in (self.motions, self.routes, self.followed, self.unreachable, self._joins):
+        for table in (self.motions, self.routes, self.followed, self.unreachable, self.looked_ahead, self._joins):
             table.pop(agent, None)
         self.away.discard(agent)
 

@@ -1,20 +1,41 @@
 """Test of a timeline against the bodies of steered agents as they stand now."""
 
-from crowdsim.crowd.state.components import CORE, RADIUS
+import math
+
+from crowdsim.crowd.state.components import BEND, CORE, QUARTERS, RADIUS, REST
 from crowdsim.geometry.elementary_kernels import hypot
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 
 BODY_ROOM = 0.01
-"""Gap between a timeline and the body of a steered agent [m]: tracks bend between two samples."""
+"""Gap between a timeline and the body of a steered agent [m]. Where the track bends more, it is followed as it does."""
+
+
+@helper
+def _bent_gap(timeline, k, body):
+    """Return the gap between a body and a track as it bends from sample ``k`` to the next one [m]."""
+    gap = math.inf
+    ax, ay = timeline[k, 0], timeline[k, 1]
+    ux, uy = timeline[k + 1, 0] - ax, timeline[k + 1, 1] - ay
+    px, py = ax, ay
+    for quarter in range(1, 5):
+        # The end of each piece; the last one is the next sample.
+        qx, qy = ax + 0.25 * quarter * ux, ay + 0.25 * quarter * uy
+        if quarter < 4:
+            qx += timeline[k, QUARTERS + 2 * (quarter - 1)]
+            qy += timeline[k, QUARTERS + 2 * (quarter - 1) + 1]
+        _, _, distance = core_to_segment(body.x, body.y, -body.hy, body.hx, body.half, px, py, qx, qy)
+        gap = min(gap, distance)
+        px, py = qx, qy
+    return gap - body.radius - timeline[k, REST]
 
 
 @kernel
 def meets_body(agent, timeline, bodies):
-    """Return True if an agent on a timeline comes within BODY_ROOM of a steered body.
+    """Return True if an agent on a timeline comes within BODY_ROOM of a steered body, or touches it where it bends.
 
-    ``timeline`` (K, 5) has the capsule at each sample: center, radius, and vector from center to end of the core [m].
+    ``timeline`` (K, 13) has the capsule at each sample: center, radius, and vector from center to end of the core [m].
     ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; the body of ``agent`` itself does not count.
     The agent's capsule is replaced by the disc that contains it, so the test is conservative.
     """
@@ -33,7 +54,8 @@ def meets_body(agent, timeline, bodies):
         radius += max(
             hypot(timeline[k, CORE], timeline[k, CORE + 1]), hypot(timeline[last, CORE], timeline[last, CORE + 1])
         )
-        far = radius + broadest + BODY_ROOM
+        bend = max(timeline[k, BEND], BODY_ROOM)
+        far = radius + broadest + bend
         # Search the cells of the segment's bounding box, grown by all that could touch; rows_beside takes them from a
         # middle column to either side.
         low, bottom = cell_of(frame, min(ax, bx) - far, min(ay, by) - far)
@@ -48,6 +70,7 @@ def meets_body(agent, timeline, bodies):
                     continue
                 # Exact distance from the core of the steered body to the segment.
                 _, _, distance = core_to_segment(body.x, body.y, -body.hy, body.hx, body.half, ax, ay, bx, by)
-                if distance - body.radius < radius + BODY_ROOM:
+                gap = distance - body.radius
+                if gap < radius + BODY_ROOM or (gap < radius + bend and _bent_gap(timeline, k, body) < radius):
                     return True
     return False

@@ -14,14 +14,25 @@ SLOT_FRAMES = CAPTURE_RATE // 5
 TIMELINE_SLOTS = 48
 """Number of samples of a reserved timeline: 9.6 s, longer than a few nodes and the stop after them."""
 
-SAMPLE = 5
-"""Values per sample: x, y of the track, radius of the body's capsule, and half of its core as a vector (x, y) [m]."""
+SAMPLE = 13
+"""Values per sample: x, y of the track, radius of the body's capsule, half of its core as a vector (x, y), and
+BEND, QUARTERS and REST of the motion to the next sample [m]."""
 
 RADIUS = 2
 """Index of the radius in a sample."""
 
 CORE = 3
 """Index of the x component of half the core (from the middle to one end) in a sample; the y component follows."""
+
+BEND = 5
+"""Index of the distance by which the body comes off its straight motion to the next sample. This and the values behind
+it follow from the nodes that are played, so the state hash leaves them out."""
+
+QUARTERS = 6
+"""Index of where the track is off that straight motion after one, two and three quarters of the time: x and y each."""
+
+REST = 12
+"""Index of the distance by which the body comes off the straight pieces between these."""
 
 WAY_POINTS = 8
 """Number of points of the way ahead in which others do not stop."""

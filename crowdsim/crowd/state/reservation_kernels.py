@@ -2,16 +2,15 @@
 
 A timeline samples track and body at the world's slots (every ``slot_frames`` frames of the global clock) from slot
 ``start`` on. After its last sample the agent stands there for ever, or is gone from slot ``gone`` on. Between
-samples, positions are interpolated linearly. A body is a disc as broad as its behavior, narrower with the arms held in,
-or a capsule along the way if it walks sideways.
+samples, positions are interpolated linearly; a body comes off that by at most the bend of the first sample. A body is a
+disc as broad as its behavior, narrower with the arms held in, or a capsule along the way if it walks sideways.
 
-Arguments of all helpers: a timeline (K, 5) with its ``start`` and ``gone`` slots; ``first_slot``, before which meetings
-do not count; ``radius`` of the body at rest [m]; ``obstacles``, ``everyone`` or ``others`` (the timelines of all rows),
-``chain``, ``draft`` (a scratch chain) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one
-of the present node from which a chain goes on. ``graph`` is the motion graph
-(:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``a`` and ``b`` are two timelines (K, 5), each with its own start
-and gone slots; ``me`` and ``row`` are rows, ``other`` is a timeline. The five columns of a timeline are x and y of the
-track, the radius of the body's capsule, and half of its core as a vector [m]: see
+Arguments of all helpers: a timeline (K, 13) with its ``start`` and ``gone`` slots; ``first_slot``, before which
+meetings do not count; ``radius`` of the body at rest [m]; ``obstacles``, ``everyone`` or ``others`` (the timelines of
+all rows), ``chain``, ``draft`` (a scratch chain) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`;
+``frame``, the one of the present node from which a chain goes on. ``graph`` is the motion graph
+(:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``a`` and ``b`` are two timelines (K, 13), each with its own start
+and gone slots; ``me`` and ``row`` are rows, ``other`` is a timeline. The columns of a timeline are those of
 :data:`crowdsim.crowd.state.components.SAMPLE`.
 """
 
@@ -21,16 +20,15 @@ import numpy as np
 
 from crowdsim.crowd.near.neighbor_kernels import OF_BODIES, OF_TIMELINES, cells_within, insert_row, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
-from crowdsim.crowd.state.components import CORE, RADIUS
-from crowdsim.crowd.state.timelines import Playback
+from crowdsim.crowd.state.components import BEND
+from crowdsim.crowd.state.sampling_kernels import beside_discs, moving_gap, sample_chain, sure_gap
 from crowdsim.crowd.state.way_kernels import FOREVER, stops_in_passage, stops_in_way
-from crowdsim.geometry.elementary_kernels import cos, hypot, sin
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
-from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, ticks_played
-from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose, track_pose_between
-from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
+from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose
+from crowdsim.navmesh.clearance.clearance_kernels import capsule_clearance, disc_clearance
 
 ELBOW_ROOM = 0.1
 """Gap between the discs of two agents at rest [m]."""
@@ -52,44 +50,21 @@ ROUNDING = 1e-9
 
 _STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
 
+BEYOND = 0.06
+"""Clearance beyond a body up to which it is measured [m]: with less, the motion between two samples is tested, too."""
 
-@helper
-def _moving_gap(a, i, j, b, k, m):
-    """Return the least gap of two bodies [m] while they move from sample ``i`` to ``j`` and from ``k`` to ``m``.
-
-    A capsule is replaced by three discs. A segment is as broad as the broader of its ends.
-    """
-    radii = max(a[i, RADIUS], a[j, RADIUS]) + max(b[k, RADIUS], b[m, RADIUS])
-    my_discs = a[i, CORE] != 0.0 or a[i, CORE + 1] != 0.0 or a[j, CORE] != 0.0 or a[j, CORE + 1] != 0.0
-    its_discs = b[k, CORE] != 0.0 or b[k, CORE + 1] != 0.0 or b[m, CORE] != 0.0 or b[m, CORE + 1] != 0.0
-    mine = 1 if my_discs else 0
-    its = 1 if its_discs else 0
-    least = math.inf
-    for p in range(-mine, mine + 1):
-        for q in range(-its, its + 1):
-            # Relative motion of two discs: a point from d to d + e. Its nearest distance to the origin is at t.
-            dx = a[i, 0] + p * a[i, CORE] - b[k, 0] - q * b[k, CORE]
-            dy = a[i, 1] + p * a[i, CORE + 1] - b[k, 1] - q * b[k, CORE + 1]
-            ex = a[j, 0] + p * a[j, CORE] - b[m, 0] - q * b[m, CORE] - dx
-            ey = a[j, 1] + p * a[j, CORE + 1] - b[m, 1] - q * b[m, CORE + 1] - dy
-            square = ex * ex + ey * ey
-            t = 0.0
-            if square > 0.0:
-                t = min(max(-(dx * ex + dy * ey) / square, 0.0), 1.0)
-            cx = dx + t * ex
-            cy = dy + t * ey
-            least = min(least, cx * cx + cy * cy)
-    return math.sqrt(least) - radii
+_WINDING = 0.01
+"""Length by which a track is longer than the straight line between two samples, at most [m]."""
 
 
 @kernel
 def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, present):
     """Return True if two bodies touch along their timelines at or after ``first_slot``, or come to rest too near.
 
-    a, b: (K, 5) samples, from the slots a_start and b_start to before a_gone and b_gone. Exact for the piecewise linear
-    motion of the discs, to the end of time. At rest, their tracks are at least ``at_rest`` + ELBOW_ROOM apart [m], so
-    that either can turn on the spot. If both are ``present`` in the world and nearer already, they may move as long as
-    they do not come nearer still; otherwise they could never part.
+    a, b: (K, 13) samples, from the slots a_start and b_start to before a_gone and b_gone. Exact for the motion of the
+    discs, also as they bend between samples, to the end of time. At rest, their tracks are at least ``at_rest`` +
+    ELBOW_ROOM apart [m], so that either can turn on the spot. If both are ``present`` in the world and nearer already,
+    they may move as long as they do not come nearer still; otherwise they could never part.
     """
     if first_slot >= a_gone or first_slot >= b_gone:
         return False
@@ -101,7 +76,8 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
     # Two that are too near already only have to stay as far apart as they are.
     if present:
         apart = min(apart, hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1]) - ROUNDING)
-        overlap = min(_moving_gap(a, ia, ia, b, ib, ib) - ROUNDING, 0.0)
+        overlap = min(moving_gap(a, ia, ia, b, ib, ib) - ROUNDING, 0.0)
+    first_a, first_b = ia, ib
     # Both stay for ever: compare the places where they come to rest.
     rest = hypot(a[-1, 0] - b[-1, 0], a[-1, 1] - b[-1, 1])
     if rest < apart and min(a_gone, b_gone) == FOREVER:
@@ -115,8 +91,17 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
         ja = min(max(slot + 1 - a_start, 0), len(a) - 1)
         ib = min(max(slot - b_start, 0), len(b) - 1)
         jb = min(max(slot + 1 - b_start, 0), len(b) - 1)
-        if _moving_gap(a, ia, ja, b, ib, jb) < overlap:
+        gap = moving_gap(a, ia, ja, b, ib, jb)
+        if gap < overlap:
             return True
+        # Tracks bend between samples, and capsules are broader than three discs: look closer where that could matter.
+        off = a[ia, BEND] + b[ib, BEND] + beside_discs(a, ia, ja, 1) + beside_discs(b, ib, jb, 1)
+        if gap < off:
+            allowed = 0.0
+            if present:
+                allowed = min(sure_gap(a, first_a, first_a, b, first_b, first_b) - ROUNDING, 0.0)
+            if sure_gap(a, ia, ja, b, ib, jb) < allowed:
+                return True
     return False
 
 
@@ -186,26 +171,54 @@ def _within_reach(center, other, first, last, reach):
 
 @kernel
 def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
-    """Return True if the disc of a node's behavior keeps clear of all layers along the whole node.
+    """Return True if the disc of a node's behavior keeps clear of all layers along the whole node, at any time.
 
     ``origin`` and ``blend_offset`` (3,) place the node in the world; ``hints`` are the triangles found last on each
     layer.
     """
-    behavior = graph.node_behavior[node]
-    frames = graph.node_frames[node]
+    frames = np.int64(graph.node_frames[node])
+    node = np.int64(node)
     dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
-    frame = 0
-    while True:
-        at = np.int64(frame)
-        x, y, _ = track_pose(graph, np.int64(node), at, origin[0], origin[1], origin[2], dx, dy, dh)
-        for k, mesh in enumerate(obstacles.layers):
-            need = obstacles.radii[behavior, k]
-            distance, hints[k] = disc_clearance(mesh, x, y, need, hints[k])
+    for k, mesh in enumerate(obstacles.layers):
+        need = obstacles.radii[graph.node_behavior[node], k]
+        left = math.inf  # clearance beyond the body at the sample before
+        frame = np.int64(-_STATIC_STRIDE)
+        while frame < frames:
+            before = frame
+            frame = min(frame + _STATIC_STRIDE, frames)
+            x, y, _ = track_pose(graph, node, frame, origin[0], origin[1], origin[2], dx, dy, dh)
+            distance, hints[k] = disc_clearance(mesh, x, y, need + BEYOND, hints[k])
             if distance < need:
                 return False
-        if frame == frames:
-            return True
-        frame = min(frame + _STATIC_STRIDE, frames)
+            room = left + distance - need
+            if not stays_free(graph, mesh, node, before, frame, origin, blend_offset, need, room, hints[k]):
+                return False
+            left = distance - need
+    return True
+
+
+@helper
+def stays_free(graph, mesh, node, first, last, origin, blend_offset, need, room, hint):
+    """Return True if a disc keeps clear of one layer between two frames of a node, at both of which it does.
+
+    ``room`` is the sum of the clearances at both beyond the radius ``need`` of the disc [m]. Only if the track is
+    longer than that it can come to an obstacle in between: then its straight motion from frame to frame is tested.
+    """
+    ox, oy, oh = origin[0], origin[1], origin[2]
+    dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
+    if room == math.inf:
+        return True
+    x, y, _ = track_pose(graph, node, first, ox, oy, oh, dx, dy, dh)
+    ex, ey, _ = track_pose(graph, node, last, ox, oy, oh, dx, dy, dh)
+    if room >= hypot(ex - x, ey - y) + _WINDING:
+        return True
+    for frame in range(first + 1, last + 1):
+        bx, by, _ = track_pose(graph, node, np.int64(frame), ox, oy, oh, dx, dy, dh)
+        distance, hint = capsule_clearance(mesh, x, y, bx, by, need, hint)
+        if distance < need:
+            return False
+        x, y = bx, by
+    return True
 
 
 @kernel
@@ -233,82 +246,9 @@ def append_stop(graph, chain, count):
     return count
 
 
-@helper
-def _set_sample(out, k, x, y, heading, breadth):
-    """Write track and body to sample ``k`` of ``out`` (K, 5): the core lies across the direction that the body faces.
-
-    ``breadth`` (2,) is the radius of the capsule and half the length of its core [m]; heading: [rad].
-    """
-    out[k, 0] = x
-    out[k, 1] = y
-    out[k, RADIUS] = breadth[0]
-    half = breadth[1]
-    out[k, CORE] = -half * sin(heading) if half > 0.0 else 0.0
-    out[k, CORE + 1] = half * cos(heading) if half > 0.0 else 0.0
-
-
-@helper
-def from_stand(playback):
-    """Return the playback of an agent that begins to walk now: at a full frame, at the natural rate."""
-    rate = np.int64(FRAME_TICKS * playback.step_frames)
-    return Playback(playback.clock, playback.slot_frames, playback.step_frames, playback.ramp, np.int64(0), rate, rate)
-
-
-@kernel
-def sample_chain(graph, chain, count, breadths, frame, playback, out):
-    """Sample tracks and bodies of a chain at the slots; its first node is at frame ``frame`` now.
-
-    ``breadths`` (B, 2) and ``playback`` are those of :mod:`crowdsim.crowd.state.timelines`. ``out`` (K, 5) is filled
-    from the present slot on. The first sample has the present body, and is placed so that linear interpolation gives
-    the present position now. After the end of the chain the samples stay there. Return the first slot at or after the
-    end, or -1 if the chain takes more slots than ``out`` has.
-    """
-    nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
-    clock, slot_frames = playback.clock, playback.slot_frames
-    k = 0
-    begin = np.int64(0)  # ticks of the chain up to the current node
-    slot = clock // slot_frames
-    first = np.int64(frame) * FRAME_TICKS
-    played = first + playback.part  # ticks of the chain at the slot
-    for c in range(count):
-        node = nodes[c]
-        ticks = np.int64(graph.node_frames[node]) * FRAME_TICKS
-        breadth = breadths[graph.node_behavior[node]]
-        before = k
-        # All slots that fall into this node; the first sample belongs to the present node in any case.
-        while k < len(out) and (played < begin + ticks or k == 0):
-            at = min(played - begin, ticks)
-            whole, part = at // FRAME_TICKS, (at % FRAME_TICKS) / FRAME_TICKS
-            o = origins[c]
-            s = blend_offsets[c]
-            x, y, h = track_pose_between(graph, np.int64(node), whole, part, o[0], o[1], o[2], s[0], s[1], s[2])
-            _set_sample(out, k, x, y, h, breadth)
-            k += 1
-            slot += 1
-            played = first + ticks_played(playback, slot * slot_frames - clock)
-        if k == before and k > 0:
-            # A node between two samples has none: the segment must be as broad as its body.
-            out[k - 1, RADIUS] = max(out[k - 1, RADIUS], breadth[0] + breadth[1])
-        begin += ticks
-    if k == len(out):
-        return -1
-    ended = slot
-    o = origins[count - 1]
-    x, y, h = node_end(graph, np.int64(nodes[count - 1]), o[0], o[1], o[2])
-    while k < len(out):
-        _set_sample(out, k, x, y, h, breadths[graph.node_behavior[nodes[count - 1]]])
-        k += 1
-    # The present lies between two slots: extrapolate the first sample backwards.
-    rest = (clock // slot_frames + 1) * slot_frames - clock
-    if rest < slot_frames:
-        for axis in range(2):
-            out[0, axis] = out[1, axis] - (out[1, axis] - out[0, axis]) * slot_frames / rest
-    return ended
-
-
 @kernel
 def comes_near(timeline, segments, distance):
-    """Return True if a timeline (K, 5) comes nearer than ``distance`` to one of ``segments`` (M, 4) [m]."""
+    """Return True if a timeline (K, 13) comes nearer than ``distance`` to one of ``segments`` (M, 4) [m]."""
     square = distance * distance
     for k in range(len(timeline) - 1):
         ax, ay, bx, by = timeline[k, 0], timeline[k, 1], timeline[k + 1, 0], timeline[k + 1, 1]
@@ -369,7 +309,7 @@ def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, firs
     least ``first`` are taken. ``draft`` is scratch of the same size. ``ends_plan``: the agent leaves the world
     after the last of them. ``obstacles`` and ``everyone`` (all rows) are those of
     :mod:`crowdsim.crowd.state.timelines`. Return (number of nodes taken, gone slot), with 0 nodes if there is none; the
-    timeline is left in ``timeline`` (K, 5).
+    timeline is left in ``timeline`` (K, 13).
     """
     forever = np.int64(FOREVER)
     start = playback.clock // playback.slot_frames

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 
 import numpy as np
+from numpy.typing import NDArray
 
-from crowdsim.crowd.state.components import DIGESTED, HASHED_AS
+from crowdsim.crowd.state.components import BEND, DIGESTED, HASHED_AS
 from crowdsim.crowd.state.digest_kernels import BASIS, digest_rows, digest_words
 from crowdsim.ecs.world import World
 
@@ -60,6 +61,11 @@ def chained_hash(digest: int, environment: bytes, step: int, before: int) -> int
     """
     numbers = (before, step, digest)
     return digest_of(b"".join(number.to_bytes(8, "little") for number in numbers) + environment)
+
+
+def timeline_digest(timeline: NDArray[np.float64]) -> int:
+    """Return 64 bits that tell a reserved timeline (K, 13) from others."""
+    return digest_of(timeline[:, :BEND].tobytes())
 
 
 def digest_of(content: bytes) -> int:

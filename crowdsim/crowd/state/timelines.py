@@ -72,7 +72,7 @@ class Timelines(NamedTuple):
     """Reserved timelines of all N rows."""
 
     timeline: Floats
-    """(N, K, 5) tracks and bodies at the slots: see :data:`crowdsim.crowd.state.components.SAMPLE`."""
+    """(N, K, 13) tracks and bodies at the slots: see :data:`crowdsim.crowd.state.components.SAMPLE`."""
     timeline_start: NDArray[np.int64]
     """(N,) slot of the first sample."""
     gone_slot: NDArray[np.int64]

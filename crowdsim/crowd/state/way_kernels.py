@@ -44,7 +44,7 @@ def near_any(segments, x, y, distance):
 
 @kernel
 def stops_in_passage(timeline, passages, distance):
-    """Return True if a timeline (K, 5) ends, but does not begin, within ``distance`` of one of ``passages`` (S, 4)."""
+    """Return True if a timeline (K, 13) ends, but does not begin, within ``distance`` of one of ``passages`` (S, 4)."""
     return near_any(passages, timeline[-1, 0], timeline[-1, 1], distance) and not near_any(
         passages, timeline[0, 0], timeline[0, 1], distance
     )
@@ -52,7 +52,7 @@ def stops_in_passage(timeline, passages, distance):
 
 @kernel
 def stops_in_way(timeline, ways, width):
-    """Return True if a timeline (K, 5) ends nearer than ``width`` to one of ``ways`` (W, P, 2).
+    """Return True if a timeline (K, 13) ends nearer than ``width`` to one of ``ways`` (W, P, 2).
 
     A stop behind the begin of a way is not in it. An agent that is in a way already may move along it, not against
     it.

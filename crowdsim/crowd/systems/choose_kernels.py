@@ -171,7 +171,7 @@ def own(obstacles, rows, row, ways):
 
 @helper
 def own_timeline(rows, row, timeline, gone, playback, everyone):
-    """Reserve a timeline (k, 5) for a row from the present slot on, and play its nodes as ``playback`` says.
+    """Reserve a timeline (k, 13) for a row from the present slot on, and play its nodes as ``playback`` says.
 
     ``gone`` is the slot from which the row takes no room. The neighbor search gets the row's new circle.
     """

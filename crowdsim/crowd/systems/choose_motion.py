@@ -15,7 +15,7 @@ from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.components import LAST, SLOT_FRAMES
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, node_is_free, reserve
-from crowdsim.crowd.state.state_hash import digest_of
+from crowdsim.crowd.state.state_hash import timeline_digest
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Playback
 from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
 from crowdsim.crowd.systems.choose_kernels import (
@@ -72,7 +72,6 @@ class Choosing:
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
         self.surroundings = Surroundings(plans)
-        self._looked_ahead: dict[int, NDArray[np.int32]] = {}
         self._giving_way = GivingWay(plans)
         self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
         self._ahead_steps = max(round(AHEAD_RETRY_SECONDS * plans.assets.steps_per_second), 1)
@@ -122,7 +121,7 @@ class Choosing:
             scratch.counts[EXTENDED] = 0
             number, wanted = go_on(assets.graph, rows, chosen, number, *constant, self._playback)
             for row in scratch.extended[: scratch.counts[EXTENDED]].tolist():
-                view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
+                view.timeline_digest[row] = timeline_digest(view.timeline[row])
             if wanted == ALL_DONE:
                 refused += scratch.refused[: scratch.counts[REFUSED]].tolist()
                 return refused
@@ -183,7 +182,7 @@ class Choosing:
         obstacles, everyone = self.surroundings.obstacles(view, walker), self.surroundings.everyone(view)
         now = self._scratch, self._playback, walker.frame
         if slow_down(self.plans.assets.graph, Rows.of(view), row, obstacles, everyone, *now):
-            view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
+            view.timeline_digest[row] = timeline_digest(view.timeline[row])
 
     def _follow(self, view: View, row: int) -> None:
         """Enter the next node of the plan, which is reserved."""
@@ -311,7 +310,7 @@ class Choosing:
         return {
             "timeline": timeline,
             "timeline_circle": np.array([*tracks[0], hypot(*(tracks - tracks[0]).T).max() + ROUNDING]),
-            "timeline_digest": digest_of(timeline.tobytes()),
+            "timeline_digest": timeline_digest(timeline),
             "timeline_start": walker.playback.clock // SLOT_FRAMES,
             "gone_slot": gone,
             "part": walker.playback.part,
@@ -368,8 +367,8 @@ class Choosing:
         agent = int(view.agent[row])
         if plan.count - following > NODES_LEFT or view.awaiting_plan[row] or not self._walks_through(plan, agent):
             return
-        if self._looked_ahead.get(agent) is not plan.nodes:
-            self._looked_ahead[agent] = plan.nodes  # once for each plan: another search would fail, too
+        if self.plans.looked_ahead.get(agent) is not plan.nodes:
+            self.plans.looked_ahead[agent] = plan.nodes  # once for each plan: another search would fail, too
             view.awaiting_plan[row] = True
             self.plans.request_on(agent, Join(plan, plan.count - 1, reaches=True), len(plan.passes) + 1)
 

@@ -13,7 +13,7 @@ from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.components import TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
-from crowdsim.crowd.state.state_hash import digest_of
+from crowdsim.crowd.state.state_hash import timeline_digest
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Playback, Timelines
 from crowdsim.crowd.systems.going_on import Scratch
 from crowdsim.ecs.world import View
@@ -128,7 +128,7 @@ class GivingWay:
         plans.moved += 1
         view.awaiting_plan[row] = False
         view.plan_digest[row] = plan.digest
-        view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
+        view.timeline_digest[row] = timeline_digest(view.timeline[row])
         view.way[row] = np.nan
         view.reserved[row] = plan.count - 1
         view.blocked_since[row] = NONE

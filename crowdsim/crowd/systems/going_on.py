@@ -130,7 +130,7 @@ class Scratch(NamedTuple):
     draft: Chain
     """Copy of it that is extended by the stop."""
     timeline: Floats
-    """(K, 5) timeline tried last."""
+    """(K, 13) timeline tried last."""
     ways: Floats
     """(WAYS, P, 2) ways of others that the row tried last keeps free."""
     ways_count: Longs

@@ -13,9 +13,10 @@ from crowdsim.constants import NONE
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.body_kernels import meets_body
-from crowdsim.crowd.state.components import RADIUS, SAMPLE, SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.state.components import BEND, RADIUS, REST, SAMPLE, SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, meets_anyone
+from crowdsim.crowd.state.sampling_kernels import sway_behind
 from crowdsim.crowd.state.timelines import NO_BODIES, StandingBodies, Timelines
 from crowdsim.crowd.state.way_kernels import FOREVER
 from crowdsim.crowd.systems.apply_events import KEPT_OFF
@@ -65,12 +66,15 @@ class Spawning:
                 self._ask(agent)
             elif max(self.cast.start_steps[agent], self.refused.get(agent, -self._pause) + self._pause) <= step:
                 position = plan.departure[:2]
+                # It may have to stand there, swaying.
+                self._parked[:, [BEND, REST]] = sway_behind(self.assets.graph, plan.departure_node, 0.0)
                 if everyone is None:
                     near = Neighbors.of(view.pose[:, :2], view.timeline_circle, view.body_radius)
                     everyone = Timelines.of(view, near)
                 if self._is_free(everyone, position, taken, slot, bodies):
                     self._spawn(agent, plan, slot)
                     self.spawned[agent] = step
+                    self.forget(agent)
                     taken.append(position)
                 else:
                     self.refused[agent] = step
@@ -94,6 +98,11 @@ class Spawning:
         if meets_body(NONE, self._parked, bodies):
             return False
         return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, everyone)
+
+    def forget(self, agent: int) -> None:
+        """Drop what is known of an agent that asked for its motion, or found its place taken."""
+        self.requested.pop(agent, None)
+        self.refused.pop(agent, None)
 
     def _ask(self, agent: int) -> None:
         """Request a motion for an agent without one, unless a search is under way or has failed."""

@@ -42,7 +42,9 @@ def test_nothing_is_kept_of_those_who_left(locomotion: str) -> None:
             simulation.step()
         assert simulation.arrived == 3
         crowd = simulation.crowd
-        plans = crowd.plans if isinstance(crowd, CapturedCrowd) else crowd.captured.plans
+        captured = crowd if isinstance(crowd, CapturedCrowd) else crowd.captured
+        plans, spawning = captured.plans, captured.spawning
+        assert (spawning.requested, spawning.refused, plans.looked_ahead, crowd.new_routes()) == ({}, {}, {}, [])
         assert (dict(plans.motions), plans.routes, plans.unreachable, plans.away) == ({}, {}, {}, set())
         assert not any(plans.searches.is_under_way(agent) for agent in range(3))
         assert (plans.motions.table.nodes == -1).all()

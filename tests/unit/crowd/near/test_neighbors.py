@@ -40,7 +40,7 @@ def crowd(seed: int, count: int, side: float) -> tuple[Timelines, np.ndarray, np
 @settings(deadline=None)
 def test_whoever_is_met_is_found_in_the_order_of_rows(seed: int, count: int, side: float) -> None:
     everyone, *_ = crowd(seed, count, side)
-    mine = everyone.timeline[0] + [0.1, 0.1, 0.0, 0.0, 0.0]
+    mine = everyone.timeline[0] + np.array([0.1, 0.1, *[0.0] * (SAMPLE - 2)])
     found, row = [], -1
     while (row := next_met(0, mine, 0, FOREVER, 0, 0.25, everyone, row + 1)) >= 0:
         found.append(row)
@@ -100,7 +100,9 @@ def test_cells_are_limited_and_whoever_is_beyond_them_is_found() -> None:
     timeline = discs_along(np.repeat(spots[:, None], SLOTS, axis=1), 0.3)
     everyone = Timelines(timeline, np.zeros(3, np.int64), np.full(3, FOREVER), radii, circles, near)
     assert next_met(-1, timeline[2], 0, FOREVER, 0, 0.3, everyone, 0) == 1
-    assert next_met(-1, timeline[0] + [5.0, 5.0, 0.0, 0.0, 0.0], 0, FOREVER, 0, 0.3, everyone, 0) == -1
+    assert (
+        next_met(-1, timeline[0] + np.array([5.0, 5.0, *[0.0] * (SAMPLE - 2)]), 0, FOREVER, 0, 0.3, everyone, 0) == -1
+    )
 
 
 def test_nobody_has_no_extent_and_no_spread() -> None:

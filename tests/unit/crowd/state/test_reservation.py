@@ -7,15 +7,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crowdsim.crowd.near.neighbors import Neighbors
-from crowdsim.crowd.state.components import CORE, RADIUS, SAMPLE, SLOT_FRAMES
+from crowdsim.crowd.state.components import BEND, CORE, QUARTERS, RADIUS, REST, SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.reservation_kernels import (
     append_stop,
     comes_near,
     meets_anyone,
+    node_is_free,
     pair_meets,
     reserve,
-    sample_chain,
 )
+from crowdsim.crowd.state.sampling_kernels import sample_chain, sway_behind
 from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Playback, Timelines
 from crowdsim.crowd.systems.animate import Playing
 from crowdsim.crowd.systems.animate_kernels import advance
@@ -29,6 +30,7 @@ from tests.reference.crowd import (
     ticks_one_by_one,
     timelines_meet,
     walking_graph,
+    write_bends,
 )
 
 GRAPH = walking_graph()
@@ -51,7 +53,7 @@ def random_timeline(rng: np.random.Generator):
     narrow = rng.random(6) < rng.choice([0.0, 0.5, 1.0])
     angle = rng.uniform(-3.0, 3.0)
     samples[narrow, RADIUS] = rng.uniform(0.15, 0.3)
-    samples[narrow, CORE:] = rng.choice([0.0, 0.15]) * np.array([np.cos(angle), np.sin(angle)])
+    samples[narrow, CORE:BEND] = rng.choice([0.0, 0.15]) * np.array([np.cos(angle), np.sin(angle)])
     return samples, start, gone
 
 
@@ -66,6 +68,41 @@ def test_two_timelines_meet_exactly_when_dense_sampling_finds_it(seed: int) -> N
         # Dense sampling misses a graze between its samples: the exact answer may only be the stricter one.
         assert found
         assert timelines_meet(a, b, first, 0.6, room=2e-3)
+
+
+def test_two_who_would_touch_between_samples_meet() -> None:
+    """Both sway towards each other in the middle of a segment, which no sample shows."""
+    walking = discs_along(np.column_stack([0.2 * np.arange(6), np.zeros(6)]), 0.3)
+    other = walking + np.array([0.0, 0.604, *[0.0] * (SAMPLE - 2)])
+    for each, side in ((walking, 1.0), (other, -1.0)):
+        each[3, BEND], each[3, REST] = 0.0025, 0.0001
+        each[3, QUARTERS:REST] = [0.0, 0.002 * side, 0.0, 0.0025 * side, 0.0, 0.002 * side]
+    assert pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 0, 0.6, True)
+    assert not pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 4, 0.6, True), "the segment is over"
+    other[:, 1] += 0.0015
+    assert not pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 0, 0.6, True)
+    other[:, 1] -= 0.0015
+    for each in (walking, other):
+        each[3, QUARTERS:REST] *= -1.0
+    assert not pair_meets(walking, 0, FOREVER, other, 0, FOREVER, 0, 0.6, True), "they sway apart"
+
+
+def test_between_the_discs_of_a_capsule_it_is_as_broad() -> None:
+    """A narrow body passes a sideways one half way between the middle and the end of its core."""
+    sideways = discs_along(np.zeros((40, 2)), 0.15)
+    sideways[:, CORE] = 0.15
+    passing = discs_along(np.column_stack([np.full(40, 0.075), np.linspace(-2.0, -0.29, 40)]), 0.15)
+    assert pair_meets(passing, 0, FOREVER, sideways, 0, FOREVER, 0, 0.1, True)
+    passing[:, 1] -= 0.013
+    assert not pair_meets(passing, 0, FOREVER, sideways, 0, FOREVER, 0, 0.1, True)
+
+
+def test_two_as_near_as_they_bend_may_part() -> None:
+    standing = discs_along(np.zeros((6, 2)), 0.3)
+    parting = discs_along(np.column_stack([0.601 + 0.1 * np.arange(6), np.zeros(6)]), 0.3)
+    parting[0, BEND], parting[0, REST] = 0.004, 0.003
+    assert not pair_meets(parting, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, True)
+    assert pair_meets(parting, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, False)
 
 
 def test_those_who_stand_too_close_may_part_but_not_approach() -> None:
@@ -85,7 +122,7 @@ def test_whoever_is_gone_is_in_no_ones_way() -> None:
 
 
 def circles_of(timelines: np.ndarray) -> np.ndarray:
-    """Circles around the first positions of timelines (N, K, 5) that hold all of them."""
+    """Circles around the first positions of timelines (N, K, 13) that hold all of them."""
     tracks = timelines[..., :2]
     reach = np.hypot(*(tracks - tracks[:, :1]).transpose(2, 0, 1)).max(axis=1)
     return np.column_stack([tracks[:, 0], reach])
@@ -142,7 +179,11 @@ def test_a_sampled_chain_is_where_the_chain_will_be(frame: int, clock: int) -> N
         x, y, heading = pose_at(GRAPH, nodes, origins, blend_offsets, frame + later)
         core = -0.1 * np.sin(heading), 0.1 * np.cos(heading)
         place = now if k == 0 else found[:2]
-        assert [*place, *found[RADIUS:]] == pytest.approx([x, y, 0.2, *core], abs=1e-12)
+        assert [*place, *found[RADIUS:BEND]] == pytest.approx([x, y, 0.2, *core], abs=1e-12)
+    bent = out.copy()
+    write_bends(bent, clock, 0.1, lambda later: pose_at(GRAPH, nodes, origins, blend_offsets, frame + later))
+    assert out[:, BEND:] == pytest.approx(bent[:, BEND:], abs=1e-12)
+    assert out[:, BEND].max() > 5.0 * out[:, REST].max() > 0.0
 
 
 @pytest.mark.parametrize("wanted", [0.6, 0.83, 1.15])
@@ -289,6 +330,38 @@ def test_more_strides_are_reserved_where_someone_stands_in_the_place_to_stop() -
 
 def test_nothing_is_reserved_through_someone_who_stands() -> None:
     assert reserved(tuple(walked(3)[0][9]))[0] == 0
+
+
+@pytest.mark.parametrize(("off", "free"), [(0.199, False), (0.2005, True)])
+def test_a_corner_passed_between_two_samples_counts(off: float, free: bool) -> None:
+    """The body passes the corner in frame 10; frames 8 and 12, which are tested, are 4 mm farther away from it."""
+    x, y, _ = pose_at(GRAPH, [2], np.zeros((1, 3)), np.zeros((1, 3)), 10)
+    corner = shapely.Polygon([(x, y + off), (x + 0.2, y + off + 0.9), (x - 0.2, y + off + 0.9)])
+    mesh = NavMesh(shapely.box(-5, -5, 10, 10).difference(corner)).arrays
+    breadths = np.array([[0.2, 0.0]])
+    obstacles = Obstacles((mesh,), breadths[:, :1], breadths, NOTHING, 0.0, NO_BODIES, 0, 0.2)
+    assert node_is_free(GRAPH, 2, np.zeros(3), np.zeros(3), obstacles, np.full(1, -1)) == free
+
+
+def test_a_standing_body_sways() -> None:
+    tracks = GRAPH.tracks.copy()
+    idle = int(GRAPH.node_track[0])
+    tracks[idle + 10, :2] = 0.003, 0.004
+    tracks[idle + 20, 2] = 0.02
+    graph = GRAPH._replace(tracks=tracks)
+    assert sway_behind(graph, 3, 0.0) == pytest.approx(0.005)
+    assert sway_behind(graph, 3, 0.5) == pytest.approx(0.01)
+    assert sway_behind(graph, 1, 0.5) == 0.0, "nobody stands behind this node"
+    chain = Chain(np.array([3], np.int32), START[None], np.zeros((1, 3)))
+    out = np.zeros((40, SAMPLE))
+    ended = sample_chain(graph, chain, 1, SIDEWAYS, 0, natural(0), out)
+    assert out[ended:, [BEND, REST]] == pytest.approx(0.005)
+    # Somebody who passes keeps off by that much.
+    passing = discs_along(np.column_stack([np.linspace(-2.0, 2.0, 40), np.full(40, 0.504)]), 0.3)
+    standing = discs_along(np.zeros((40, 2)), 0.2)
+    assert not pair_meets(passing, 0, FOREVER, standing, 0, FOREVER, 0, 0.5, True)
+    standing[:, [BEND, REST]] = 0.005
+    assert pair_meets(passing, 0, FOREVER, standing, 0, FOREVER, 0, 0.5, True)
 
 
 def test_a_wall_behind_the_stop_asks_for_a_stride_more_or_refuses() -> None:

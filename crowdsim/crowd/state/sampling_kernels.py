@@ -1,0 +1,266 @@
+"""Timelines as samples: where a chain of nodes will be at the world's slots, how it bends in between, and gaps there.
+
+Arguments: ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`), ``chain`` and ``playback``
+are those of :mod:`crowdsim.crowd.state.timelines`; ``frame`` is the one of the first node from which the chain goes on.
+The columns of a timeline (K, 13) are in :data:`crowdsim.crowd.state.components.SAMPLE`. For gaps, ``a`` and ``b`` are
+two timelines; one body moves from sample ``i`` to ``j``, the other from ``k`` to ``m``.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.crowd.state.components import BEND, CORE, QUARTERS, RADIUS, REST
+from crowdsim.crowd.state.timelines import Playback
+from crowdsim.geometry.elementary_kernels import cos, hypot, sin
+from crowdsim.geometry.segments_kernels import point_segment_distance2
+from crowdsim.jit import helper, kernel
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, ticks_played
+from crowdsim.motion.graph.track_kernels import node_end, track_pose_between
+
+_DISCS = 4
+"""Discs to either side of the middle of a capsule, where the motion of two bodies is followed exactly."""
+
+
+@helper
+def _set_sample(out, k, x, y, heading, breadth):
+    """Write track and body to sample ``k`` of ``out`` (K, 13): the core lies across the direction that the body faces.
+
+    ``breadth`` (2,) is the radius of the capsule and half the length of its core [m]; heading: [rad].
+    """
+    out[k, 0] = x
+    out[k, 1] = y
+    out[k, RADIUS] = breadth[0]
+    half = breadth[1]
+    out[k, CORE] = -half * sin(heading) if half > 0.0 else 0.0
+    out[k, CORE + 1] = half * cos(heading) if half > 0.0 else 0.0
+    out[k, BEND:] = 0.0
+
+
+@helper
+def from_stand(playback):
+    """Return the playback of an agent that begins to walk now: at a full frame, at the natural rate."""
+    rate = np.int64(FRAME_TICKS * playback.step_frames)
+    return Playback(playback.clock, playback.slot_frames, playback.step_frames, playback.ramp, np.int64(0), rate, rate)
+
+
+@kernel
+def sample_chain(graph, chain, count, breadths, frame, playback, out):
+    """Sample tracks and bodies of a chain at the slots; its first node is at frame ``frame`` now.
+
+    ``breadths`` (B, 2) and ``playback`` are those of :mod:`crowdsim.crowd.state.timelines`. ``out`` (K, 13) is filled
+    from the present slot on. The first sample has the present body, and is placed so that linear interpolation gives
+    the present position now. After the end of the chain the samples stay there. Return the first slot at or after the
+    end, or -1 if the chain takes more slots than ``out`` has.
+    """
+    nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
+    clock, slot_frames = playback.clock, playback.slot_frames
+    k = 0
+    begin = np.int64(0)  # ticks of the chain up to the current node
+    slot = clock // slot_frames
+    first = np.int64(frame) * FRAME_TICKS
+    played = first + playback.part  # ticks of the chain at the slot
+    for c in range(count):
+        node = nodes[c]
+        ticks = np.int64(graph.node_frames[node]) * FRAME_TICKS
+        breadth = breadths[graph.node_behavior[node]]
+        before = k
+        # All slots that fall into this node; the first sample belongs to the present node in any case.
+        while k < len(out) and (played < begin + ticks or k == 0):
+            at = min(played - begin, ticks)
+            whole, part = at // FRAME_TICKS, (at % FRAME_TICKS) / FRAME_TICKS
+            o = origins[c]
+            s = blend_offsets[c]
+            x, y, h = track_pose_between(graph, np.int64(node), whole, part, o[0], o[1], o[2], s[0], s[1], s[2])
+            _set_sample(out, k, x, y, h, breadth)
+            k += 1
+            slot += 1
+            played = first + ticks_played(playback, slot * slot_frames - clock)
+        if k == before and k > 0:
+            # A node between two samples has none: the segment must be as broad as its body.
+            out[k - 1, RADIUS] = max(out[k - 1, RADIUS], breadth[0] + breadth[1])
+        begin += ticks
+    if k == len(out):
+        return -1
+    ended = slot
+    o = origins[count - 1]
+    x, y, h = node_end(graph, np.int64(nodes[count - 1]), o[0], o[1], o[2])
+    while k < len(out):
+        _set_sample(out, k, x, y, h, breadths[graph.node_behavior[nodes[count - 1]]])
+        k += 1
+    # The present lies between two slots: extrapolate the first sample backwards.
+    rest = (clock // slot_frames + 1) * slot_frames - clock
+    if rest < slot_frames:
+        for axis in range(2):
+            out[0, axis] = out[1, axis] - (out[1, axis] - out[0, axis]) * slot_frames / rest
+    _measure_bends(graph, chain, count, breadths, frame, playback, ended, out)
+    # Standing bodies sway, also in the rest of the slot in which the chain ends.
+    last = nodes[count - 1]
+    sway = sway_behind(graph, np.int64(last), breadths[graph.node_behavior[last], 1])
+    for standing in range(max(ended - clock // slot_frames - 1, 0), len(out)):
+        out[standing, BEND] += sway
+        out[standing, REST] += sway
+    return ended
+
+
+@kernel
+def sway_behind(graph, node, half):
+    """Return how far a body comes off the end of a node while it stands there, in an idle node that may follow [m].
+
+    ``half`` is the half length of its core [m].
+    """
+    most = 0.0
+    for edge in range(graph.edge_start[node], graph.edge_start[node + 1]):
+        idle = graph.edge_target[edge]
+        if graph.node_idle[idle]:
+            first = graph.node_track[idle]
+            for row in range(first, first + graph.node_frames[idle] + 1):
+                off = hypot(graph.tracks[row, 0], graph.tracks[row, 1]) + half * abs(graph.tracks[row, 2])
+                most = max(most, off)
+    return most
+
+
+@helper
+def _measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
+    """Write to each sample of ``out`` how the body comes off its straight motion to the next one, at any frame.
+
+    ``ended`` is the first slot at or after the end of the chain, behind which nothing moves.
+    """
+    clock, slot_frames = playback.clock, playback.slot_frames
+    start = clock // slot_frames
+    first = np.int64(frame) * FRAME_TICKS
+    c = 0
+    begin = np.int64(0)  # ticks of the chain up to node c
+    ticks = np.int64(graph.node_frames[chain.nodes[0]]) * FRAME_TICKS
+    # Of each frame of a slot: how far the track is off the straight line (x, y), and the end of the core off its own.
+    offs = np.zeros((slot_frames + 1, 3))
+    for at in range(clock + 1, ended * slot_frames + 1):
+        k = (at - 1) // slot_frames - start
+        inside = at - (start + k) * slot_frames
+        if inside == slot_frames:
+            _write_bends(offs, slot_frames, k, out)
+            offs[:] = 0.0
+            continue
+        # The node that is played at this frame, and the pose in it.
+        played = first + ticks_played(playback, at - clock)
+        while played >= begin + ticks and c + 1 < count:
+            begin += ticks
+            c += 1
+            ticks = np.int64(graph.node_frames[chain.nodes[c]]) * FRAME_TICKS
+        into = min(played - begin, ticks)
+        whole, part = into // FRAME_TICKS, (into % FRAME_TICKS) / FRAME_TICKS
+        o, s = chain.origins[c], chain.blend_offsets[c]
+        node = np.int64(chain.nodes[c])
+        x, y, h = track_pose_between(graph, node, whole, part, o[0], o[1], o[2], s[0], s[1], s[2])
+        share = inside / slot_frames
+        offs[inside, 0] = x - _between(out, k, 0, share)
+        offs[inside, 1] = y - _between(out, k, 1, share)
+        half = breadths[graph.node_behavior[node], 1]
+        if half > 0.0 and _has_core(out, k) and _has_core(out, k + 1):
+            cx = -half * sin(h) - _between(out, k, CORE, share)
+            cy = half * cos(h) - _between(out, k, CORE + 1, share)
+            offs[inside, 2] = hypot(cx, cy)
+
+
+@helper
+def _write_bends(offs, slot_frames, k, out):
+    """Write BEND, QUARTERS and REST of sample ``k``, from how far each frame (slot_frames + 1, 3) is off."""
+    quarter = slot_frames // 4
+    for s in range(3):
+        for axis in range(2):
+            out[k, QUARTERS + 2 * s + axis] = offs[(s + 1) * quarter, axis]
+    for frame in range(1, slot_frames):
+        out[k, BEND] = max(out[k, BEND], hypot(offs[frame, 0], offs[frame, 1]) + offs[frame, 2])
+        # The piece between two quarters on which the frame lies.
+        begin = min(frame // quarter, 3) * quarter
+        share = (frame - begin) / quarter
+        dx = offs[frame, 0] - offs[begin, 0] - share * (offs[begin + quarter, 0] - offs[begin, 0])
+        dy = offs[frame, 1] - offs[begin, 1] - share * (offs[begin + quarter, 1] - offs[begin, 1])
+        out[k, REST] = max(out[k, REST], hypot(dx, dy) + offs[frame, 2])
+
+
+@helper
+def _has_core(out, k):
+    """Return True if the body at sample ``k`` is a capsule; else the segment beside it is as broad as a disc."""
+    return out[k, CORE] != 0.0 or out[k, CORE + 1] != 0.0
+
+
+@helper
+def _between(out, k, axis, share):
+    """Return what column ``axis`` of a timeline is ``share`` of the way from sample ``k`` to the next one."""
+    return out[k, axis] + share * (out[k + 1, axis] - out[k, axis])
+
+
+@helper
+def moving_gap(a, i, j, b, k, m):
+    """Return the least gap of two bodies [m] while they move from sample ``i`` to ``j`` and from ``k`` to ``m``.
+
+    A capsule is replaced by three discs. A segment is as broad as the broader of its ends.
+    """
+    radii = max(a[i, RADIUS], a[j, RADIUS]) + max(b[k, RADIUS], b[m, RADIUS])
+    my_discs = a[i, CORE] != 0.0 or a[i, CORE + 1] != 0.0 or a[j, CORE] != 0.0 or a[j, CORE + 1] != 0.0
+    its_discs = b[k, CORE] != 0.0 or b[k, CORE + 1] != 0.0 or b[m, CORE] != 0.0 or b[m, CORE + 1] != 0.0
+    mine = 1 if my_discs else 0
+    its = 1 if its_discs else 0
+    least = math.inf
+    for p in range(-mine, mine + 1):
+        for q in range(-its, its + 1):
+            # Relative motion of two discs: a point from d to d + e. Its nearest distance to the origin is at t.
+            dx = a[i, 0] + p * a[i, CORE] - b[k, 0] - q * b[k, CORE]
+            dy = a[i, 1] + p * a[i, CORE + 1] - b[k, 1] - q * b[k, CORE + 1]
+            ex = a[j, 0] + p * a[j, CORE] - b[m, 0] - q * b[m, CORE] - dx
+            ey = a[j, 1] + p * a[j, CORE + 1] - b[m, 1] - q * b[m, CORE + 1] - dy
+            square = ex * ex + ey * ey
+            t = 0.0
+            if square > 0.0:
+                t = min(max(-(dx * ex + dy * ey) / square, 0.0), 1.0)
+            cx = dx + t * ex
+            cy = dy + t * ey
+            least = min(least, cx * cx + cy * cy)
+    return math.sqrt(least) - radii
+
+
+@helper
+def _at_quarter(a, i, j, quarter, p, axis):
+    """Return a coordinate of a point of a core after some quarters of its way from sample ``i`` to ``j`` [m].
+
+    ``p`` is -1 and 1 at the ends of the core.
+    """
+    share = 0.25 * quarter
+    core = a[i, CORE + axis] + share * (a[j, CORE + axis] - a[i, CORE + axis])
+    place = a[i, axis] + share * (a[j, axis] - a[i, axis]) + p * core
+    if j > i and 0 < quarter < 4:
+        place += a[i, QUARTERS + 2 * (quarter - 1) + axis]
+    return place
+
+
+@helper
+def beside_discs(a, i, j, pieces):
+    """Return how far a capsule reaches beyond discs along its core, ``pieces`` to either side of the middle [m]."""
+    core = max(hypot(a[i, CORE], a[i, CORE + 1]), hypot(a[j, CORE], a[j, CORE + 1]))
+    radius = max(a[i, RADIUS], a[j, RADIUS])
+    away = 0.5 * core / pieces
+    return radius - math.sqrt(max(radius * radius - away * away, 0.0))
+
+
+@helper
+def sure_gap(a, i, j, b, k, m):
+    """Return a lower bound of the gap of two bodies [m] from sample ``i`` to ``j`` and from ``k`` to ``m``.
+
+    Tracks are followed from quarter to quarter, and capsules are nine discs; the bound allows for the rest of both.
+    """
+    mine = _DISCS if a[i, CORE] != 0.0 or a[i, CORE + 1] != 0.0 or a[j, CORE] != 0.0 or a[j, CORE + 1] != 0.0 else 0
+    its = _DISCS if b[k, CORE] != 0.0 or b[k, CORE + 1] != 0.0 or b[m, CORE] != 0.0 or b[m, CORE + 1] != 0.0 else 0
+    least = math.inf
+    for p in range(-mine, mine + 1):
+        for q in range(-its, its + 1):
+            u, v = p / _DISCS, q / _DISCS
+            dx = _at_quarter(a, i, j, 0, u, 0) - _at_quarter(b, k, m, 0, v, 0)
+            dy = _at_quarter(a, i, j, 0, u, 1) - _at_quarter(b, k, m, 0, v, 1)
+            for quarter in range(1, 5):
+                ex = _at_quarter(a, i, j, quarter, u, 0) - _at_quarter(b, k, m, quarter, v, 0)
+                ey = _at_quarter(a, i, j, quarter, u, 1) - _at_quarter(b, k, m, quarter, v, 1)
+                least = min(least, point_segment_distance2(0.0, 0.0, dx, dy, ex, ey))
+                dx, dy = ex, ey
+    gap = math.sqrt(least) - max(a[i, RADIUS], a[j, RADIUS]) - max(b[k, RADIUS], b[m, RADIUS])
+    return gap - a[i, REST] - b[k, REST] - beside_discs(a, i, j, _DISCS) - beside_discs(b, k, m, _DISCS)
