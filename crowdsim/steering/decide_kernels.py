@@ -70,7 +70,8 @@ def yield_to_opposing(rows, mine, near, count, rules, want):
     """Step out of the way of an opposing agent that is stuck, if this agent blocks it; return True if it does.
 
     Of several, the one with the highest rank counts. Agents of one goal do not yield to each other like this (that
-    would ruin the flow at a door); :func:`let_merge` orders them.
+    would ruin the flow at a door); :func:`let_merge` orders them. Those without a goal, who stay, do: what one of them
+    yields to has to come through the others, too.
     """
     goes = mine.gx != 0.0 or mine.gy != 0.0
     # The rank is about the time stuck: yield only to agents that have been stuck for ``yield_after`` and longer than
@@ -80,7 +81,8 @@ def yield_to_opposing(rows, mine, near, count, rules, want):
     for n in range(count):
         seen = near[n]
         other = rows[seen.row]
-        if other.rank <= highest or other.goal == mine.goal or seen.distance > rules.yield_reach:
+        queues = other.goal == mine.goal and mine.goal >= 0
+        if other.rank <= highest or queues or seen.distance > rules.yield_reach:
             continue
         # Intents must oppose each other by more than 107 degrees. An agent that stays yields to any direction.
         if goes and other.ix * mine.gx + other.iy * mine.gy > -0.3:

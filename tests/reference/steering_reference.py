@@ -295,7 +295,8 @@ class Decision:
             breadth = self.mine["half"] + self.mine["radius"] + row["half"] + row["radius"]
             in_its_way = -apart @ self.intent(other) > 0.0 and abs(cross(self.intent(other), apart)) < breadth
             near = np.hypot(*apart) <= self.rules.yield_reach
-            if row["rank"] > highest and row["goal"] != self.mine["goal"] and opposing and in_its_way and near:
+            queues = row["goal"] == self.mine["goal"] >= 0
+            if row["rank"] > highest and not queues and opposing and in_its_way and near:
                 highest, first = row["rank"], other
         if first is None:
             return None
