@@ -20,8 +20,8 @@ import numpy as np
 
 from crowdsim.crowd.near.neighbor_kernels import OF_BODIES, OF_TIMELINES, cells_within, insert_row, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
-from crowdsim.crowd.state.components import BEND
-from crowdsim.crowd.state.sampling_kernels import beside_discs, moving_gap, sample_chain, sure_gap
+from crowdsim.crowd.state.components import BEND, RADIUS
+from crowdsim.crowd.state.sampling_kernels import beside_discs, measure_bends, moving_gap, sample_places, sure_gap
 from crowdsim.crowd.state.way_kernels import FOREVER, stops_in_passage, stops_in_way
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
@@ -95,8 +95,11 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
         if gap < overlap:
             return True
         # Tracks bend between samples, and capsules are broader than three discs: look closer where that could matter.
-        off = a[ia, BEND] + b[ib, BEND] + beside_discs(a, ia, ja, 1) + beside_discs(b, ib, jb, 1)
-        if gap < off:
+        bend = a[ia, BEND] + b[ib, BEND]
+        # A capsule reaches beyond its discs by its radius at most, which is known without roots.
+        if gap >= bend + max(a[ia, RADIUS], a[ja, RADIUS]) + max(b[ib, RADIUS], b[jb, RADIUS]):
+            continue
+        if gap < bend + beside_discs(a, ia, ja, 1) + beside_discs(b, ib, jb, 1):
             allowed = 0.0
             if present:
                 allowed = min(sure_gap(a, first_a, first_a, b, first_b, first_b) - ROUNDING, 0.0)
@@ -286,17 +289,19 @@ def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tole
                 return BLOCKED
         if count < 0:
             return BLOCKED
-    ended = sample_chain(graph, draft, count, obstacles.breadths, frame, playback, timeline)
+    ended = sample_places(graph, draft, count, obstacles.breadths, frame, playback, timeline)
     if ended < 0:
         return TOO_LONG
-    # The rules of docs/waiting.md, cheapest first: room for movables about to appear, passages, steered bodies, ways.
+    # The rules of docs/waiting.md, cheapest first: room for movables about to appear, passages, ways, steered bodies.
     if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
         return BLOCKED
     if not (leaves or tolerant) and stops_in_passage(timeline, obstacles.passages, obstacles.off_passages):
         return NARROW
-    if meets_body(obstacles.agent, timeline, obstacles.bodies):
-        return IN_WAY
     if not leaves and stops_in_way(timeline, obstacles.ways, obstacles.way_width):
+        return IN_WAY
+    # Other bodies count between samples, too.
+    measure_bends(graph, draft, count, obstacles.breadths, frame, playback, ended, timeline)
+    if meets_body(obstacles.agent, timeline, obstacles.bodies):
         return IN_WAY
     return ended
 
