@@ -53,6 +53,9 @@ _STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
 BEYOND = 0.06
 """Clearance beyond a body up to which it is measured [m]: with less, the motion between two samples is tested, too."""
 
+_REACH_ROUNDING = 1e-3
+"""Distance added to that to which a track leads, for rounding: points lie on the grid of a mesh [m]."""
+
 _WINDING = 0.01
 """Length by which a track is longer than the straight line between two samples, at most [m]."""
 
@@ -182,8 +185,14 @@ def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
     frames = np.int64(graph.node_frames[node])
     node = np.int64(node)
     dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
+    # Distance from its origin that the track of the node stays within.
+    reach = graph.node_length[node] + hypot(dx, dy) + _REACH_ROUNDING
     for k, mesh in enumerate(obstacles.layers):
         need = obstacles.radii[graph.node_behavior[node], k]
+        # In the open one look is enough: nothing stands where the body could come to.
+        distance, hints[k] = disc_clearance(mesh, origin[0], origin[1], need + reach, hints[k])
+        if distance >= need + reach:
+            continue
         left = math.inf  # clearance beyond the body at the sample before
         frame = np.int64(-_STATIC_STRIDE)
         while frame < frames:
