@@ -148,9 +148,8 @@ def _allowed(samples: Samples, facings: Floats, reach: float) -> NDArray[np.bool
     ``reach`` [m] of a section planned for it or for a narrower one.
     """
     allowed = np.ones((len(facings), len(samples.arc)), np.bool_)
-    for b, row in enumerate(facings):
-        if (np.abs(row) <= np.pi / 4.0).any():
-            continue
+    turned = ~(np.abs(facings) <= np.pi / 4.0).any(axis=1)
+    for b in np.flatnonzero(turned).tolist():
         near_planned(samples.arc, samples.behavior, b, reach, allowed[b])
     return allowed
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -23,7 +25,7 @@ def paths(draw: st.DrawFn) -> AnnotatedPath:
     # Borders lie anywhere, or exactly at a sample.
     borders = np.sort(rng.choice([*rng.uniform(0.0, arc[-1], 4), *np.linspace(0.0, arc[-1], 5)[1:-1]], 3))
     bounds = [0.0, *borders.tolist(), float(arc[-1])]
-    sections = tuple(Section(int(rng.integers(0, 3)), low, high) for low, high in zip(bounds, bounds[1:], strict=False))
+    sections = tuple(Section(int(rng.integers(0, 3)), low, high) for low, high in pairwise(bounds))
     return AnnotatedPath(points, arc, sections, 1.0)
 
 
