@@ -55,3 +55,15 @@ def test_leaps_over_pieces_lose_no_nearest_point(guide: Guide, x: float, y: floa
     u = arc / guide.step - i
     place = guide.pose[i, :2] + u * (guide.pose[i + 1, :2] - guide.pose[i, :2])
     assert math.isclose(float(np.hypot(*(place - [x, y]))), gap, rel_tol=1e-6, abs_tol=1e-6)
+
+
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 0.3, 2.0]), st.integers(0, 2))
+def test_behaviors_are_allowed_near_each_sample_planned_for_them(seed: int, reach: float, widest: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 40))
+    arc = np.cumsum(rng.uniform(0.05, 0.4, count))
+    behavior = rng.choice([0, 1, 2, 3], count, p=rng.dirichlet([0.3, 0.3, 0.3, 1.0])).astype(np.int32)
+    allowed = np.empty(count, np.bool_)
+    path_kernels.near_planned(arc, behavior, widest, reach, allowed)
+    expected = [any(abs(arc[j] - a) <= reach for j in range(count) if behavior[j] <= widest) for a in arc]
+    assert allowed.tolist() == expected

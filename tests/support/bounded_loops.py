@@ -50,11 +50,15 @@ BOUNDED = {
         "steering/guidance/ask_kernels.py ask",
     ),
     "each round goes on by a run of steps, a byte, or a bit, up to an end that stays": (
+        "crowd/state/sampling_kernels.py measure_bends",
         "export/page/tracks/range_kernels.py put_bit",
         "export/page/tracks/range_kernels.py put_plain",
         "export/page/tracks/range_kernels.py put_whole",
         "export/page/tracks/track_kernels.py code_chunk",
         "export/page/tracks/track_kernels.py code_chunk",
+        "planning/labels/sample_kernels.py _piece_at",
+        "planning/labels/sample_kernels.py sample_path",
+        "planning/labels/sample_kernels.py sample_path",
     ),
     "the same way as a loop before it, which is bounded": (
         "navmesh/paths/search_kernels.py find_channel",

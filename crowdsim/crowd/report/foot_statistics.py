@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary import hypot
+from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.graph.foot_contacts import Feet, feet_of, standing_moves
 from crowdsim.motion.graph.motion_graph import MotionGraph
 from crowdsim.motion.graph.pose_kernels import pose_joints
+from crowdsim.motion.graph.pose_table import PoseTable
 from crowdsim.motion.planted.planted_rows import planted_rows
 from crowdsim.recording.header import RecordedFrame
 
@@ -25,9 +27,9 @@ class FootStatistics:
     """
 
     def __init__(self, motion: MotionGraph, steps_per_second: int) -> None:
-        self._motion = motion
         self._rate = steps_per_second
         self._rows = planted_rows(motion.poses, motion.skeleton, motion.arrays.tracks)
+        self._skeleton, self._table = _legs_of(motion.skeleton, motion.poses)
         self._before: tuple[NDArray[np.int64], NDArray[np.int32], Floats, Floats] | None = None
         self._speed_sum = 0.0
         self._speed_count = 0
@@ -64,8 +66,32 @@ class FootStatistics:
         pose: Floats,
     ) -> Feet:
         """Return the feet of bodies in the given nodes at frames ``at`` with track poses ``pose`` (n, 3)."""
-        skeleton = self._motion.skeleton
+        skeleton = self._skeleton
         positions = np.empty((len(node), skeleton.joint_count, 3), np.float32)
         rotations = np.empty((len(node), skeleton.joint_count, 4), np.float32)
-        pose_joints(self._motion.poses, node, previous, at, pose, positions, rotations)
+        pose_joints(self._table, node, previous, at, pose, positions, rotations)
         return feet_of(skeleton, positions.astype(np.float64), rotations.astype(np.float64), self._rows.feet)
+
+
+def _legs_of(skeleton: Skeleton, table: PoseTable) -> tuple[Skeleton, PoseTable]:
+    """Return skeleton and poses with the joints alone that feet hang on, down from the root: half of all."""
+    feet = [skeleton.roles.get(f"{side}_toe", skeleton.joint(f"{side}_ankle")) for side in ("left", "right")]
+    kept: set[int] = set()
+    for joint in feet:
+        while joint >= 0:
+            kept.add(joint)
+            joint = int(skeleton.parents[joint])
+    joints = sorted(kept)
+    row = {joint: number for number, joint in enumerate(joints)} | {-1: -1}
+    parents = np.array([row[int(skeleton.parents[joint])] for joint in joints], np.int32)
+    ends = [number for number, joint in enumerate(skeleton.end_parents.tolist()) if joint in kept]
+    legs = Skeleton(
+        names=tuple(skeleton.names[joint] for joint in joints),
+        parents=parents,
+        offsets=skeleton.offsets[joints],
+        end_parents=np.array([row[int(skeleton.end_parents[number])] for number in ends], np.int32),
+        end_offsets=skeleton.end_offsets[ends],
+        roles={role: row[joint] for role, joint in skeleton.roles.items() if joint in kept},
+    )
+    rotations = np.ascontiguousarray(table.pool_rotations[:, joints])
+    return legs, table._replace(parents=parents, offsets=table.offsets[joints], pool_rotations=rotations)

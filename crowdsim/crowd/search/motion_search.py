@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd.search.plan_kernels import measure_offsets
 from crowdsim.crowd.search.standing import attempts, nearest_end
 from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.environment import EnvironmentState
@@ -20,7 +21,7 @@ from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.errors import PathNotFound
 from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
 from crowdsim.geometry.elementary import atan2, cos, distance, hypot, sin
-from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, PathSamples
@@ -314,11 +315,9 @@ def _as_plan(
 
     ``kept`` nodes of what was found stay even if it is not worthwhile.
     """
-    graph = assets.graph
-    ends = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])
     origins = found.origins[1:]
-    blend_offsets = ends - origins
-    blend_offsets[:, 2] = wrap_angle(blend_offsets[:, 2])
+    blend_offsets = np.empty(origins.shape)
+    measure_offsets(assets.graph.node_motion, found.nodes, found.origins, blend_offsets)
     arrives = found.status == FollowStatus.FOUND
     worthwhile = arrives or (kept != _HIDDEN and found.reached >= WORTHWHILE)
     count = len(origins) if worthwhile else max(kept, 0)

@@ -20,8 +20,8 @@ import numpy as np
 
 from crowdsim.crowd.near.neighbor_kernels import OF_BODIES, OF_TIMELINES, cells_within, insert_row, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
-from crowdsim.crowd.state.components import BEND
-from crowdsim.crowd.state.sampling_kernels import beside_discs, moving_gap, sample_chain, sure_gap
+from crowdsim.crowd.state.components import BEND, RADIUS
+from crowdsim.crowd.state.sampling_kernels import beside_discs, measure_bends, moving_gap, sample_places, sure_gap
 from crowdsim.crowd.state.way_kernels import FOREVER, stops_in_passage, stops_in_way
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
@@ -52,6 +52,9 @@ _STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
 
 BEYOND = 0.06
 """Clearance beyond a body up to which it is measured [m]: with less, the motion between two samples is tested, too."""
+
+_REACH_ROUNDING = 1e-3
+"""Distance added to that to which a track leads, for rounding: points lie on the grid of a mesh [m]."""
 
 _WINDING = 0.01
 """Length by which a track is longer than the straight line between two samples, at most [m]."""
@@ -95,8 +98,11 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
         if gap < overlap:
             return True
         # Tracks bend between samples, and capsules are broader than three discs: look closer where that could matter.
-        off = a[ia, BEND] + b[ib, BEND] + beside_discs(a, ia, ja, 1) + beside_discs(b, ib, jb, 1)
-        if gap < off:
+        bend = a[ia, BEND] + b[ib, BEND]
+        # A capsule reaches beyond its discs by its radius at most, which is known without roots.
+        if gap >= bend + max(a[ia, RADIUS], a[ja, RADIUS]) + max(b[ib, RADIUS], b[jb, RADIUS]):
+            continue
+        if gap < bend + beside_discs(a, ia, ja, 1) + beside_discs(b, ib, jb, 1):
             allowed = 0.0
             if present:
                 allowed = min(sure_gap(a, first_a, first_a, b, first_b, first_b) - ROUNDING, 0.0)
@@ -179,8 +185,14 @@ def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
     frames = np.int64(graph.node_frames[node])
     node = np.int64(node)
     dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
+    # Distance from its origin that the track of the node stays within.
+    reach = graph.node_length[node] + hypot(dx, dy) + _REACH_ROUNDING
     for k, mesh in enumerate(obstacles.layers):
         need = obstacles.radii[graph.node_behavior[node], k]
+        # In the open one look is enough: nothing stands where the body could come to.
+        distance, hints[k] = disc_clearance(mesh, origin[0], origin[1], need + reach, hints[k])
+        if distance >= need + reach:
+            continue
         left = math.inf  # clearance beyond the body at the sample before
         frame = np.int64(-_STATIC_STRIDE)
         while frame < frames:
@@ -286,17 +298,19 @@ def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tole
                 return BLOCKED
         if count < 0:
             return BLOCKED
-    ended = sample_chain(graph, draft, count, obstacles.breadths, frame, playback, timeline)
+    ended = sample_places(graph, draft, count, obstacles.breadths, frame, playback, timeline)
     if ended < 0:
         return TOO_LONG
-    # The rules of docs/waiting.md, cheapest first: room for movables about to appear, passages, steered bodies, ways.
+    # The rules of docs/waiting.md, cheapest first: room for movables about to appear, passages, ways, steered bodies.
     if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
         return BLOCKED
     if not (leaves or tolerant) and stops_in_passage(timeline, obstacles.passages, obstacles.off_passages):
         return NARROW
-    if meets_body(obstacles.agent, timeline, obstacles.bodies):
-        return IN_WAY
     if not leaves and stops_in_way(timeline, obstacles.ways, obstacles.way_width):
+        return IN_WAY
+    # Other bodies count between samples, too.
+    measure_bends(graph, draft, count, obstacles.breadths, frame, playback, ended, timeline)
+    if meets_body(obstacles.agent, timeline, obstacles.bodies):
         return IN_WAY
     return ended
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from crowdsim.crowd.state.components import BEND, CORE, QUARTERS, RADIUS, REST
 from crowdsim.crowd.state.timelines import Playback
-from crowdsim.geometry.elementary_kernels import cos, hypot, sin
+from crowdsim.geometry.elementary_kernels import cos, cos_sin, hypot, sin
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, ticks_played
-from crowdsim.motion.graph.track_kernels import node_end, track_pose_between
+from crowdsim.motion.graph.track_kernels import blend_weight, node_end, track_pose_between
 
 _DISCS = 4
 """Discs to either side of the middle of a capsule, where the motion of two bodies is followed exactly."""
@@ -53,6 +53,15 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
     the present position now. After the end of the chain the samples stay there. Return the first slot at or after the
     end, or -1 if the chain takes more slots than ``out`` has.
     """
+    ended = sample_places(graph, chain, count, breadths, frame, playback, out)
+    if ended >= 0:
+        measure_bends(graph, chain, count, breadths, frame, playback, ended, out)
+    return ended
+
+
+@helper
+def sample_places(graph, chain, count, breadths, frame, playback, out):
+    """Do as :func:`sample_chain`, but for the bends, which take as long and count only between samples."""
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     clock, slot_frames = playback.clock, playback.slot_frames
     k = 0
@@ -93,13 +102,6 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
     if rest < slot_frames:
         for axis in range(2):
             out[0, axis] = out[1, axis] - (out[1, axis] - out[0, axis]) * slot_frames / rest
-    _measure_bends(graph, chain, count, breadths, frame, playback, ended, out)
-    # Standing bodies sway, also in the rest of the slot in which the chain ends.
-    last = nodes[count - 1]
-    sway = sway_behind(graph, np.int64(last), breadths[graph.node_behavior[last], 1])
-    for standing in range(max(ended - clock // slot_frames - 1, 0), len(out)):
-        out[standing, BEND] += sway
-        out[standing, REST] += sway
     return ended
 
 
@@ -121,7 +123,7 @@ def sway_behind(graph, node, half):
 
 
 @helper
-def _measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
+def measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
     """Write to each sample of ``out`` how the body comes off its straight motion to the next one, at any frame.
 
     ``ended`` is the first slot at or after the end of the chain, behind which nothing moves.
@@ -131,7 +133,9 @@ def _measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
     first = np.int64(frame) * FRAME_TICKS
     c = 0
     begin = np.int64(0)  # ticks of the chain up to node c
-    ticks = np.int64(graph.node_frames[chain.nodes[0]]) * FRAME_TICKS
+    node = np.int64(chain.nodes[0])
+    ticks = np.int64(graph.node_frames[node]) * FRAME_TICKS
+    cosine, sine = cos_sin(chain.origins[0, 2])
     # Of each frame of a slot: how far the track is off the straight line (x, y), and the end of the core off its own.
     offs = np.zeros((slot_frames + 1, 3))
     for at in range(clock + 1, ended * slot_frames + 1):
@@ -141,25 +145,54 @@ def _measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
             _write_bends(offs, slot_frames, k, out)
             offs[:] = 0.0
             continue
-        # The node that is played at this frame, and the pose in it.
+        # The node that is played at this frame, and the place in it.
         played = first + ticks_played(playback, at - clock)
         while played >= begin + ticks and c + 1 < count:
             begin += ticks
             c += 1
-            ticks = np.int64(graph.node_frames[chain.nodes[c]]) * FRAME_TICKS
+            node = np.int64(chain.nodes[c])
+            ticks = np.int64(graph.node_frames[node]) * FRAME_TICKS
+            cosine, sine = cos_sin(chain.origins[c, 2])
         into = min(played - begin, ticks)
         whole, part = into // FRAME_TICKS, (into % FRAME_TICKS) / FRAME_TICKS
-        o, s = chain.origins[c], chain.blend_offsets[c]
-        node = np.int64(chain.nodes[c])
-        x, y, h = track_pose_between(graph, node, whole, part, o[0], o[1], o[2], s[0], s[1], s[2])
+        x, y = _place_between(graph, node, whole, part, chain.origins[c], cosine, sine, chain.blend_offsets[c])
         share = inside / slot_frames
         offs[inside, 0] = x - _between(out, k, 0, share)
         offs[inside, 1] = y - _between(out, k, 1, share)
+        # Only capsules have a heading that matters.
         half = breadths[graph.node_behavior[node], 1]
         if half > 0.0 and _has_core(out, k) and _has_core(out, k + 1):
+            o, s = chain.origins[c], chain.blend_offsets[c]
+            _, _, h = track_pose_between(graph, node, whole, part, o[0], o[1], o[2], s[0], s[1], s[2])
             cx = -half * sin(h) - _between(out, k, CORE, share)
             cy = half * cos(h) - _between(out, k, CORE + 1, share)
             offs[inside, 2] = hypot(cx, cy)
+    # Standing bodies sway, also in the rest of the slot in which the chain ends.
+    last = np.int64(chain.nodes[count - 1])
+    sway = sway_behind(graph, last, breadths[graph.node_behavior[last], 1])
+    for standing in range(max(ended - start - 1, 0), len(out)):
+        out[standing, BEND] += sway
+        out[standing, REST] += sway
+
+
+@helper
+def _place(graph, node, frame, origin, cosine, sine, blend_offset):
+    """Return x, y of :func:`track_pose`, to the last bit, for cosine and sine of the heading of ``origin`` (3,)."""
+    row = graph.node_track[node] + frame
+    tx, ty = graph.tracks[row, 0], graph.tracks[row, 1]
+    x, y = origin[0] + cosine * tx - sine * ty, origin[1] + sine * tx + cosine * ty
+    w = blend_weight(frame)
+    return x + w * blend_offset[0], y + w * blend_offset[1]
+
+
+@helper
+def _place_between(graph, node, frame, part, origin, cosine, sine, blend_offset):
+    """Return x, y of :func:`track_pose_between`, to the last bit: without headings it takes a fraction of the time."""
+    ax, ay = _place(graph, node, frame, origin, cosine, sine, blend_offset)
+    if part <= 0.0 or frame >= graph.node_frames[node]:
+        return ax, ay
+    bx, by = _place(graph, node, frame + 1, origin, cosine, sine, blend_offset)
+    return ax + part * (bx - ax), ay + part * (by - ay)
 
 
 @helper

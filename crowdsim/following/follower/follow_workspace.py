@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from crowdsim.following.follower.arrival_kernels import MOST_BENT
 from crowdsim.following.follower.follow_kernels import STAGE_COLUMNS, STATE_COLUMNS
+from crowdsim.following.follower.path_kernels import near_planned
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.motion.graph.arrays import GraphArrays
 
@@ -147,17 +148,9 @@ def _allowed(samples: Samples, facings: Floats, reach: float) -> NDArray[np.bool
     ``reach`` [m] of a section planned for it or for a narrower one.
     """
     allowed = np.ones((len(facings), len(samples.arc)), np.bool_)
-    for b, row in enumerate(facings):
-        if (np.abs(row) <= np.pi / 4.0).any():
-            continue
-        planned = samples.arc[samples.behavior <= b]
-        if not len(planned):
-            allowed[b] = False
-            continue
-        after = np.minimum(np.searchsorted(planned, samples.arc), len(planned) - 1)
-        before = np.maximum(after - 1, 0)
-        gap = np.minimum(np.abs(planned[after] - samples.arc), np.abs(planned[before] - samples.arc))
-        allowed[b] = gap <= reach
+    turned = ~(np.abs(facings) <= np.pi / 4.0).any(axis=1)
+    for b in np.flatnonzero(turned).tolist():
+        near_planned(samples.arc, samples.behavior, b, reach, allowed[b])
     return allowed
 
 

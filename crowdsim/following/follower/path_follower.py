@@ -53,6 +53,9 @@ class FollowStatus(IntEnum):
     PAST_KEPT = PAST_KEPT
 
 
+_STATUSES = tuple(FollowStatus)
+"""By number, which is faster than a look-up."""
+
 TIGHTER = (0.45, 0.4, 0.35, 0.3, 0.25, 0.2)
 """Smaller clearances that are tried for a path that cannot be followed in its own [m]."""
 
@@ -238,7 +241,7 @@ class PathFollower:
 def _result(status: int, steps: NDArray[np.int64], places: Floats, reached: float, expansions: int) -> FollowResult:
     """Return a copy of a solution."""
     return FollowResult(
-        FollowStatus(status),
+        _STATUSES[status],
         steps[:, 0].astype(np.int32),
         steps[:, 1].astype(np.int32),
         places[:, 3].copy(),

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import helper
+from crowdsim.jit import helper, kernel
 
 
 @helper
@@ -93,3 +93,22 @@ def path_gap(guide, x, y, low, high):
         px, py = path_point(guide, arc)
         gap = math.sqrt((x - px) * (x - px) + (y - py) * (y - py))
     return arc, gap
+
+
+@kernel
+def near_planned(arc, behavior, widest, reach, allowed):
+    """Fill ``allowed`` (m,): True within ``reach`` [m] of a sample whose behavior is ``widest`` or a narrower one.
+
+    ``arc`` (m,) [m] and ``behavior`` (m,) are those of the samples.
+    """
+    # Forwards from the planned samples, then backwards.
+    last = -math.inf
+    for i in range(len(arc)):
+        if behavior[i] <= widest:
+            last = arc[i]
+        allowed[i] = arc[i] - last <= reach
+    following = math.inf
+    for i in range(len(arc) - 1, -1, -1):
+        if behavior[i] <= widest:
+            following = arc[i]
+        allowed[i] = allowed[i] or following - arc[i] <= reach

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import GeometryError
-from crowdsim.geometry.elementary import atan2
 from crowdsim.geometry.segments_kernels import add_lengths
+from crowdsim.planning.labels.sample_kernels import sample_path
 
 TANGENT_REACH = 0.25
 """Half length of the chord that gives the direction of motion at a sample [m]. Longer chords smooth corners more."""
@@ -80,17 +80,14 @@ class AnnotatedPath:
             raise GeometryError(f"a path cannot be sampled every {spacing} m; give a positive spacing")
         # The tolerance keeps rounding from adding a sample to a path of a whole number of steps.
         count = int(np.ceil(self.length / spacing - 1e-9)) + 1
-        arc = np.linspace(0.0, self.length, max(count, 2))
-        chord = self.at(arc + TANGENT_REACH) - self.at(arc - TANGENT_REACH)
-        pose = np.empty((len(arc), 3))
-        pose[:, :2] = self.at(arc)
-        pose[:, 2] = atan2(chord[:, 1], chord[:, 0])
-        starts = np.array([section.start for section in self.sections])
-        labels = np.array([section.behavior for section in self.sections], dtype=np.int32)
-        # At a border of two sections, a sample belongs to both and takes the narrower behavior, the one of less index.
-        after = np.maximum(np.searchsorted(starts, arc + 1e-9, side="right") - 1, 0)
-        before = np.maximum(np.searchsorted(starts, arc - 1e-9, side="right") - 1, 0)
-        return PathSamples(pose, arc, np.minimum(labels[before], labels[after]))
+        count = max(count, 2)
+        samples = PathSamples(np.empty((count, 3)), np.empty(count), np.empty(count, np.int32))
+        starts = np.array([section.start for section in self.sections], np.float64)
+        labels = np.array([section.behavior for section in self.sections], np.int32)
+        # Copies, as the kernel would be compiled once more for read-only arrays.
+        line = np.array(self.points, np.float64), np.array(self.arc, np.float64)
+        sample_path(*line, starts, labels, TANGENT_REACH, *samples)
+        return samples
 
 
 def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:

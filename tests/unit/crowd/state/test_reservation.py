@@ -343,6 +343,25 @@ def test_a_corner_passed_between_two_samples_counts(off: float, free: bool) -> N
     assert node_is_free(GRAPH, 2, np.zeros(3), np.zeros(3), obstacles, np.full(1, -1)) == free
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.3])
+@pytest.mark.parametrize("seed", range(20))
+def test_a_node_is_free_where_each_of_its_frames_is(seed: int, offset: float) -> None:
+    """Near a wall, and in the open, where one look at the surroundings is enough."""
+    rng = np.random.default_rng(seed)
+    origin = np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])
+    blend_offset = offset * np.array([*rng.uniform(-1.0, 1.0, 2), 0.0])
+    wall = shapely.box(rng.uniform(0.2, 2.5), -1.0, 3.0, 1.0)
+    mesh = NavMesh(shapely.box(-5, -5, 5, 5).difference(wall)).arrays
+    frames = range(int(GRAPH.node_frames[2]) + 1)
+    places = [pose_at(GRAPH, [2], origin[None], blend_offset[None], frame)[:2] for frame in frames]
+    gap = min(shapely.Point(*place).distance(wall) for place in places)
+    for radius in (0.99 * gap, 1.01 * gap):
+        breadths = np.array([[radius, 0.0]])
+        obstacles = Obstacles((mesh,), breadths[:, :1], breadths, NOTHING, 0.0, NO_BODIES, 0, radius)
+        free = node_is_free(GRAPH, 2, origin, blend_offset, obstacles, np.full(1, -1))
+        assert free == (radius < gap)
+
+
 def test_a_standing_body_sways() -> None:
     tracks = GRAPH.tracks.copy()
     idle = int(GRAPH.node_track[0])

@@ -1,0 +1,26 @@
+"""Chains of nodes as searches find them, made ready to be played."""
+
+from crowdsim.geometry.planar_kernels import compose, wrap_angle
+from crowdsim.jit import kernel
+
+
+@kernel
+def measure_offsets(node_motion, nodes, origins, offsets):
+    """Fill the blend offsets (P - 1, 3) of all nodes but the first of a chain: end of the one before less the origin.
+
+    node_motion: (nodes of the graph, 3) pose at the end of each, from its begin. nodes (P,) and origins (P, 3): the
+    chain, and where its nodes begin.
+    """
+    for k in range(len(nodes) - 1):
+        node, following = nodes[k], k + 1
+        ex, ey, eh = compose(
+            origins[k, 0],
+            origins[k, 1],
+            origins[k, 2],
+            node_motion[node, 0],
+            node_motion[node, 1],
+            node_motion[node, 2],
+        )
+        offsets[k, 0] = ex - origins[following, 0]
+        offsets[k, 1] = ey - origins[following, 1]
+        offsets[k, 2] = wrap_angle(eh - origins[following, 2])
