@@ -50,7 +50,7 @@ BOUNDED = {
         "steering/guidance/ask_kernels.py ask",
     ),
     "each round goes on by a run of steps, a byte, or a bit, up to an end that stays": (
-        "export/page/tracks/range_kernels.py put_bit",
+        "export/page/tracks/range_kernels.py narrow",
         "export/page/tracks/range_kernels.py put_plain",
         "export/page/tracks/range_kernels.py put_whole",
         "export/page/tracks/track_kernels.py code_chunk",
