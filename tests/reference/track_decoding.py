@@ -20,6 +20,9 @@ class RangeReader:
         for _ in range(5):
             self._code = (self._code * 256 + next(self._data)) % 2**32
         self._models: dict[object, list[int]] = defaultdict(lambda: [2**15, 2**15])
+        # Chance of 1 and decisions so far of each model that is mixed, and weights by what chooses them.
+        self._mixed: dict[object, list[int]] = defaultdict(lambda: [2**15, 0])
+        self._weights: dict[object, list[int]] = defaultdict(lambda: [round(1.4 / 3 * 2**16)] * 3)
 
     def _widen(self) -> None:
         while self._range < 2**24:
@@ -71,6 +74,50 @@ class RangeReader:
         leaf = self._leaf(context, bits)
         return leaf - 2 ** (bits - 1) if leaf else self.whole()
 
+    def mixed_bit(self, contexts: Sequence[object], row: object) -> int:
+        """Return the outcome of a decision that three models expect together; they and their weights learn of it."""
+        models, weights = [self._mixed[context] for context in contexts], self._weights[row]
+        logits = [LOGITS[chance >> 4] for chance, _ in models]
+        logit = sum(weight * each for weight, each in zip(weights, logits, strict=True)) >> 16
+        chance = squashed(min(max(logit, -2047), 2047))
+        bound = self._range // 2**12 * (4096 - chance)
+        bit = int(self._code >= bound)
+        self._code -= bit * bound
+        self._range = self._range - bound if bit else bound
+        self._widen()
+        off = 24 * (4096 * bit - chance)
+        self._weights[row] = [
+            min(max(weight + ((each * off + 2**15) >> 16), 1 - 2**18), 2**18 - 1)
+            for weight, each in zip(weights, logits, strict=True)
+        ]
+        for model in models:
+            model[0] += ((65535 * bit - model[0]) * round(32768 / (model[1] + 1.5))) >> 15
+            model[1] = min(model[1] + 1, 127)
+        return bit
+
+    def mixed(self, kind: str, contexts: Sequence[object], row: object, bits: int) -> int:
+        """Return a number near 0, or any after an escape, by three contexts of a kind and what chooses the weights."""
+        leaf = 0
+        for depth in range(bits):
+            at = depth, leaf
+            decided = self.mixed_bit([(kind, k, each, at) for k, each in enumerate(contexts)], (kind, row, at))
+            leaf = 2 * leaf + decided
+        return leaf - 2 ** (bits - 1) if leaf else self.whole()
+
+
+POINTS = (1, 2, 3, 6, 10, 16, 27, 45, 73, 120, 194, 310, 488, 747, 1101, 1546, 2047, 2549, 2994, 3348, 3607, 3785)
+POINTS = (*POINTS, 3901, 3975, 4022, 4050, 4068, 4079, 4085, 4089, 4092, 4093, 4094)
+
+
+def squashed(logit: int) -> int:
+    """Return the chance, of 4096, of a logit in units of 1 / 256: straight lines between points."""
+    index, share = divmod(logit + 2048, 128)
+    return (POINTS[index] * (128 - share) + POINTS[index + 1] * share + 64) // 128
+
+
+LOGITS = [next((k for k in range(-2047, 2048) if squashed(k) >= chance), 2047) for chance in range(4096)]
+"""The least logit that gives each chance."""
+
 
 def size_class(size: int) -> int:
     """Return the class of the size of a difference."""
@@ -94,20 +141,27 @@ def direction(x: float, y: float) -> float:
     return -angle if y < 0.0 else angle
 
 
-def cadence(speed: float, angle: float, turning: float) -> float:
-    """Return the cadence that is expected [cycles/s]; the series of the cosine is that of pages."""
+def coarse_class(value: int) -> int:
+    """Return the coarse class of a difference, with its sign."""
+    kind = next((kind for kind, most in enumerate((0, 2, 5, 11)) if abs(value) <= most), 4)
+    return kind if value > 0 else -kind
+
+
+def cadence(speed: float, angle: float, turning: float) -> tuple[float, int]:
+    """Return the cadence that is expected [cycles/s], and what gives it; the series of the cosine is that of pages."""
     off = abs(angle)
     hip = 0.0 if off >= 1.4 else min(off, 1.4 - off)
     follows = min(speed / 0.4, 1.0)
-    s = (off - hip * follows * follows) ** 2
+    rest = off - hip * follows * follows
+    s = rest * rest
     c = 1.0 - s * (0.5 - s * (1.0 / 24.0 - s * (1.0 / 720.0 - s * (1.0 / 40320.0 - s / 3628800.0))))
     c = min(max(c, -1.0), 1.0)
     along, across = speed * abs(c), speed * math.sqrt(1.0 - c * c)
-    ahead = math.sqrt(0.39 * along) / 0.78 * (1.35 if c < 0.0 else 1.0)
+    ahead = max(math.sqrt(0.39 * along) / 0.78 * (1.35 if c < 0.0 else 1.0), speed / 1.6)
     aside = min(0.5 * min(1.0, across / 0.1) + 1.1 * across, 1.7)
     on_spot = min(0.35 * min(1.0, abs(turning) / 0.2) + 0.4 * abs(turning), 1.5)
-    rate = max(ahead, aside, on_spot, speed / 1.6)
-    return rate if rate >= 0.45 else 0.6 if speed > 0.1 else 0.75
+    rates = ahead, aside, on_spot
+    return max(rates), rates.index(max(rates))
 
 
 class TrackReader:
@@ -115,10 +169,15 @@ class TrackReader:
 
     def __init__(self, data: bytes, units: Sequence[int]) -> None:
         self.reader = RangeReader(data)
-        self.place, self.turn, self.rate, self.cycle, self.most, self.natural = map(int, units)
+        places, turns = map(int, units[:6]), map(int, units[6:])
+        self.place, self.turn, self.rate, self.cycle, self.most, self.natural = places
+        self.phase_step, self.turn_step = turns
 
     def _wrapped(self, value: int) -> int:
         return (value + self.turn // 2) % self.turn - self.turn // 2
+
+    def _radians(self, value: int) -> float:
+        return self._wrapped(value) * (2.0 * math.pi) / self.turn
 
     def _speed_and_ahead(self, dx: int, dy: int) -> tuple[float, int]:
         speed = math.sqrt(float(dx * dx + dy * dy)) * self.rate / self.place
@@ -132,47 +191,67 @@ class TrackReader:
 
     def _places(self, steered: Sequence[int]) -> tuple[list[int], list[int]]:
         read, x, y = self.reader, [], []
-        last, before = (0, 0), 0
+        (ax, ay), (bx, by), before = (0, 0), (0, 0), 0
         for t, steers in enumerate(steered):
             if t < 2:
                 x.append(read.whole(("first x", t)) + (x[-1] if t else 0))
                 y.append(read.whole(("first y", t)) + (y[-1] if t else 0))
                 continue
-            size = abs(last[0]) + abs(last[1])
+            size = abs(ax) + abs(ay)
             lately = size_class((2 * size + before) // 3)
-            before = size
-            ax = read.number(("x", steers, lately, signed_class(last[0]) if steers else None), 7)
             some = min(lately // 3, 2)
-            kind, up = signed_class(last[1])
+            before = size
             if steers:
-                ay = read.number(("y", min(abs(ax), 29), kind // 2, up, some), 7)
+                speed, ahead = self._speed_and_ahead(x[-1] - x[-2], y[-1] - y[-2])
+                way = min(int(10.0 * speed), 15), 16 * ahead // self.turn % 16
+                recent = tuple(map(coarse_class, (ax, ay, bx, by)))
+                now = read.mixed("x", ((lately, signed_class(ax)), recent, (way, some)), lately, 6)
+                kind, up = signed_class(ay)
+                contexts = (
+                    (min(abs(now), 29), kind // 2, up, some),
+                    (signed_class(now), coarse_class(ay), coarse_class(ax)),
+                    (way, signed_class(now)),
+                )
+                (bx, by), ax = (ax, ay), now
+                ay = read.mixed("y", contexts, size_class(abs(ax)), 6)
             else:
+                ax = read.number(("plain x", lately), 7)
                 ay = read.number(("plain y", size_class(abs(ax)), some), 7)
             x.append(ax + 2 * x[-1] - x[-2])
             y.append(ay + 2 * y[-1] - y[-2])
-            last = ax, ay
         return x, y
 
+    def _turn_class(self, turn: int) -> int:
+        return min(max(10 * turn // self.most, -10), 10)
+
     def _headings(self, steered: Sequence[int], x: list[int], y: list[int]) -> list[int]:
-        read, headings, close, last = self.reader, [], True, 0
+        read, headings, last, before, ways = self.reader, [], 0, 0, (0, 0, 0)
         for t, steers in enumerate(steered):
             if t < 2:
                 headings.append(read.whole(("first turn", t)) + (headings[-1] if t else 0))
                 continue
             if not steers:
-                last += read.number(("on", signed_class(last)), 8)
+                last += self.turn_step * read.number(("on", signed_class(last // self.turn_step)), 8)
+                headings.append(headings[-1] + last)
+                continue
+            speed, ahead = self._speed_and_ahead(x[t - 1] - x[t - 2], y[t - 1] - y[t - 2])
+            pace = min(int(16.0 * speed), 23)
+            coming = min(int(16.0 * self._speed_and_ahead(x[t] - x[t - 1], y[t] - y[t - 1])[0]), 23)
+            wanted = self._wrapped(ahead - headings[-1])
+            expected = min(max(wanted, -self.most), self.most)
+            wish, turned = min(max(8 * wanted // self.most, -24), 24), self._turn_class(last)
+            contexts: Sequence[object] = ((pace, wish), (turned, wish), (coming, pace))
+            way = read.mixed_bit([("way", k, ways, each) for k, each in enumerate(contexts)], ("way", ways))
+            before_last, before = before, last
+            if way:
+                contexts = ((turned, wanted > 0), (wish, pace // 3), (turned, self._turn_class(before_last)))
+                last = self.turn_step * read.mixed("turn", contexts, None, 7)
+            elif abs(wanted) < self.most:
+                contexts = (pace, (coming, self._turn_class(expected)), (ways, coming))
+                last = expected + self.turn_step * read.mixed("near", contexts, None, 6)
             else:
-                speed, ahead = self._speed_and_ahead(x[t - 1] - x[t - 2], y[t - 1] - y[t - 2])
-                wanted = self._wrapped(ahead - headings[-1])
-                expected = min(max(wanted, -self.most), self.most)
-                free = abs(wanted) < self.most
-                fast = 0 if speed > 0.27 else 1 if speed > 0.23 else 2
-                if read.bit(("is close", close, fast, free, not free and wanted > 0)) == 0:
-                    last = expected + read.number(("near", min(int(10.0 * speed), 14), free), 6)
-                    close = True
-                else:
-                    last = read.number(("turn", signed_class(last), wanted > 0), 8)
-                    close = False
+                last = expected
+            ways = (*ways[1:], way)
             headings.append(headings[-1] + last)
         return headings
 
@@ -188,24 +267,57 @@ class TrackReader:
     def phases(self, track: tuple[list[int], list[int], list[int]], first: int, end: int) -> list[int]:
         """Return the phases of steps ``first`` to before ``end`` of a track of all steps of a chunk."""
         read, (x, y, headings) = self.reader, track
-        phases, off, moved = [read.whole("first phase")], 0, True
+        phases, off, foot = [read.whole("first phase")], 0, tuple(column[first] for column in track)
         for t in range(first + 1, end):
-            speed, ahead = self._speed_and_ahead(x[t] - x[t - 1], y[t] - y[t - 1])
-            angle = self._wrapped(ahead - headings[t]) * (2.0 * math.pi) / self.turn
-            turning = self._wrapped(headings[t] - headings[t - 1]) * (2.0 * math.pi) / self.turn * self.rate
-            expected = math.floor(cadence(speed, angle, turning) / self.rate * self.cycle + 0.5)
-            past = 2 * phases[-1] % self.cycle
-            context = (
-                min(size_class(abs(off)), 6), off > 0, moved,
-                speed < 0.35 and 10 * past <= 2 * self.cycle, 100 * past < 52 * self.cycle,
-            )  # fmt: skip
-            moved = not read.bit(("rests", context))
-            if moved:
-                off = read.number(("phase", context), 7)
-                phases.append(phases[-1] + expected + off)
+            dx, dy = x[t] - foot[0], y[t] - foot[1]
+            away = math.sqrt(float(dx * dx + dy * dy)) / self.place
+            after, kind, speed = self._expected_phase(phases[-1], track, t, away, foot[2])
+            if read.bit(("follows", kind, off == 0)):
+                phases.append(phases[-1] if read.bit(("stays", kind)) else self._next_stand(phases[-1]))
+                off = 0
             else:
-                phases.append(phases[-1])
+                pace, turn = min(int(16.0 * speed), 23), abs(self._wrapped(headings[t] - headings[t - 1]))
+                old = signed_class(off)
+                contexts = (
+                    (kind, pace, old),
+                    (kind, self._turn_class(turn), old),
+                    (kind, min(int(50 * away), 15), pace),
+                )
+                off = read.mixed("phase", contexts, kind, 6)
+                phases.append(after + self.phase_step * off)
+            over = 0.26 * self.cycle
+            if math.floor((2 * phases[-2] - 2 * over) / self.cycle) < math.floor(
+                (2 * phases[-1] - 2 * over) / self.cycle
+            ):
+                foot = x[t], y[t], headings[t]
         return phases
+
+    def _next_stand(self, phase: int) -> int:
+        """Return the first phase of a stand, 0.06 cycles after a foot lands, from ``phase`` on."""
+        half, stand = self.cycle // 2, round(0.06 * self.cycle)
+        return phase + (stand - phase) % half
+
+    def _expected_phase(
+        self, phase: int, track: tuple[list[int], list[int], list[int]], t: int, away: float, left: int
+    ) -> tuple[int, int, float]:
+        """Return the phase after step ``t``, the rule that gives it, and the speed."""
+        x, y, headings = track
+        speed, ahead = self._speed_and_ahead(x[t] - x[t - 1], y[t] - y[t - 1])
+        half = self.cycle // 2
+        begin, passed = phase - phase % half, phase % half / self.cycle
+        stand = begin + round(0.06 * self.cycle)
+        if speed < 0.35 and passed <= 0.1 and away < 0.06 and abs(self._radians(headings[t] - left)) < 0.25:
+            return max(phase, min(stand, phase + math.floor(0.75 / self.rate * self.cycle + 0.5))), 3, speed
+        turning = self._radians(headings[t] - headings[t - 1]) * self.rate
+        rate, kind = cadence(speed, self._radians(ahead - headings[t]), turning)
+        if rate < 0.45:
+            rate, kind = (0.6 if speed > 0.1 else 0.75), 4
+        elif passed < 0.26 and away * rate < 0.5 * (passed + 0.5 - 0.26) * speed:
+            rate, kind = max(rate, min(6.0 * speed, 1.5)), 5
+        after = phase + math.floor(rate / self.rate * self.cycle + 0.5)
+        if after > stand + half and rate <= 0.75 and speed <= 0.1:
+            return stand + half, 6, speed
+        return after, kind, speed
 
 
 def runs(values: Sequence[int]) -> list[tuple[int, int, int]]:

@@ -51,7 +51,7 @@ BOUNDED = {
     ),
     "each round goes on by a run of steps, a byte, or a bit, up to an end that stays": (
         "crowd/state/sampling_kernels.py measure_bends",
-        "export/page/tracks/range_kernels.py put_bit",
+        "export/page/tracks/range_kernels.py narrow",
         "export/page/tracks/range_kernels.py put_plain",
         "export/page/tracks/range_kernels.py put_whole",
         "export/page/tracks/track_kernels.py code_chunk",

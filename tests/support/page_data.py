@@ -25,9 +25,11 @@ def read_page(file: Path) -> PageData:
 
 
 def bytes_of(text: str) -> bytes:
-    """Return the bytes that a text of a page holds: after their number, 15 bits in each letter."""
+    """Return the bytes that a text of a page holds: after their number, 47 bits in three letters each."""
     count, letters = text.split(" ")
-    bits = "".join(f"{ord(letter) - 0x4000:015b}" for letter in letters)
+    digits = [ord(letter) - 0x0C00 for letter in letters]
+    groups = zip(digits[::3], digits[1::3], digits[2::3], strict=True)
+    bits = "".join(f"{(a * 52016 + b) * 52016 + c:047b}" for a, b, c in groups)
     return bytes(int(bits[8 * k : 8 * k + 8], 2) for k in range(int(count)))
 
 

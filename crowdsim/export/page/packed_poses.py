@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from crowdsim.export.page.choice import Chosen
 from crowdsim.export.page.packing import Block, Ints, first_differences, zigzag
-from crowdsim.export.page.tracks.track_chunks import PHASES, PackedStretches, fractions_of
+from crowdsim.export.page.tracks.track_chunks import PHASES, PackedStretches
 from crowdsim.motion.clips.kinematics import rotation_vectors
 from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, on_legs_of
@@ -99,8 +99,7 @@ def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> PackedS
     block.add_varints("stretch_stops", stop - end)
     counts = stop - begin
     exact = np.concatenate([np.zeros(0), *phases])
-    whole = np.rint(exact).astype(np.int64)
-    return PackedStretches(agent, begin, stop, np.cumsum(counts) - counts, whole, fractions_of(exact))
+    return PackedStretches(agent, begin, stop, np.cumsum(counts) - counts, exact)
 
 
 def pack_switches(block: Block, recording: Recording, chosen: Chosen) -> None:

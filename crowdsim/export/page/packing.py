@@ -19,17 +19,23 @@ _MEMORY = 4
 
 Ints = NDArray[np.int64]
 
-_LETTER_BITS = 15
-"""Bits that a letter holds."""
-_FIRST_LETTER = 0x4000
-"""The letter for 0. It and the next 32,767 code points take two bytes each in UTF-16, and mean nothing to HTML."""
+_GROUP_BITS = 47
+"""Bits that three letters hold. Of larger groups, browsers would need integers beyond 2**53."""
+_LETTERS = 52_016
+"""Number of letters: the least whose third power reaches 2**47."""
+_FIRST_LETTER = 0x0C00
+"""The letter for 0. It and the code points after it take two bytes each in UTF-16, and mean nothing to HTML."""
 
 
 def text_of(data: bytes) -> str:
-    """Return bytes as text for a page in UTF-16: their number, a space, and a letter for each 15 bits."""
+    """Return bytes as text for a page in UTF-16: their number, a space, and three letters for each 47 bits."""
     bits = np.unpackbits(np.frombuffer(data, np.uint8))
-    groups = np.pad(bits, (0, -len(bits) % _LETTER_BITS)).reshape(-1, _LETTER_BITS)
-    letters = (groups @ (1 << np.arange(_LETTER_BITS)[::-1]) + _FIRST_LETTER).astype("<u2")
+    groups = np.pad(bits, (0, -len(bits) % _GROUP_BITS)).reshape(-1, _GROUP_BITS)
+    # A group as six bytes, with a bit of 0 before it.
+    parts = np.packbits(np.pad(groups, ((0, 0), (1, 0))), axis=1).astype(np.int64)
+    values = parts @ (1 << np.arange(40, -8, -8))
+    digits = np.stack([values // _LETTERS**2, values // _LETTERS % _LETTERS, values % _LETTERS], axis=1)
+    letters = (digits + _FIRST_LETTER).astype("<u2")
     return f"{len(data)} {letters.tobytes().decode('utf-16-le')}"
 
 

@@ -33,12 +33,14 @@ from crowdsim.export.page.packing import Block, Ints, compressed, text_of
 from crowdsim.export.page.tracks.track_chunks import (
     FRACTIONS,
     PHASES,
+    TURNS,
     coding_units,
     pack_events,
     pack_tracks,
+    phase_step,
     place_units,
     plan_chunks,
-    turn_units,
+    turn_step,
 )
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.playback.crowd_mesh import LEVEL_COLORS, group_colors
@@ -222,8 +224,10 @@ def page_units(motion: MotionRecord, places: int) -> dict[str, int]:
     """Return the integer units of the page per meter, turn, cycle, frame, radian, and meter of a root."""
     return {
         "place": places,
-        "turn": turn_units(motion),
+        "turn": TURNS,
+        "turn_step": turn_step(motion, places),
         "phase": PHASES,
+        "phase_step": phase_step(places),
         "exact": FRACTIONS,
         "frame": FRAME_TICKS,
         "rotation": ROTATIONS,

@@ -5,14 +5,27 @@ import math
 import numpy as np
 import pytest
 
+from crowdsim.export.page.tracks.expected_kernels import (
+    CYCLE,
+    PHASE_STEP,
+    PLACE,
+    RATE,
+    TURN,
+    TURN_STEP,
+    cadence,
+    direction,
+    expected_phase,
+)
+from crowdsim.export.page.tracks.mixing_kernels import new_mixer, put_mixed
 from crowdsim.export.page.tracks.range_kernels import EVEN, finish, new_state, put_bit, put_number
-from crowdsim.export.page.tracks.track_kernels import MODELS, cadence, code_chunk, direction
+from crowdsim.export.page.tracks.track_kernels import MIXED, MODELS, ROWS, code_chunk
 from crowdsim.jit import kernel
-from crowdsim.motion.deformed.phase_kernels import hip_turn, phase_rate
+from crowdsim.motion.deformed.phase_kernels import STAND, advance_phases, hip_turn, phase_rate
 from tests.reference import track_decoding
 from tests.reference.track_decoding import RangeReader, TrackReader, runs
 
-UNITS = np.array([1000, 2048, 10, 5000, 81, 600], np.int64)
+UNITS = np.array([720, 1 << 17, 10, 50_000, 5216, 600, 15, 163], np.int64)
+ROUNDED, SLACK = np.zeros(2), np.array([365.0, 167.0])
 
 
 @kernel
@@ -40,7 +53,7 @@ def expected(values):
         x, y = speed * math.cos(angle), speed * math.sin(angle)
         hip = hip_turn(x, y)
         out[k, 0] = direction(x, y)
-        out[k, 1] = cadence(speed, angle, turning)
+        out[k, 1] = cadence(speed, angle, turning)[0]
         out[k, 2] = phase_rate(speed * math.cos(angle - hip), speed * math.sin(angle - hip), turning)
     return out
 
@@ -72,26 +85,51 @@ def test_numbers_of_any_size_come_back():
     assert [reader.number("any", 5) for _ in values] == values.tolist()
 
 
+@kernel
+def put_mixed_numbers(values, contexts, models, mixer, state, out):
+    """Code integers, each in three contexts."""
+    for k in range(len(values)):
+        a, b, c = contexts[k]
+        put_mixed(state, out, models, mixer, (a << 5, b << 5, c << 5), (a & 1) << 5, 5, values[k])
+    return finish(state, out)
+
+
+def test_mixed_numbers_come_back_and_take_as_many_bits_as_the_context_that_tells_most():
+    rng = np.random.default_rng(4)
+    contexts = np.stack([rng.integers(8 * k, 8 * k + 8, 8000) for k in range(3)], axis=1)
+    # The second context tells the number within one; the others tell nothing.
+    values = contexts[:, 1] - 12 + rng.integers(0, 2, len(contexts))
+    values[::1000] = 2**20
+    out, state = room(20 * len(values))
+    mixer = new_mixer(24 << 5, 64)
+    size = put_mixed_numbers(values, contexts, np.full((64, 2), EVEN, np.uint16), mixer, state, out)
+    reader = RangeReader(out[:size].tobytes())
+    assert [reader.mixed("any", each, each[0] & 1, 5) for each in contexts.tolist()] == values.tolist()
+    assert 8 * size <= 1.15 * len(values) + 1500
+
+
 def walked(rng, count, steps):
-    """Tracks (4, N, T), phases (N, T) of people who push and turn, as far as their rules allow."""
-    change = rng.normal(0.0, 12.0, (2, count, steps))
-    change *= np.minimum(1.0, 25.0 / np.maximum(np.hypot(*change), 1e-9))
-    velocity = np.cumsum(change, axis=2) + 60.0
+    """Tracks (4, N, T), exact headings, phases (N, T) of people who push and turn, as far as their rules allow."""
+    change = rng.normal(0.0, 9.0, (2, count, steps))
+    change *= np.minimum(1.0, 18.0 / np.maximum(np.hypot(*change), 1e-9))
+    velocity = np.cumsum(change, axis=2) + 45.0
     places = np.rint(np.cumsum(velocity, axis=2)).astype(np.int64)
-    heading = np.rint(np.arctan2(velocity[1], velocity[0]) * 2048 / (2 * np.pi)).astype(np.int64)
+    heading = np.arctan2(velocity[1], velocity[0]) * UNITS[TURN] / (2 * np.pi)
     frame = np.cumsum(rng.choice([600, 600, 600, 590, 300], (count, steps)), axis=1)
-    phases = np.cumsum(rng.integers(380, 460, (count, steps)), axis=1)
-    return np.stack([*places, heading, frame]), phases
+    phases = np.cumsum(rng.integers(3800, 4600, (count, steps)), axis=1)
+    return np.stack([*places, np.zeros_like(frame), frame]), heading, phases
 
 
+@pytest.mark.parametrize("slack", [ROUNDED, SLACK])
 @pytest.mark.parametrize("wild", [False, True])
-def test_a_slow_twin_reads_the_tracks_of_a_chunk(wild):
+def test_a_slow_twin_reads_the_tracks_of_a_chunk(wild, slack):
     rng = np.random.default_rng(2)
     count, steps = 12, 60
-    tracks, phases = walked(rng, count, steps)
+    tracks, exact, phases = walked(rng, count, steps)
     if wild:
         tracks[:, 3:] = rng.integers(-(2**20), 2**20, tracks[:, 3:].shape)
-        phases[5:] = rng.integers(-(10**6), 10**6, phases[5:].shape)
+        exact[3:] = rng.uniform(-(2.0**20), 2.0**20, exact[3:].shape)
+        phases[5:] = np.cumsum(rng.integers(0, 10**6, phases[5:].shape), axis=1)
     here = np.ones((count, steps), np.uint8)
     here[1, 20:23] = here[2, :] = here[4, 1:] = here[4, 2:4] = 0
     here[4, 4:6] = 1
@@ -101,10 +139,12 @@ def test_a_slow_twin_reads_the_tracks_of_a_chunk(wild):
     spans = [(who, first, end) for who in range(count) for there, first, end in runs(here[who]) if there]
     starts = np.cumsum([0, *[end - first for _, first, end in spans]])
     stretches = np.array([(*span, start) for span, start in zip(spans, starts[:-1].tolist(), strict=True)], np.int64)
-    shown = np.concatenate([phases[who, first:end] for who, first, end in spans])
-    models = np.full((MODELS, 2), EVEN, np.uint16)
+    asked = np.concatenate([phases[who, first:end] for who, first, end in spans])
+    shown, own = asked.copy(), np.array([0, steps])
+    models = np.full((MODELS, 2), EVEN, np.uint16), new_mixer(MIXED, ROWS)
     out = np.zeros(24 * (tracks.size + shown.size) + 64, np.uint8)
-    size = code_chunk(tracks, here, steered, node, stretches, shown, UNITS, models, new_state(), out)
+    spread = here, steered, node, stretches, shown, own, UNITS, slack
+    size = code_chunk(tracks, exact, *spread, *models, new_state(), out)
     reader = TrackReader(out[:size].tobytes(), UNITS)
     for who in range(count):
         read = np.zeros((3, steps), np.int64)
@@ -112,17 +152,72 @@ def test_a_slow_twin_reads_the_tracks_of_a_chunk(wild):
             if there:
                 read[:, first:end] = reader.track(steered[who, first:end].tolist())
         there = here[who] > 0
-        assert (read[:2, there] == tracks[:2, who, there]).all()
-        assert ((read[2, there] - tracks[2, who, there]) % UNITS[1] == 0).all()
+        assert (read[:, there] == tracks[:3, who, there]).all()
+        off = (read[2, there] - exact[who, there] + UNITS[TURN] / 2) % UNITS[TURN] - UNITS[TURN] / 2
+        assert np.abs(off).max(initial=0.0) <= 0.5 * UNITS[TURN_STEP] + (0.7 * slack[1] if slack[0] == 0 else slack[0])
         for played, first, end in runs(node[who]):
             if played >= 0:
                 assert reader.frames(end - first) == tracks[3, who, first:end].tolist()
         for owner, first, end, at in stretches.tolist():
             if owner == who:
                 assert reader.phases(tuple(read.tolist()), first, end) == shown[at : at + end - first].tolist()
+    assert np.abs(shown - asked).max() <= 0.5 * UNITS[PHASE_STEP]
     if not wild:
-        # Of steered people: two accelerations of some 5 bits each, a turn, a phase; models learn for a while.
+        # Of steered people: two accelerations of some 4 bits each, a turn, a phase; models learn for a while.
         assert 8 * size <= 40 * here.sum()
+
+
+def test_errors_of_headings_cancel_within_a_second():
+    """Bodies show smoothed headings: single ones may be off by 1 degree, smoothed ones by a fifth of that."""
+    rng = np.random.default_rng(5)
+    tracks, exact, phases = walked(rng, 40, 200)
+    exact += np.cumsum(rng.choice([-2600.0, 0.0, 0.0, 700.0], exact.shape), axis=1)
+    spread = np.ones((40, 200), np.uint8), np.ones((40, 200), np.uint8), np.full((40, 200), -1, np.int32)
+    none, own = np.zeros((0, 4), np.int64), np.array([0, 200])
+    models = np.full((MODELS, 2), EVEN, np.uint16), new_mixer(MIXED, ROWS)
+    rest = none, phases.ravel(), own, UNITS, SLACK, *models, new_state(), np.zeros(24 * tracks.size, np.uint8)
+    code_chunk(tracks, exact, *spread, *rest)
+    off = (tracks[2] - exact + UNITS[TURN] / 2) % UNITS[TURN] - UNITS[TURN] / 2
+    assert np.abs(off).max() <= SLACK[0]
+    window = np.hanning(11)[1:-1] / np.hanning(11).sum()
+    smooth = np.array([np.convolve(row, window, "valid") for row in off])
+    assert np.percentile(np.abs(smooth), 99) <= 0.2 * SLACK[0]
+
+
+@kernel
+def walked_phases(x, y, heading, units):
+    """Return phases that the rules of pages expect along a track, from a stand on."""
+    phases = np.empty(len(x), np.int64)
+    phases[0] = 3000
+    ax, ay, left = x[0], y[0], heading[0]
+    for t in range(1, len(x)):
+        away = math.sqrt(float((x[t] - ax) ** 2 + (y[t] - ay) ** 2)) / units[PLACE]
+        phases[t] = expected_phase(phases[t - 1], x, y, heading, t, away, left, units)[0]
+        if (2 * phases[t - 1] - 26000) // units[CYCLE] < (2 * phases[t] - 26000) // units[CYCLE]:
+            ax, ay, left = x[t], y[t], heading[t]
+    return phases
+
+
+def test_phases_are_expected_as_gaits_advance_them():
+    """A body sets off, walks, turns, steps aside, creeps and stands: its phases are those of a simulation."""
+    speeds = np.repeat([0.0, 0.9, 1.3, 0.05, 0.0, 0.23, 0.4, 0.0], 25)
+    turns = np.repeat([0.0, 0.02, 0.0, 0.2, 0.0, 0.0, -0.1, 0.0], 25)
+    aside = np.repeat([0.0, 0.0, 0.5, 0.0, 0.0, 1.5, 0.0, 0.0], 25)
+    heading = np.cumsum(turns)
+    places = np.cumsum(0.1 * speeds[:, None] * np.stack([np.cos(heading + aside), np.sin(heading + aside)], axis=1), 0)
+    units = UNITS.copy()
+    units[PLACE], units[TURN] = 1_000_000, 1 << 30
+    whole = np.rint(places * units[PLACE]).astype(np.int64)
+    turned = np.rint(heading * units[TURN] / (2 * np.pi)).astype(np.int64)
+    found = walked_phases(whole[:, 0].copy(), whole[:, 1].copy(), turned, units)
+    phase, anchor, expected = np.array([STAND]), np.array([[*places[0], heading[0]]]), [STAND]
+    for t in range(1, len(places)):
+        velocity = (places[t] - places[t - 1])[None] * units[RATE]
+        turn = np.array([(heading[t] - heading[t - 1]) * units[RATE]])
+        advance_phases(np.array([[*places[t], heading[t]]]), velocity, turn, 0.1, phase, anchor)
+        expected.append(float(phase[0]))
+    np.testing.assert_allclose(found / units[CYCLE], expected, rtol=0.0, atol=0.01)
+    assert expected[-1] > 8.0
 
 
 def test_what_is_expected_is_near_what_gaits_do():
@@ -134,5 +229,5 @@ def test_what_is_expected_is_near_what_gaits_do():
     assert walking.mean() > 0.8
     np.testing.assert_allclose(rates[walking], gaits[walking], rtol=0.01)
     for (speed, angle, turning), way, rate in zip(values.tolist(), ways.tolist(), rates.tolist(), strict=True):
-        assert track_decoding.cadence(speed, angle, turning) == rate
+        assert track_decoding.cadence(speed, angle, turning)[0] == rate
         assert track_decoding.direction(math.cos(angle), math.sin(angle)) == pytest.approx(way, abs=2e-5)

@@ -55,25 +55,32 @@ def _carry_out(state, out):
 
 
 @helper
+def narrow(state, out, bound, bit):
+    """Code a decision: its outcome 0 takes the first ``bound`` of the interval, 1 the rest."""
+    if bit == 0:
+        state[RANGE] = bound
+    else:
+        state[LOW] += bound
+        state[RANGE] -= bound
+    while state[RANGE] < _TOP:
+        state[RANGE] = (state[RANGE] << 8) & 0xFFFFFFFF
+        _carry_out(state, out)
+
+
+@helper
 def put_bit(state, out, models, model, bit):
     """Code a decision with ``models[model]`` (uint16, uint16), which adapts."""
     fast = np.int64(models[model, 0])
     slow = np.int64(models[model, 1])
-    bound = (state[RANGE] >> 16) * ((fast + slow) >> 1)
+    narrow(state, out, (state[RANGE] >> 16) * ((fast + slow) >> 1), bit)
     if bit == 0:
-        state[RANGE] = bound
         fast += (65536 - fast) >> FAST
         slow += (65536 - slow) >> SLOW
     else:
-        state[LOW] += bound
-        state[RANGE] -= bound
         fast -= fast >> FAST
         slow -= slow >> SLOW
     models[model, 0] = fast
     models[model, 1] = slow
-    while state[RANGE] < _TOP:
-        state[RANGE] = (state[RANGE] << 8) & 0xFFFFFFFF
-        _carry_out(state, out)
 
 
 @helper

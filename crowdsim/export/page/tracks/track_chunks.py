@@ -11,25 +11,35 @@ from numpy.typing import NDArray
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.export.page.choice import Chosen
 from crowdsim.export.page.packing import Block, Ints
+from crowdsim.export.page.tracks.expected_kernels import PHASE_STEP, PLACE, RATE, TURN_STEP
+from crowdsim.export.page.tracks.mixing_kernels import new_mixer
 from crowdsim.export.page.tracks.range_kernels import EVEN, new_state
-from crowdsim.export.page.tracks.track_kernels import MODELS, code_chunk
+from crowdsim.export.page.tracks.track_kernels import MIXED, MODELS, ROWS, code_chunk
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.recording.header import AgentState, MotionRecord
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.shown.track_blocks import TICKS_PER_SECOND
 
-PLACES, FINE_PLACES = 1000, 4000
+PLACES, FINE_PLACES = 720, 4000
 """Integer units per meter for positions of tracks, and of few agents: knees of straight legs double what hips are off,
-and more."""
+and more. Units of 1.39 mm leave a position within a circle of 1 mm."""
 _FEW = 100_000
-"""Number of positions up to which those of a page are fine; each takes some 4 bits more."""
-PHASES = 5000
+"""Number of positions up to which those of a page are fine; each takes some 5 bits more."""
+PHASES = 50_000
 """Integer units per cycle for gait phases. The phase of a body at rest, 0.06 cycles after a foot lands, is a whole
 number of them: otherwise a page takes a body at rest as walking, and plans other steps than playback does."""
-FRACTIONS = 16
-"""Parts of a unit by which the last steps of a stretch are exact: footsteps after them are extrapolated from these."""
-_TURN, _STEERED_TURN = 8192, 2048
-"""Integer units per turn for headings: if there are captured nodes, whose feet turn with the track, and if not."""
+_PHASE_STEP, _FINE_PHASE_STEP = 15, 10
+"""Units by which expected phases are corrected, and those of few agents."""
+FRACTIONS = 64
+"""Parts of a unit of places, or of a step of turns and phases, by which the last steps of a stretch are exact:
+footsteps after them are extrapolated from these."""
+TURNS = 1 << 17
+"""Integer units per turn for headings."""
+_TURN_STEP, _FINE_TURN_STEP, _COARSE_TURN_STEP = 16, 64, 163
+"""Units by which expected turns are corrected: if there are captured nodes, whose feet turn with the track; else of few
+agents, and of many. Steered agents turn by 32 of the last ones in a step at most, or half of that, and so on."""
+_OFF, _SUM_OFF = 0.0175, 0.008
+"""Largest error of a coarse heading, and of the sum of the errors so far [rad]. Bodies show the mean of nine."""
 _SAMPLES = 1 << 20
 """Largest number of positions in a chunk, which a browser decodes at once."""
 _SHORTEST, _LONGEST = 64, 1024
@@ -78,9 +88,16 @@ def place_units(chosen: Chosen) -> int:
     return FINE_PLACES if len(chosen.agents) * chosen.steps <= _FEW else PLACES
 
 
-def turn_units(motion: MotionRecord) -> int:
-    """Return the integer units of heading per turn."""
-    return _TURN if len(motion.node_names) else _STEERED_TURN
+def turn_step(motion: MotionRecord, places: int) -> int:
+    """Return by how many units turns are corrected in a page with so many units of place per meter."""
+    if len(motion.node_names):
+        return _TURN_STEP
+    return _FINE_TURN_STEP if places == FINE_PLACES else _COARSE_TURN_STEP
+
+
+def phase_step(places: int) -> int:
+    """Return by how many units phases are corrected in a page with so many units of place per meter."""
+    return _FINE_PHASE_STEP if places == FINE_PLACES else _PHASE_STEP
 
 
 def plan_chunks(agents: int) -> ChunkPlan:
@@ -98,18 +115,15 @@ class PackedStretches(NamedTuple):
         Agent, first step, and step after the last, sorted by agent, then by time.
     starts : (S,) int64
         Index in ``phases`` of each stretch's first step.
-    phases : (P,) int64
+    phases : (P,) float64
         Phases of all these steps, in units of a page.
-    fractions : (P,) int8
-        What is left of them, see :func:`fractions_of`.
     """
 
     agents: Ints
     begins: Ints
     stops: Ints
     starts: Ints
-    phases: Ints
-    fractions: NDArray[np.int8]
+    phases: NDArray[np.float64]
 
     def within(self, low: int, high: int) -> Ints:
         """Return (S', 4) what of the stretches lies in steps ``low`` to before ``high``, counted from ``low``.
@@ -157,28 +171,26 @@ def pack_tracks(
     frames of nodes, and the phases of ``stretches``.
     """
     units = coding_units(recording, place_units(chosen))
-    found, exact = _Changes(len(chosen.agents)), _Ends(units, stretches)
+    # What a decoder finds, chunk by chunk.
+    phases = np.rint(stretches.phases).astype(np.int64)
+    found, exact = _Changes(len(chosen.agents)), _Ends(units, stretches, phases)
     for number, (low, high) in enumerate(chunk_spans(chosen.steps, plan)):
         rows = read_rows(recording, chosen, low, high)
         first = min(number * plan.steps - low, len(rows.x))
-        found.take(rows, low + first, slice(first, first + plan.steps))
-        exact.take(rows, low, range(low + first, low + first + plan.steps))
-        block.add(f"chunk_{number}", _coded(rows, units, stretches.within(low, high), stretches.phases))
+        own = range(first, min(first + plan.steps, high - low))
+        found.take(rows, low + first, slice(own.start, own.stop))
+        coded, headings = _coded(rows, units, stretches.within(low, high), phases, own)
+        exact.take(rows, headings, low, own)
+        block.add(f"chunk_{number}", coded)
     block.add("stretch_exact", exact.values)
     return found.events()
 
 
-def fractions_of(values: NDArray[np.float64]) -> NDArray[np.int8]:
-    """Return what values are beside the nearest integers, in 1 / FRACTIONS."""
-    parts: NDArray[np.int8] = np.rint((values - np.rint(values)) * FRACTIONS).astype(np.int8)
-    return parts
-
-
 def coding_units(recording: Recording, places: int) -> Ints:
-    """Return the units by which tracks are coded, see :func:`~crowdsim.export.page.tracks.track_kernels.code_chunk`."""
-    rate, turn = recording.steps_per_second, turn_units(recording.header.motion)
-    most = round(_TURN_RATE / rate * turn / (2.0 * np.pi))
-    return np.array([places, turn, rate, PHASES, most, CAPTURE_RATE // rate * FRAME_TICKS], np.int64)
+    """Return the units by which tracks are coded, see :mod:`crowdsim.export.page.tracks.expected_kernels`."""
+    rate, steps = recording.steps_per_second, (phase_step(places), turn_step(recording.header.motion, places))
+    most = 2 * round(0.5 * _TURN_RATE / rate * TURNS / (2.0 * np.pi))
+    return np.array([places, TURNS, rate, PHASES, most, CAPTURE_RATE // rate * FRAME_TICKS, *steps], np.int64)
 
 
 def chunk_spans(steps: int, plan: ChunkPlan) -> Iterator[tuple[int, int]]:
@@ -187,23 +199,27 @@ def chunk_spans(steps: int, plan: ChunkPlan) -> Iterator[tuple[int, int]]:
         yield max(first - plan.margin, 0), min(first + plan.steps + plan.margin, steps)
 
 
-def _coded(rows: _Rows, units: Ints, stretches: Ints, phases: Ints) -> NDArray[np.uint8]:
-    """Return the bytes of a chunk."""
+def _coded(rows: _Rows, units: Ints, stretches: Ints, phases: Ints, own: range) -> tuple[NDArray[np.uint8], Ints]:
+    """Return the bytes of a chunk, and headings (N, steps) that a decoder finds; ``phases`` become what it finds."""
     here = (rows.state != AgentState.ABSENT).T
     node = np.where(here, rows.node.T, NONE).astype(np.int32)
+    places = int(units[PLACE])
     columns = (
-        (rows.x.T, here, units[0]),
-        (rows.y.T, here, units[0]),
-        (rows.heading.T, here, units[1] / (2.0 * np.pi)),
+        (rows.x.T, here, places),
+        (rows.y.T, here, places),
+        (np.zeros_like(rows.x.T), here, 1.0),
         (rows.frame.T, node != NONE, FRAME_TICKS),
     )
     tracks = np.stack([_whole(values, some, float(per)) for values, some, per in columns])
-    models = np.full((MODELS, 2), EVEN, np.uint16)
+    per_radian = TURNS / (2.0 * np.pi)
+    headings = np.where(here, rows.heading.T, 0.0).astype(np.float64) * per_radian
+    slack = np.array([_OFF, _SUM_OFF]) * (per_radian if units[TURN_STEP] == _COARSE_TURN_STEP else 0.0)
+    models = np.full((MODELS, 2), EVEN, np.uint16), new_mixer(MIXED, ROWS)
     out = np.zeros(_LARGEST * (tracks.size + len(phases)) + 64, np.uint8)
     steered = np.ascontiguousarray(rows.steered.T).astype(np.uint8)
-    state = new_state()
-    size = code_chunk(tracks, here.astype(np.uint8), steered, node, stretches, phases, units, models, state, out)
-    return out[:size]
+    spans = here.astype(np.uint8), steered, node, stretches, phases, np.array([own.start, own.stop], np.int64)
+    size = code_chunk(tracks, headings, *spans, units, slack, *models, new_state(), out)
+    return out[:size], tracks[2]
 
 
 def _whole(values: NDArray[np.floating[Any]], some: NDArray[np.bool_], units: float) -> Ints:
@@ -212,29 +228,43 @@ def _whole(values: NDArray[np.floating[Any]], some: NDArray[np.bool_], units: fl
 
 
 class _Ends:
-    """Collects what the last steps of stretches are beside whole units: ``values`` (S, steps, 4), the last one first.
+    """Collects what the last steps of stretches are beside what a decoder finds.
 
+    ``values`` (S, steps, 4): the last step first, in 1 / FRACTIONS.
     Columns: x, y, heading, phase. There are as many steps as two samples of footstep plans may need.
     """
 
-    def __init__(self, units: Ints, stretches: PackedStretches) -> None:
-        places, turn, rate = units[:3].tolist()
+    def __init__(self, units: Ints, stretches: PackedStretches, phases: Ints) -> None:
         self._stretches = stretches
-        self._units = {"x": float(places), "y": float(places), "heading": turn / (2.0 * np.pi)}
-        steps = -(-rate // TICKS_PER_SECOND) + 1
+        self._units = units
+        self._phases = phases
+        self._edge: Ints | None = None
+        steps = -(-int(units[RATE]) // TICKS_PER_SECOND) + 1
         self.values = np.zeros((len(stretches.agents), steps, 4), np.int8)
 
-    def take(self, rows: _Rows, first: int, steps: range) -> None:
-        """Take those of the stretches whose last step is one of ``steps``; ``rows`` begin at step ``first``."""
-        known = self._stretches
-        some = np.flatnonzero((known.stops > steps.start) & (known.stops <= steps.stop))
+    def take(self, rows: _Rows, headings: Ints, low: int, own: range) -> None:
+        """Take those of the stretches whose last step is one of ``own``.
+
+        ``rows`` and ``headings`` (N, steps), which a decoder finds, begin at step ``low``.
+        """
+        known, turn_step = self._stretches, float(self._units[TURN_STEP])
+        if self._edge is not None:
+            # A decoder takes steps before a chunk from the chunk before.
+            headings[:, own.start - 1] = self._edge
+        self._edge = headings[:, own.stop - 1].copy() if len(own) else self._edge
+        some = np.flatnonzero((known.stops > low + own.start) & (known.stops <= low + own.stop))
         for back in range(self.values.shape[1]):
             step = known.stops[some] - 1 - back
-            some, step = (part[step >= np.maximum(known.begins[some], first)] for part in (some, step))
-            for column, (name, units) in enumerate(self._units.items()):
-                exact = getattr(rows, name)[step - first, known.agents[some]].astype(np.float64) * units
-                self.values[some, back, column] = fractions_of(exact)
-            self.values[some, back, 3] = known.fractions[known.starts[some] + step - known.begins[some]]
+            some, step = (part[step >= np.maximum(known.begins[some], low)] for part in (some, step))
+            row, who = step - low, known.agents[some]
+            for column, values in enumerate((rows.x, rows.y)):
+                exact = values[row, who].astype(np.float64) * float(self._units[PLACE])
+                self.values[some, back, column] = np.rint((exact - np.rint(exact)) * FRACTIONS)
+            off = rows.heading[row, who].astype(np.float64) * TURNS / (2.0 * np.pi) - headings[who, row]
+            self.values[some, back, 2] = np.rint((off - TURNS * np.rint(off / TURNS)) / turn_step * FRACTIONS)
+            at = known.starts[some] + step - known.begins[some]
+            off = (known.phases[at] - self._phases[at]) / float(self._units[PHASE_STEP])
+            self.values[some, back, 3] = np.rint(off * FRACTIONS)
 
 
 class _Changes:

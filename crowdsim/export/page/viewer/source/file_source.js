@@ -120,7 +120,9 @@ export class FileSource {
       }
       for (const { begin, stop, phases } of this.stretches[agent]) {
         const first = Math.max(begin, low), end = Math.min(stop, high);
-        if (first < end) decoder.phases(phases, first - begin, first - low, end - low);
+        // Steps beside a chunk belong to others.
+        const own = number * length - low;
+        if (first < end) decoder.phases(phases, first - begin, first - low, end - low, own, own + length);
       }
     }
     return { low, high, span, x, y, heading, frame };
@@ -236,8 +238,8 @@ export function shorterWay(way, span) {
 
 /** Stretches of steps in which agents steer, by agent. Their phases are known where their chunks are unpacked. */
 function readStretches(block, count) {
-  const { place, turn, phase, exact } = block.facts.units;
-  const units = [place, place, turn / (2 * Math.PI), phase], fractions = block.array("stretch_exact");
+  const { place, turn, phase, exact, turn_step: turnStep, phase_step: phaseStep } = block.facts.units;
+  const units = [place, place, turn / (2 * Math.PI) / turnStep, phase / phaseStep], fractions = block.array("stretch_exact");
   const agents = varints(block.array("stretch_agents"));
   const [begins, firsts, ends, stops] = ["begins", "firsts", "ends", "stops"].map(
     (name) => varints(block.array(`stretch_${name}`)),

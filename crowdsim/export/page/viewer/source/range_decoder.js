@@ -1,8 +1,8 @@
 // Reads what crowdsim/export/page/tracks/range_kernels.py codes: decisions, each in a model that adapts.
 
-const EVEN = 1 << 15; // probability one half, in units of 1 / 65536
+export const EVEN = 1 << 15; // probability one half, in units of 1 / 65536
 const FAST = 4, SLOW = 7; // binary logarithms of the decisions within which the two estimates of a model adapt
-const TOP = 1 << 24;
+export const TOP = 1 << 24;
 export const WHOLE = 64; // models of a number of any size
 
 export class RangeDecoder {

@@ -1,79 +1,70 @@
 // Reads the tracks of a chunk as crowdsim/export/page/tracks/track_kernels.py codes them, which says why it is so.
 
-import { RangeDecoder, WHOLE } from "./range_decoder.js";
+import { direction, expectedPhase, nextStand, passes, rest, wrapped } from "./expected.js";
+import { MixingDecoder } from "./mixing.js";
+import { WHOLE } from "./range_decoder.js";
 
-const PLACE_BITS = 7, TURN_BITS = 8, NEAR_BITS = 6, FRAME_BITS = 6, PHASE_BITS = 7;
-const BUCKETS = 9, MOST_ACROSS = 29, SLOWEST = 0.25;
+const PLACE_BITS = 6, TURN_BITS = 7, NEAR_BITS = 6, PHASE_BITS = 6, PLAIN_BITS = 7, ON_BITS = 8, FRAME_BITS = 6;
+const CLASSES = 9, SIGNED = 2 * CLASSES, MOST_ACROSS = 29, PACES = 16, WAYS = 16;
+const SPEEDS = 24, TURNS = 21, WANTED = 49, NEARS = 8, KINDS = 7, AWAYS = 16;
 
 // Where the models of each kind begin.
 const FIRST_X = WHOLE, FIRST_Y = 3 * WHOLE, FIRST_TURN = 5 * WHOLE, FIRST_FRAME = 7 * WHOLE, FIRST_PHASE = 8 * WHOLE;
-const X = 9 * WHOLE;
-const Y = X + ((2 * BUCKETS * BUCKETS) << PLACE_BITS);
-const PLAIN_X = Y + ((3 * 10 * (MOST_ACROSS + 1)) << PLACE_BITS);
-const PLAIN_Y = PLAIN_X + (BUCKETS << PLACE_BITS);
-const IS_CLOSE = PLAIN_Y + ((3 * BUCKETS) << PLACE_BITS);
-const NEAR = IS_CLOSE + 2 * 3 * 3;
-const TURN = NEAR + ((2 * 15) << NEAR_BITS);
-const ON = TURN + ((2 * 2 * BUCKETS) << TURN_BITS);
-const FRAME = ON + ((2 * BUCKETS) << TURN_BITS);
-const RESTS = FRAME + ((2 * BUCKETS) << FRAME_BITS);
-const PHASE = RESTS + 16 * 7;
-const MODELS = PHASE + ((16 * 7) << PHASE_BITS);
+const PLAIN_X = 9 * WHOLE;
+const PLAIN_Y = PLAIN_X + (CLASSES << PLAIN_BITS);
+const ON = PLAIN_Y + ((3 * CLASSES) << PLAIN_BITS);
+const FRAME = ON + (SIGNED << ON_BITS);
+const FOLLOWS = FRAME + (SIGNED << FRAME_BITS);
+const STAYS = FOLLOWS + 2 * KINDS;
+const MODELS = STAYS + KINDS;
 
-const CLASSES = Uint8Array.from({ length: 26 }, (_, size) => [4, 7, 11, 17, 24].reduce(
+// The same of models that are mixed, three contexts of each kind, one after the other.
+let mixed = 0;
+const place = (contexts, bits) => {
+  const first = mixed;
+  mixed += contexts << bits;
+  return first;
+};
+const X = [SIGNED * CLASSES, CLASSES ** 4, PACES * WAYS * 3].map((size) => place(size, PLACE_BITS));
+const Y = [30 * (MOST_ACROSS + 1), SIGNED * CLASSES ** 2, PACES * WAYS * SIGNED].map((size) => place(size, PLACE_BITS));
+const IS_NEAR = [SPEEDS * WANTED, TURNS * WANTED, SPEEDS * SPEEDS].map((size) => place(NEARS * size, 1));
+const NEAR = [SPEEDS, SPEEDS * TURNS, NEARS * SPEEDS].map((size) => place(size, NEAR_BITS));
+const TURN = [2 * TURNS, 8 * WANTED, TURNS * TURNS].map((size) => place(size, TURN_BITS));
+const PHASE = [SPEEDS * SIGNED, TURNS * SIGNED, AWAYS * SPEEDS].map((size) => place(KINDS * size, PHASE_BITS));
+const MIXED = mixed;
+
+// Where the weights of each kind begin.
+const X_ROW = 0, Y_ROW = CLASSES << PLACE_BITS, IS_NEAR_ROW = 2 * Y_ROW, NEAR_ROW = IS_NEAR_ROW + (NEARS << 1);
+const TURN_ROW = NEAR_ROW + (1 << NEAR_BITS), PHASE_ROW = TURN_ROW + (1 << TURN_BITS);
+const ROWS = PHASE_ROW + (KINDS << PHASE_BITS);
+
+const SIZES = Uint8Array.from({ length: 26 }, (_, size) => [4, 7, 11, 17, 24].reduce(
   (kind, most) => kind + (size > most ? 1 : 0), Math.min(size, 3),
 ));
 
 /** The class, 0 to 8, of the size of a difference. */
-function bucket(size) {
-  return CLASSES[Math.min(size, 25)];
+function sizeClass(size) {
+  return SIZES[Math.min(size, 25)];
 }
 
 function signed(value) {
-  return 2 * bucket(Math.abs(value)) + (value > 0 ? 1 : 0);
+  return 2 * sizeClass(Math.abs(value)) + (value > 0 ? 1 : 0);
 }
 
-/** The angle of a vector, within 1e-5: with the same bits everywhere, which Math.atan2 need not give. */
-function direction(x, y) {
-  const a = Math.abs(x), b = Math.abs(y);
-  if (a === 0 && b === 0) return 0;
-  const z = Math.min(a, b) / Math.max(a, b), s = z * z;
-  let angle = z * (0.999866 + s * (-0.3302995 + s * (0.180141 + s * (-0.085133 + s * 0.0208351))));
-  if (b > a) angle = 0.5 * Math.PI - angle;
-  if (x < 0) angle = Math.PI - angle;
-  return y < 0 ? -angle : angle;
+/** The class, 0 to 8, of a difference with its sign, 4 for 0. */
+function coarse(value) {
+  const size = Math.abs(value), kind = size === 0 ? 0 : size <= 2 ? 1 : size <= 5 ? 2 : size <= 11 ? 3 : 4;
+  return value > 0 ? 4 + kind : 4 - kind;
 }
 
-/** An integer angle between minus half a turn and half a turn. */
-function wrapped(value, turn) {
-  const half = Math.floor(turn / 2);
-  value = (value + half) % turn;
-  return (value < 0 ? value + turn : value) - half;
-}
-
-/** Cycles a second that are expected at a speed, so many radians off the heading, while turning. */
-function cadence(speed, angle, turn) {
-  const off = Math.abs(angle), follows = Math.min(speed / 0.4, 1);
-  const hip = off >= 1.4 ? 0 : Math.min(off, 1.4 - off);
-  const rest = off - hip * follows * follows, s = rest * rest;
-  let c = 1 - s * (0.5 - s * (1 / 24 - s * (1 / 720 - s * (1 / 40320 - s / 3628800))));
-  c = Math.min(Math.max(c, -1), 1);
-  const along = speed * Math.abs(c), across = speed * Math.sqrt(1 - c * c), turning = Math.abs(turn);
-  let rate = Math.sqrt(0.39 * along) / 0.78;
-  if (c < 0) rate *= 1.35;
-  rate = Math.max(rate, Math.min(0.5 * Math.min(1, across / 0.1) + 1.1 * across, 1.7));
-  rate = Math.max(rate, Math.min(0.35 * Math.min(1, turning / 0.2) + 0.4 * turning, 1.5));
-  rate = Math.max(rate, speed / 1.6);
-  if (rate < 0.45) return speed > 0.1 ? 0.6 : 0.75;
-  return rate;
-}
-
-/** Reads one agent after the other. coding: see `code_chunk`; x, y, heading: integers of the agent read last. */
+/** Reads one agent after the other. coding: units, see expected_kernels.py; x, y, heading: of the agent read last. */
 export class TrackDecoder {
   constructor(bytes, coding, span) {
-    this.reader = new RangeDecoder(bytes, MODELS);
-    [this.place, this.turn, this.rate, this.cycle, this.most, this.natural] = coding;
-    [this.x, this.y, this.heading] = [0, 1, 2].map(() => new Int32Array(span));
+    this.reader = new MixingDecoder(bytes, MODELS, MIXED, ROWS);
+    [this.place, this.turn, this.rate, this.cycle, this.most, this.natural, this.phaseStep, this.turnStep] = coding;
+    [this.x, this.y, this.heading, this.ahead] = [0, 1, 2, 3].map(() => new Int32Array(span));
+    this.speed = new Float64Array(span);
+    this.expected = { phase: 0, kind: 0 };
   }
 
   /** Places and headings from step `first` to before `end`. steered: whether the agent is, by step. */
@@ -82,67 +73,99 @@ export class TrackDecoder {
     this.headings(steered, first, end);
   }
 
+  /** Speed and direction of the step to `t`. */
+  findWay(t) {
+    const dx = this.x[t] - this.x[t - 1], dy = this.y[t] - this.y[t - 1];
+    this.speed[t] = (Math.sqrt(dx * dx + dy * dy) * this.rate) / this.place;
+    this.ahead[t] = Math.floor((direction(dx, dy) * this.turn) / (2 * Math.PI) + 0.5);
+  }
+
   places(steered, first, end) {
-    const { reader, x, y } = this;
-    let ax = 0, ay = 0, before = 0;
+    const { reader, x, y, turn, speed, ahead } = this;
+    let ax = 0, ay = 0, bx = 0, by = 0, before = 0;
     for (let t = first; t < end; t++) {
       if (t < first + 2) {
         const second = WHOLE * (t - first);
         x[t] = reader.whole(FIRST_X + second) + (t > first ? x[t - 1] : 0);
         y[t] = reader.whole(FIRST_Y + second) + (t > first ? y[t - 1] : 0);
+        if (t > first) this.findWay(t);
         continue;
       }
-      const lately = bucket(Math.floor((2 * (Math.abs(ax) + Math.abs(ay)) + before) / 3));
+      const lately = sizeClass(Math.floor((2 * (Math.abs(ax) + Math.abs(ay)) + before) / 3));
       const some = Math.min(Math.floor(lately / 3), 2);
       before = Math.abs(ax) + Math.abs(ay);
       if (steered[t]) {
-        ax = reader.number(X + ((2 * BUCKETS * lately + signed(ax)) << PLACE_BITS), PLACE_BITS);
-        const across = 10 * Math.min(Math.abs(ax), MOST_ACROSS) + 2 * (bucket(Math.abs(ay)) >> 1) + (ay > 0 ? 1 : 0);
-        ay = reader.number(Y + ((3 * across + some) << PLACE_BITS), PLACE_BITS);
+        const pace = Math.min(Math.floor(10 * speed[t - 1]), PACES - 1);
+        const way = WAYS * pace + rest(Math.floor((WAYS * ahead[t - 1]) / turn), WAYS);
+        const cx = coarse(ax), cy = coarse(ay), dx = coarse(bx), dy = coarse(by);
+        const recent = CLASSES * (CLASSES * (CLASSES * cx + cy) + dx) + dy;
+        bx = ax;
+        by = ay;
+        ax = reader.mixed(
+          X[0] + ((SIGNED * lately + signed(ax)) << PLACE_BITS), X[1] + (recent << PLACE_BITS),
+          X[2] + ((3 * way + some) << PLACE_BITS), X_ROW + (lately << PLACE_BITS), PLACE_BITS,
+        );
+        const size = Math.abs(ax), sign = signed(ax);
+        const across = 10 * Math.min(size, MOST_ACROSS) + 2 * (sizeClass(Math.abs(by)) >> 1) + (by > 0 ? 1 : 0);
+        ay = reader.mixed(
+          Y[0] + ((3 * across + some) << PLACE_BITS), Y[1] + ((CLASSES * (CLASSES * sign + cy) + cx) << PLACE_BITS),
+          Y[2] + ((SIGNED * way + sign) << PLACE_BITS), Y_ROW + (sizeClass(size) << PLACE_BITS), PLACE_BITS,
+        );
       } else {
-        ax = reader.number(PLAIN_X + (lately << PLACE_BITS), PLACE_BITS);
-        ay = reader.number(PLAIN_Y + ((3 * bucket(Math.abs(ax)) + some) << PLACE_BITS), PLACE_BITS);
+        ax = reader.number(PLAIN_X + (lately << PLAIN_BITS), PLAIN_BITS);
+        ay = reader.number(PLAIN_Y + ((3 * sizeClass(Math.abs(ax)) + some) << PLAIN_BITS), PLAIN_BITS);
       }
       x[t] = ax + 2 * x[t - 1] - x[t - 2];
       y[t] = ay + 2 * y[t - 1] - y[t - 2];
+      this.findWay(t);
     }
   }
 
+  /** The class, 0 to 20, of a turn. */
+  turnClass(turn) {
+    return Math.min(Math.max(Math.floor((10 * turn) / this.most), -10), 10) + 10;
+  }
+
   headings(steered, first, end) {
-    const { reader, x, y, heading, turn, rate, most } = this;
-    let close = 0, last = 0;
+    const { reader, heading, turn, most, turnStep, speed, ahead } = this;
+    const pace = (t) => Math.min(Math.floor(16 * speed[t]), SPEEDS - 1);
+    let last = 0, before = 0, lately = 0;
     for (let t = first; t < end; t++) {
       if (t < first + 2) {
         heading[t] = reader.whole(FIRST_TURN + WHOLE * (t - first)) + (t > first ? heading[t - 1] : 0);
         continue;
       }
       if (!steered[t]) {
-        last += reader.number(ON + (signed(last) << TURN_BITS), TURN_BITS);
+        last += turnStep * reader.number(ON + (signed(Math.floor(last / turnStep)) << ON_BITS), ON_BITS);
         heading[t] = heading[t - 1] + last;
         continue;
       }
-      const dx = x[t - 1] - x[t - 2], dy = y[t - 1] - y[t - 2], speed = this.speed(dx, dy);
-      const wanted = wrapped(this.ahead(dx, dy) - heading[t - 1], turn);
-      const expected = Math.min(Math.max(wanted, -most), most), free = Math.abs(wanted) < most;
-      const kind = 3 * (speed > SLOWEST + 0.02 ? 0 : speed > SLOWEST - 0.02 ? 1 : 2) + (free ? 0 : wanted > 0 ? 1 : 2);
-      if (reader.bit(IS_CLOSE + 9 * close + kind) === 0) {
-        const context = 2 * Math.min(Math.floor(10 * speed), 14) + (free ? 1 : 0);
-        last = expected + reader.number(NEAR + (context << NEAR_BITS), NEAR_BITS);
-        close = 0;
-      } else {
-        last = reader.number(TURN + ((2 * signed(last) + (wanted > 0 ? 1 : 0)) << TURN_BITS), TURN_BITS);
-        close = 1;
+      const now = pace(t - 1), next = pace(t), wanted = wrapped(ahead[t - 1] - heading[t - 1], turn);
+      const expected = Math.min(Math.max(wanted, -most), most), turned = this.turnClass(last);
+      const wish = Math.min(Math.max(Math.floor((8 * wanted) / most), -24), 24) + 24;
+      const way = reader.leaf(
+        IS_NEAR[0] + ((WANTED * (SPEEDS * lately + now) + wish) << 1),
+        IS_NEAR[1] + ((WANTED * (TURNS * lately + turned) + wish) << 1),
+        IS_NEAR[2] + ((SPEEDS * (SPEEDS * lately + next) + now) << 1), IS_NEAR_ROW + (lately << 1), 1,
+      );
+      let off = 0;
+      if (way === 1) {
+        off = reader.mixed(
+          TURN[0] + ((2 * turned + (wanted > 0 ? 1 : 0)) << TURN_BITS),
+          TURN[1] + ((8 * wish + Math.floor(now / 3)) << TURN_BITS),
+          TURN[2] + ((TURNS * turned + this.turnClass(before)) << TURN_BITS), TURN_ROW, TURN_BITS,
+        );
+      } else if (Math.abs(wanted) < most) {
+        off = reader.mixed(
+          NEAR[0] + (now << NEAR_BITS), NEAR[1] + ((TURNS * next + this.turnClass(expected)) << NEAR_BITS),
+          NEAR[2] + ((SPEEDS * lately + next) << NEAR_BITS), NEAR_ROW, NEAR_BITS,
+        );
       }
+      lately = (2 * lately + way) % NEARS;
+      before = last;
+      last = (way ? 0 : expected) + off * turnStep;
       heading[t] = heading[t - 1] + last;
     }
-  }
-
-  speed(dx, dy) {
-    return (Math.sqrt(dx * dx + dy * dy) * this.rate) / this.place;
-  }
-
-  ahead(dx, dy) {
-    return Math.floor((direction(dx, dy) * this.turn) / (2 * Math.PI) + 0.5);
   }
 
   /** Frames of a node into `out` from `at` on, while it is played for so many steps. */
@@ -157,25 +180,38 @@ export class TrackDecoder {
     }
   }
 
-  /** Phases of a stretch into `out` from `at` on, from step `first` to before `end` of the track. */
-  phases(out, at, first, end) {
-    const { reader, x, y, heading, turn, rate, cycle } = this;
-    let off = 0, moved = 1, value = reader.whole(FIRST_PHASE);
-    out[at] = value / cycle;
+  /**
+   * Phases of a stretch from step `first` to before `end` of the track. Those from step `own` to before `ownEnd` go
+   * into `out`, that of `first` to index `at`.
+   */
+  phases(out, at, first, end, own, ownEnd) {
+    const { reader, x, y, heading, turn, cycle, expected, phaseStep } = this;
+    let ax = x[first], ay = y[first], left = heading[first], off = 0, value = reader.whole(FIRST_PHASE);
+    if (own <= first && first < ownEnd) out[at] = value / cycle;
     for (let t = first + 1; t < end; t++) {
-      const dx = x[t] - x[t - 1], dy = y[t] - y[t - 1], speed = this.speed(dx, dy);
-      const angle = (wrapped(this.ahead(dx, dy) - heading[t], turn) * (2 * Math.PI)) / turn;
-      const turning = ((wrapped(heading[t] - heading[t - 1], turn) * (2 * Math.PI)) / turn) * rate;
-      const expected = Math.floor((cadence(speed, angle, turning) / rate) * cycle + 0.5);
-      const past = (((2 * value) % cycle) + cycle) % cycle;
-      const stage = (speed < 0.35 && 10 * past <= 2 * cycle ? 1 : 0) + (100 * past < 52 * cycle ? 2 : 0);
-      const context = 2 * (2 * (4 * Math.min(bucket(Math.abs(off)), 6) + stage) + moved) + (off > 0 ? 1 : 0);
-      moved = 1 - reader.bit(RESTS + context);
-      if (moved) {
-        off = reader.number(PHASE + (context << PHASE_BITS), PHASE_BITS);
-        value += expected + off;
+      const dx = x[t] - ax, dy = y[t] - ay, away = Math.sqrt(dx * dx + dy * dy) / this.place;
+      expectedPhase(value, this.speed[t], this.ahead[t], heading[t], heading[t - 1], away, left, this, expected);
+      const { kind } = expected, before = value;
+      if (reader.bit(FOLLOWS + 2 * kind + (off === 0 ? 1 : 0))) {
+        if (!reader.bit(STAYS + kind)) value = nextStand(value, cycle);
+        off = 0;
+      } else {
+        const pace = Math.min(Math.floor(16 * this.speed[t]), SPEEDS - 1), sign = signed(off);
+        const turned = this.turnClass(Math.abs(wrapped(heading[t] - heading[t - 1], turn)));
+        off = reader.mixed(
+          PHASE[0] + ((SIGNED * (SPEEDS * kind + pace) + sign) << PHASE_BITS),
+          PHASE[1] + ((SIGNED * (TURNS * kind + turned) + sign) << PHASE_BITS),
+          PHASE[2] + ((SPEEDS * (AWAYS * kind + Math.min(Math.floor(50 * away), AWAYS - 1)) + pace) << PHASE_BITS),
+          PHASE_ROW + (kind << PHASE_BITS), PHASE_BITS,
+        );
+        value = expected.phase + off * phaseStep;
       }
-      out[at + t - first] = value / cycle;
+      if (passes(before, value, cycle)) {
+        ax = x[t];
+        ay = y[t];
+        left = heading[t];
+      }
+      if (own <= t && t < ownEnd) out[at + t - first] = value / cycle;
     }
   }
 }

@@ -1,0 +1,176 @@
+"""What a page expects of steered people: turns towards their direction, and phases that follow the track.
+
+Arguments of all helpers: ``x``, ``y`` and ``heading`` (T,) integers, the track of one person in the units of a page;
+``t`` a step; ``units`` (UNITS,) int64:
+
+- PLACE, TURN, RATE, CYCLE: units of places per meter, of headings per turn, steps per second, and of phases per cycle;
+- MOST: the largest turn of a steered agent in a step, in units of turn;
+- NATURAL: by how much frames usually go on in a step;
+- PHASE_STEP, TURN_STEP: units by which a phase and a turn may differ from the expected one.
+"""
+
+from __future__ import annotations
+
+import math
+
+from crowdsim.jit import helper
+from crowdsim.motion.deformed.phase_kernels import BOTH_FEET, REFERENCE, STAND
+
+PLACE, TURN, RATE, CYCLE, MOST, NATURAL, PHASE_STEP, TURN_STEP = range(8)
+UNITS = 8
+"""Number of units."""
+
+REST = 5
+"""Units of phase within which a phase is that of a body at rest: recordings round phases."""
+
+_NEAREST, _FARTHEST = 2, 31
+"""Steps by which a turn is off from the expected one, and is coded by that, at least and at most: some 0.04 rad."""
+_MADE_UP = 0.7
+"""Share of the sum of errors that the next heading makes up for."""
+
+
+@helper
+def direction(x, y):
+    """Return the angle of a vector [rad], within 1e-5 (Abramowitz and Stegun 4.4.49)."""
+    a = abs(x)
+    b = abs(y)
+    if a == 0.0 and b == 0.0:
+        return 0.0
+    z = min(a, b) / max(a, b)
+    s = z * z
+    angle = z * (0.999866 + s * (-0.3302995 + s * (0.180141 + s * (-0.085133 + s * 0.0208351))))
+    if b > a:
+        angle = 0.5 * math.pi - angle
+    if x < 0.0:
+        angle = math.pi - angle
+    return -angle if y < 0.0 else angle
+
+
+@helper
+def wrapped(value, turn):
+    """Return an integer angle, of ``turn`` in a whole turn, between minus half a turn and half a turn."""
+    value = (value + turn // 2) % turn
+    return value - turn // 2
+
+
+@helper
+def way_of(dx, dy, units):
+    """Return the speed [m/s] and the direction [units of turn] of a step by (dx, dy)."""
+    speed = math.sqrt(float(dx * dx + dy * dy)) * units[RATE] / units[PLACE]
+    return speed, math.floor(direction(float(dx), float(dy)) * units[TURN] / (2.0 * math.pi) + 0.5)
+
+
+@helper
+def expected_turn(ahead, heading, units):
+    """Return the turn from ``heading`` to the direction ``ahead``, what is expected of it, and how near that is.
+
+    A turn that is off by no more steps than the third from the expected one is coded by that. A limited turn is met, or
+    not.
+    """
+    turn = units[TURN]
+    most = units[MOST]
+    wanted = wrapped(ahead - heading, turn)
+    near = min(max(7 * turn // (1024 * units[TURN_STEP]), _NEAREST), _FARTHEST)
+    return wanted, min(max(wanted, -most), most), near if abs(wanted) < most else 0
+
+
+@helper
+def choose_turn(asked, expected, near, last, total, units, slack):
+    """Return how a turn near the one ``asked`` is coded: counted from which turn (0 or 1), and how many steps off.
+
+    It is counted from the ``expected`` one (0), or from none (1). Bodies are shown with headings smoothed over some
+    0.85 s, in which errors cancel whose sum, so far ``total``, stays small. ``slack`` limits each error, and their sum
+    [units of turn]: within it, the turn is the expected one, none, or as many steps as the last one, ``last``.
+    """
+    step = units[TURN_STEP]
+    if slack[0] > 0.0:
+        for way in range(3):
+            likely = expected if way == 0 else 0 if way == 1 else last * step
+            if abs(likely - asked) <= slack[0] and abs(total + likely - asked) <= slack[1]:
+                return (0, 0) if way == 0 else (1, 0) if way == 1 else (1, last)
+        asked -= _MADE_UP * total
+    steps = math.floor((asked - expected) / step + 0.5)
+    if abs(steps) <= near:
+        return 0, steps
+    return 1, math.floor(asked / step + 0.5)
+
+
+@helper
+def cadence(speed, angle, turn):
+    """Return the cadence [cycles/s] of a steady walk, and what gives it: 0 the walk, 1 side steps, 2 the turn.
+
+    At a speed [m/s], ``angle`` [rad] off the heading, turning [rad/s]. The rate is that of
+    :func:`crowdsim.motion.deformed.phase_kernels.phase_rate` for the motion relative to the hips.
+    """
+    off = abs(angle)
+    # The hips turn along with the motion, the less so the slower it is, and the farther it is aside.
+    follows = min(speed / 0.4, 1.0)
+    hip = 0.0 if off >= 1.4 else min(off, 1.4 - off)
+    rest = off - hip * follows * follows
+    s = rest * rest
+    c = 1.0 - s * (0.5 - s * (1.0 / 24.0 - s * (1.0 / 720.0 - s * (1.0 / 40320.0 - s / 3628800.0))))
+    c = min(max(c, -1.0), 1.0)
+    along = speed * abs(c)
+    across = speed * math.sqrt(1.0 - c * c)
+    rate = math.sqrt(0.39 * along) / 0.78
+    if c < 0.0:
+        rate *= 1.35
+    rate = max(rate, speed / 1.6)
+    aside = min(0.5 * min(1.0, across / 0.1) + 1.1 * across, 1.7)
+    turning = abs(turn)
+    on_spot = min(0.35 * min(1.0, turning / 0.2) + 0.4 * turning, 1.5)
+    if on_spot > max(rate, aside):
+        return on_spot, 2
+    return max(rate, aside), 1 if aside > rate else 0
+
+
+@helper
+def next_stand(phase, cycle):
+    """Return the next phase, from ``phase`` on, at which a body comes to a stand."""
+    half = cycle // 2
+    stand = math.floor(STAND * cycle + 0.5)
+    past = phase % half
+    return phase - past + (stand if past <= stand else half + stand)
+
+
+@helper
+def passes(before, after, cycle):
+    """Return whether a body passes over its standing foot between two phases."""
+    over = 2 * math.floor(REFERENCE * cycle + 0.5)
+    return (2 * before - over) // cycle < (2 * after - over) // cycle
+
+
+@helper
+def expected_phase(phase, x, y, heading, t, away, left, units):
+    """Return the phase after step ``t``, which rule gives it (0 to 6), and the speed of the step [m/s].
+
+    As :func:`crowdsim.motion.deformed.phase_kernels.advance_phases` has it, for a body that is ``away`` [m] from where
+    its rear foot belongs, whose heading was ``left`` [units of turn] there.
+    """
+    turn = units[TURN]
+    rate = units[RATE]
+    cycle = units[CYCLE]
+    speed, ahead = way_of(x[t] - x[t - 1], y[t] - y[t - 1], units)
+    angle = wrapped(ahead - heading[t], turn) * (2.0 * math.pi) / turn
+    turning = wrapped(heading[t] - heading[t - 1], turn) * (2.0 * math.pi) / turn * rate
+    turned = abs(wrapped(heading[t] - left, turn)) * (2.0 * math.pi) / turn
+    half = cycle // 2
+    past = phase % half
+    passed = past / cycle
+    stand = phase - past + math.floor(STAND * cycle + 0.5)
+    if speed < 0.35 and passed <= BOTH_FEET and away < 0.06 and turned < 0.25:
+        # Both feet are where they belong: come to a stand.
+        return max(phase, min(stand, phase + math.floor(0.75 / rate * cycle + 0.5))), 3, speed
+    steady, kind = cadence(speed, angle, turning)
+    if steady < 0.45:
+        # Too slow to walk: a step is finished.
+        steady = 0.6 if speed > 0.1 else 0.75
+        kind = 4
+    elif passed < REFERENCE and away * steady < 0.5 * (passed + 0.5 - REFERENCE) * speed:
+        # Setting off.
+        steady = max(steady, min(6.0 * speed, 1.5))
+        kind = 5
+    after = phase + math.floor(steady / rate * cycle + 0.5)
+    if after > stand + half and steady <= 0.75 and speed <= 0.1:
+        return stand + half, 6, speed
+    return after, kind, speed
