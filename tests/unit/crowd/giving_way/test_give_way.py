@@ -236,7 +236,31 @@ def test_ranks_and_ways_of_those_before() -> None:
 def test_a_door_is_a_narrow_passage_and_a_corner_is_none() -> None:
     rooms = shapely.box(0, 0, 10, 4).difference(shapely.box(4.9, 0, 5.1, 1.5)).difference(shapely.box(4.9, 2.5, 5.1, 4))
     found = narrow_passages(NavMesh(rooms), 1.2)
-    assert len(found)
-    assert np.abs(found[:, [0, 2]] - 5.0).max() < 0.11
-    assert len(narrow_passages(NavMesh(shapely.box(0, 0, 10, 4)), 1.2)) == 0
-    assert len(narrow_passages(NavMesh(rooms), 0.9)) == 0
+    assert len(found.segments)
+    assert np.abs(found.segments[:, [0, 2]] - 5.0).max() < 0.11
+    assert found.begin.tolist() == [0, len(found.segments)], "both sides of the wall are one passage"
+    assert len(narrow_passages(NavMesh(shapely.box(0, 0, 10, 4)), 1.2).segments) == 0
+    assert len(narrow_passages(NavMesh(rooms), 0.9).segments) == 0
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.0, 2.5])
+def test_the_segments_of_a_passage_are_all_crossed_the_same_way(angle: float) -> None:
+    """Two rooms, a corridor of 1 m with a bend between them, and a door of 1 m in the second room."""
+    shapes = [shapely.box(0, 0, 4, 4), shapely.box(4, 1, 8, 2), shapely.box(7, 2, 8, 6), shapely.box(4, 6, 9, 10)]
+    shapes += [shapely.box(9, 8, 9.2, 9), shapely.box(9.2, 6, 12, 10)]
+    floor = shapely.affinity.rotate(shapely.union_all(shapes), angle, use_radians=True, origin=(0, 0))
+    found = narrow_passages(NavMesh(floor), 1.2)
+    assert len(found.begin) == 3, "the corridor and the door"
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    for way in ([[2, 1.5], [7.5, 1.5], [7.5, 8.5]], [[5, 8.5], [11, 8.5]]):
+        line = shapely.LineString(np.array(way) @ turn.T)
+        crossed = []
+        for c in range(2):
+            for ax, ay, bx, by in found.segments[found.begin[c] : found.begin[c + 1]].tolist():
+                segment = shapely.LineString([(ax, ay), (bx, by)])
+                if line.crosses(segment):
+                    at = line.project(line.intersection(segment))
+                    (px, py), (qx, qy) = line.interpolate(at - 0.01).coords[0], line.interpolate(at + 0.01).coords[0]
+                    crossed.append((c, (bx - ax) * (qy - py) - (by - ay) * (qx - px) > 0.0))
+        assert len(crossed) >= 2
+        assert len(set(crossed)) == 1, "one passage, all of it in one direction"
