@@ -53,7 +53,7 @@ LONG_SECONDS = 5.0
 ASIDE_SECONDS = 3.0
 """Time after which a waiting agent in a narrow place steps close to a wall [s]."""
 
-RETRY_SECONDS = 0.1
+RETRY_SECONDS = 0.2
 """Time between two tries of a standing agent that waits for others to go on [s]."""
 
 AHEAD_RETRY_SECONDS = 0.1
