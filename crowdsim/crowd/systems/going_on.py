@@ -59,6 +59,8 @@ class Rows(NamedTuple):
     way: Floats
     rank: Longs
     turn: Longs
+    lead: Longs
+    gate: Ints
     stays: Bools
 
     @classmethod
