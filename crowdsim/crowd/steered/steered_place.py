@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -70,9 +69,8 @@ class SteeredPlace:
         self._placings = {k: each.placing for k, each in enumerate(timetable.movables) if each.placing is not None}
         things = {number: self._footprints(number, at) for number, at in self._placings.items()}
         self._walls = PlaceWalls([layer.free for layer in self._layers], things)
-        self._asking = Requirements.of(behaviors, len(self._layers), TRACKING_MARGIN)
-        self._need = _of_pushed(self._asking)
-        ground = build_ground(self._walls.segments().layers, self._need, asking=self._asking)
+        self._need = Requirements.of(behaviors, len(self._layers), TRACKING_MARGIN)
+        ground = build_ground(self._walls.segments().layers, self._need)
         self.asked = asked_of(behaviors)
         self.guidance = Guidance(ground, goals, self.asked, threads=threads)
         self._steps_per_second = steps_per_second
@@ -229,18 +227,7 @@ class SteeredPlace:
             np.concatenate([segments, *(outline_segments(taken[k]) for taken in announced)])
             for k, segments in enumerate(self._walls.segments().layers)
         ]
-        self.guidance.rebuild(update_ground(self.guidance.ground, layers, self._need, window, asking=self._asking))
-
-
-def _of_pushed(need: Requirements) -> Requirements:
-    """Return the requirements on the ways of agents who are pushed aside: those of the body alone.
-
-    The narrowest behavior keeps its margin, as it says what can be passed at all. If the others kept theirs, all would
-    walk in the middle of a narrow neck, one behind the other (docs/guidance.md, Agents).
-    """
-    radii = np.maximum(need.radii[0], need.bodies)
-    radii[:, 0] = need.radii[:, 0]
-    return replace(need, radii=np.maximum.accumulate(radii, axis=0))
+        self.guidance.rebuild(update_ground(self.guidance.ground, layers, self._need, window))
 
 
 def _union(things: Sequence[Footprints]) -> BaseGeometry:

@@ -65,8 +65,6 @@ class Ground(NamedTuple):
     """int64[k]: class of each wall."""
     radii: NDArray[np.float64]
     """float64[n, m]: clearance that a behavior needs from a class of walls [m]."""
-    asking: NDArray[np.float64]
-    """float64[n, m]: clearance below which a narrower behavior is asked for [m]."""
     costs: NDArray[np.float64]
     """float64[n]: cost of a meter with each behavior."""
     change: float
@@ -108,7 +106,6 @@ def build_ground(
     segments: Sequence[Any],
     need: Requirements,
     *,
-    asking: Requirements | None = None,
     bounds: tuple[float, float, float, float] | None = None,
     wider: float = 0.0,
 ) -> Ground:
@@ -120,8 +117,6 @@ def build_ground(
         Both ends of the walls of each layer [m], the legs' layer first.
     need : Requirements
         Clearances of the behaviors on these layers, and their costs per meter.
-    asking : Requirements, optional
-        Clearances of the same behaviors below which a narrower one is asked for; by default those of ``need``.
     bounds : (float, float, float, float), optional
         Left, bottom, right and top of the place [m]; by default the extent of the walls.
     wider : float
@@ -137,17 +132,15 @@ def build_ground(
         If there are not as many layers as behaviors were measured on, if there are neither walls nor bounds, or if
         coordinates are not finite.
     """
-    asking = need if asking is None else asking
-    every, layers, (radii, below) = _merged(segments, (need, asking), wider)
+    every, layers, radii = _merged(segments, need, wider)
     frame = _frame_of(every, bounds)
-    reach = max(float(each.radii.max()) for each in (need, asking)) + wider
+    reach = float(need.radii.max() + wider)
     starts, lists, far = _near(every, reach, frame)
     boxes = frame[2] * frame[3]
     ground = Ground(
         every,
         layers,
         radii,
-        below,
         need.costs.astype(np.float64),
         SWITCH_COST * float(need.costs[-1]),
         reach,
@@ -174,7 +167,6 @@ def update_ground(
     need: Requirements,
     window: tuple[float, float, float, float],
     *,
-    asking: Requirements | None = None,
     wider: float = 0.0,
 ) -> Ground:
     """Return the ground after walls changed within ``window`` (left, bottom, right, top) [m].
@@ -182,13 +174,12 @@ def update_ground(
     The result equals that of :func:`build_ground`. The old ground is not changed. Fields of the old ground do not hold
     for the new one.
     """
-    every, layers, (radii, below) = _merged(segments, (need, need if asking is None else asking), wider)
+    every, layers, radii = _merged(segments, need, wider)
     starts, lists, far = _near(every, ground.reach, ground.frame)
     changed = ground._replace(
         segments=every,
         layers=layers,
         radii=radii,
-        asking=below,
         starts=starts,
         lists=lists,
         far=far,
@@ -219,17 +210,17 @@ def _boxes_within(
 
 
 def _merged(
-    segments: Sequence[Any], needs: Sequence[Requirements], wider: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64], list[NDArray[np.float64]]]:
+    segments: Sequence[Any], need: Requirements, wider: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     """Merge the walls of all layers: each wall once, with the class of layers that it stands in.
 
-    Return walls (k, 4), their classes (k,), and clearances (n, classes) of each of ``needs``: the largest over the
-    layers of a class.
+    Return walls (k, 4), their classes (k,), and clearances (n, classes): the largest over the layers of a class.
     """
-    needed = needs[0].radii.shape[1]
-    if len(segments) != needed:
+    if len(segments) != need.radii.shape[1]:
+        needed = need.radii.shape[1]
         raise GeometryError(f"walls are given for {len(segments)} layers, but behaviors were measured on {needed}")
     walls = [np.ascontiguousarray(each, np.float64).reshape(-1, 4) for each in segments]
+    radii = (need.radii + wider) * (1.0 - _ROUNDING)
     every = np.concatenate(walls)
     layers = np.repeat(np.arange(len(walls)), [len(each) for each in walls])
     # The same wall may run in either direction: sort its ends.
@@ -240,12 +231,12 @@ def _merged(
     stands[number.ravel(), layers] = True
     # A class is a set of layers.
     kinds, kind = np.unique(stands, axis=0, return_inverse=True)
-    clearances = []
-    for need in needs:
-        radii = (need.radii + wider) * (1.0 - _ROUNDING)
-        of_kind = [radii[:, each].max(axis=1) for each in kinds]
-        clearances.append(np.column_stack(of_kind or [radii.max(axis=1)]))
-    return np.ascontiguousarray(found), kind.ravel().astype(np.int64), clearances
+    needed = np.zeros((len(radii), max(len(kinds), 1)))
+    for column, each in enumerate(kinds):
+        needed[:, column] = radii[:, each].max(axis=1)
+    if not len(kinds):
+        needed[:, 0] = radii.max(axis=1)
+    return np.ascontiguousarray(found), kind.ravel().astype(np.int64), needed
 
 
 def _frame_of(segments: NDArray[np.float64], bounds: tuple[float, float, float, float] | None) -> Frame:

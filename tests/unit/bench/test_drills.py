@@ -10,7 +10,7 @@ from shapely import box
 
 from crowdsim.bench.crowds import drill_table, drills, endless, rimea_corner, single_file
 from crowdsim.bench.crowds.rvo2 import Rvo2
-from crowdsim.bench.mixed import cases, hall
+from crowdsim.bench.mixed import hall
 from crowdsim.errors import CrowdSimError
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls
@@ -150,12 +150,6 @@ def test_who_walks_both_ways_passes(density):
 @pytest.mark.parametrize("width", [0.8, 1.2])
 def test_a_neck_lets_through_what_it_is_to(width):
     assert drills.run_drill(drills.bottleneck(width), 501).flow() / width >= drill_table.LEAST_FLOW
-
-
-def test_a_neck_lets_through_what_it_is_to_in_a_scenario_too():
-    drill = drills.bottleneck(0.8)
-    walked = cases.walk_auto(drill, drills.draw_agents(drill, 501))
-    assert drills.DrillResult(walked.arrived, walked.gap).flow() / 0.8 >= drill_table.LEAST_FLOW
 
 
 @pytest.mark.parametrize("drill", [drills.counterflow(100), drills.crossing(40)], ids=["counterflow", "crossing"])

@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 import shapely
 
-from crowdsim.planning.query.requirements import Requirements
 from crowdsim.steering.guidance.ask_kernels import BEFORE
 from crowdsim.steering.guidance.field import solve_field, ways
-from crowdsim.steering.guidance.ground import build_ground
 from crowdsim.steering.guidance.ground_kernels import BOX
-from crowdsim.steering.guidance.place_walls import outline_segments
-from tests.support.guided import BEHAVIORS, NEED, ground_of
+from tests.support.guided import NEED, ground_of
 
 WIDEST = len(NEED.costs) - 1
 FRONTAL, ARMS = (float(NEED.radii[number].max()) for number in (-1, -2))
@@ -48,28 +45,3 @@ def test_a_gap_asks_from_a_little_before_to_its_end(width, length):
     inside = np.column_stack((along, np.full(len(along), 3.0)))
     assert (asked(area, goal, inside) < WIDEST).all()
     assert (asked(area, goal, [(2.0, 3.0), (5.9 + length, 3.0)]) == WIDEST).all()
-
-
-@pytest.mark.parametrize("length", [0.1, 3.0])
-def test_clearances_of_asking_decide_what_is_asked_and_those_of_ways_what_a_way_costs(length):
-    """In a neck that fits the widest behavior without its margin only: arms are asked for, at the price of none."""
-    bodies = Requirements.of(BEHAVIORS, 2, 0.0)
-    width = 2.0 * float(bodies.radii[-1].max()) + 0.06
-    areas = [
-        shapely.union_all(
-            [
-                shapely.box(0.0, 0.0, 5.0, 6.0),
-                shapely.box(5.0, 3.0 - 0.5 * width, 5.0 + length, 3.0 + 0.5 * width),
-                shapely.box(5.0 + length, 0.0, 9.0 + length, 6.0),
-            ]
-        )
-    ] * 2
-    segments = [outline_segments(area) for area in areas]
-    ground = build_ground(segments, bodies, asking=NEED)
-    goal = shapely.box(8.0 + length, 2.0, 8.5 + length, 4.0)
-    found = ways(ground, solve_field(ground, goal), np.array([(2.0, 3.0), (5.0 + 0.5 * length, 3.0)]))
-    assert found.behavior.tolist() == [WIDEST, WIDEST - 1]
-    np.testing.assert_allclose(found.cost, found.length, rtol=1e-6)
-    # With margins all over, the neck costs what held arms cost.
-    strict = build_ground(segments, NEED)
-    assert ways(strict, solve_field(strict, goal), np.array([(2.0, 3.0)])).cost[0] > found.cost[0] + 0.05 * length
