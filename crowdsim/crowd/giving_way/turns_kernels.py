@@ -36,7 +36,7 @@ _GAP = 0.05  # distance by which a waiting agent may come nearer at most [m]
 
 @helper
 def cross_product(s, x, y):
-    """Return a number above 0 if (x, y) is left of a segment (4,), below 0 if right."""
+    """Return a number above 0 if (x, y) is left of the segment ``s`` (4,), below 0 if right."""
     return (s[2] - s[0]) * (y - s[1]) - (s[3] - s[1]) * (x - s[0])
 
 

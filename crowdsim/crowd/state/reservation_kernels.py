@@ -213,6 +213,8 @@ def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
 def stays_free(graph, mesh, node, first, last, origin, blend_offset, need, room, hint):
     """Return True if a disc keeps clear of one layer between two frames of a node, at both of which it does.
 
+    ``mesh`` is that of the layer, ``hint`` the triangle to look in first; ``origin`` (3,) and ``blend_offset`` (3,) are
+    where the node begins and what fades along it, as in a chain.
     ``room`` is the sum of the clearances at both beyond the radius ``need`` of the disc [m]. Only if the track is
     longer than that it can come to an obstacle in between: then its straight motion from frame to frame is tested.
     """

@@ -1,7 +1,10 @@
 """Timelines as samples: where a chain of nodes will be at the world's slots, how it bends in between, and gaps there.
 
 Arguments: ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`), ``chain`` and ``playback``
-are those of :mod:`crowdsim.crowd.state.timelines`; ``frame`` is the one of the first node from which the chain goes on.
+are those of :mod:`crowdsim.crowd.state.timelines`; the first ``count`` nodes of the chain count; ``frame`` is the one
+of the first node from which it goes on; ``breadths`` (B, 2) are radius and half core of each behavior [m]. ``origin``
+(3,), with ``cosine`` and ``sine`` of its heading, and ``blend_offset`` (3,) are those of a node; ``part`` is the
+share of a frame. ``out`` is the timeline that is filled, and ``axis`` a column of it.
 The columns of a timeline (K, 13) are in :data:`crowdsim.crowd.state.components.SAMPLE`. For gaps, ``a`` and ``b`` are
 two timelines; one body moves from sample ``i`` to ``j``, the other from ``k`` to ``m``.
 """
@@ -197,7 +200,7 @@ def _place_between(graph, node, frame, part, origin, cosine, sine, blend_offset)
 
 @helper
 def _write_bends(offs, slot_frames, k, out):
-    """Write BEND, QUARTERS and REST of sample ``k``, from how far each frame (slot_frames + 1, 3) is off."""
+    """Write BEND, QUARTERS and REST of sample ``k``, from ``offs`` (slot_frames + 1, 3): how far each frame is off."""
     quarter = slot_frames // 4
     for s in range(3):
         for axis in range(2):
@@ -255,7 +258,7 @@ def moving_gap(a, i, j, b, k, m):
 
 @helper
 def _at_quarter(a, i, j, quarter, p, axis):
-    """Return a coordinate of a point of a core after some quarters of its way from sample ``i`` to ``j`` [m].
+    """Return a coordinate of a point of a core after ``quarter`` quarters of its way from sample ``i`` to ``j`` [m].
 
     ``p`` is -1 and 1 at the ends of the core.
     """

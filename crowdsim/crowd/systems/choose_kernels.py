@@ -155,8 +155,8 @@ def note_standing(graph, rows, scratch):
 def rank_of(turn, lead, row, ways, ranks, near):
     """Return the rank of a row: that of a passage at which it takes its turn, if any; else ``turn``, its own one.
 
-    It takes over the rank of an agent that it follows closely. ``ways`` (N, P, 2) and ``ranks`` (N,) are those of all
-    rows, and ``near`` are the rows by cells.
+    ``lead`` is the rank of that passage. It takes over the rank of an agent that it follows closely. ``ways``
+    (N, P, 2) and ``ranks`` (N,) are those of all rows, and ``near`` are the rows by cells.
     """
     if lead != FREE:
         return lead

@@ -17,7 +17,10 @@ def _piece_at(lengths, where, piece):
 
 @helper
 def _point_at(points, lengths, piece, where):
-    """Return the point (x, y) at arc length ``where`` on ``piece``; beyond an end of the polyline, that end."""
+    """Return the point (x, y) at arc length ``where`` on ``piece``; beyond an end of the polyline, that end.
+
+    ``points`` (n, 2) and ``lengths`` (n,) are its points and the arc lengths there [m].
+    """
     if piece == len(lengths) - 1 or where <= lengths[piece]:
         return points[piece, 0], points[piece, 1]
     away, whole = where - lengths[piece], lengths[piece + 1] - lengths[piece]

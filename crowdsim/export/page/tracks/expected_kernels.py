@@ -48,7 +48,7 @@ def direction(x, y):
 
 @helper
 def wrapped(value, turn):
-    """Return an integer angle, of ``turn`` in a whole turn, between minus half a turn and half a turn."""
+    """Return an integer angle ``value``, of ``turn`` in a whole turn, between minus half a turn and half a turn."""
     value = (value + turn // 2) % turn
     return value - turn // 2
 
@@ -135,7 +135,7 @@ def next_stand(phase, cycle):
 
 @helper
 def passes(before, after, cycle):
-    """Return whether a body passes over its standing foot between two phases."""
+    """Return whether a body passes over its standing foot between the phases ``before`` and ``after``."""
     over = 2 * math.floor(REFERENCE * cycle + 0.5)
     return (2 * before - over) // cycle < (2 * after - over) // cycle
 

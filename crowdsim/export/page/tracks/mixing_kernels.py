@@ -81,7 +81,7 @@ def new_mixer(models: int, rows: int) -> Mixer:
 
 @helper
 def _learn(mixer, model, bit):
-    """Adapt a model to an outcome."""
+    """Adapt a model to an outcome, ``bit``."""
     count = mixer.counts[model]
     chance = np.int64(mixer.chances[model])
     mixer.chances[model] = chance + (((65535 if bit else 0) - chance) * _SHARE[count] >> 15)
@@ -91,7 +91,7 @@ def _learn(mixer, model, bit):
 
 @helper
 def put_leaf(state, out, mixer, at, row, bits, leaf):
-    """Code a number of ``bits`` bits by the decisions of a binary tree, from its highest bit to its lowest."""
+    """Code ``leaf``, a number of ``bits`` bits, by decisions of a binary tree, from its highest bit to its lowest."""
     node = 1
     for place in range(bits - 1, -1, -1):
         bit = (leaf >> place) & 1
@@ -115,7 +115,7 @@ def put_leaf(state, out, mixer, at, row, bits, leaf):
 
 @helper
 def put_mixed(state, out, models, mixer, at, row, bits, value):
-    """Code an integer near 0, from 1 - 2**(bits - 1) to 2**(bits - 1) - 1; others after an escape."""
+    """Code ``value``, an integer near 0, from 1 - 2**(bits - 1) to 2**(bits - 1) - 1; others after an escape."""
     half = 1 << (bits - 1)
     near = -half < value < half
     put_leaf(state, out, mixer, at, row, bits, value + half if near else 0)

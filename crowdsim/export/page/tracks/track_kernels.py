@@ -190,7 +190,7 @@ def _put_places(state, out, models, mixer, x, y, steered, first, end, units):
 
 @helper
 def _turn_class(turn, most):
-    """Return the class, 0 to 20, of a turn."""
+    """Return the class, 0 to 20, of a turn; ``most`` is the largest one of a steered agent in a step."""
     return min(max(10 * turn // most, -10), 10) + 10
 
 
