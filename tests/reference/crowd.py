@@ -128,13 +128,19 @@ def write_bends(timeline: np.ndarray, clock: int, half: float, pose: Callable[[i
 
 
 def discs_at(timeline, slot: float) -> tuple[np.ndarray, float]:
-    """Return the centers (41, 2) of a body's discs at a slot, and their radius, that of the broader sample beside."""
+    """Return the centers (41, 2) of a body's discs at a slot, and their radius, that of the broader sample beside.
+
+    Between a capsule and a disc it is a disc around both.
+    """
     samples, start, _ = timeline
     u = np.clip(slot - start, 0, len(samples) - 1)
     low = int(np.floor(u))
     high = min(low + 1, len(samples) - 1)
     at = samples[low] + (u - low) * (samples[high] - samples[low])
     radius = max(samples[low, RADIUS], samples[high, RADIUS]) if u > low else samples[low, RADIUS]
+    cores = np.hypot(*samples[[low, high], CORE : CORE + 2].T)
+    if u > low and (cores == 0.0).sum() == 1:
+        at[CORE : CORE + 2], radius = 0.0, (samples[[low, high], RADIUS] + cores).max()
     return at[:2] + np.linspace(-1.0, 1.0, 41)[:, None] * at[CORE : CORE + 2], float(radius)
 
 

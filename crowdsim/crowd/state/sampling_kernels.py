@@ -228,14 +228,27 @@ def _between(out, k, axis, share):
 
 
 @helper
+def body_of(a, i, j):
+    """Return the radius of a body from sample ``i`` to ``j`` [m], and whether it is a capsule.
+
+    Between a capsule and a disc it may be either of them at any time: a disc around both.
+    """
+    if _has_core(a, i) and _has_core(a, j):
+        return max(a[i, RADIUS], a[j, RADIUS]), True
+    mine = a[i, RADIUS] + hypot(a[i, CORE], a[i, CORE + 1])
+    its = a[j, RADIUS] + hypot(a[j, CORE], a[j, CORE + 1])
+    return max(mine, its), False
+
+
+@helper
 def moving_gap(a, i, j, b, k, m):
     """Return the least gap of two bodies [m] while they move from sample ``i`` to ``j`` and from ``k`` to ``m``.
 
     A capsule is replaced by three discs. A segment is as broad as the broader of its ends.
     """
-    radii = max(a[i, RADIUS], a[j, RADIUS]) + max(b[k, RADIUS], b[m, RADIUS])
-    my_discs = a[i, CORE] != 0.0 or a[i, CORE + 1] != 0.0 or a[j, CORE] != 0.0 or a[j, CORE + 1] != 0.0
-    its_discs = b[k, CORE] != 0.0 or b[k, CORE + 1] != 0.0 or b[m, CORE] != 0.0 or b[m, CORE + 1] != 0.0
+    my_radius, my_discs = body_of(a, i, j)
+    its_radius, its_discs = body_of(b, k, m)
+    radii = my_radius + its_radius
     mine = 1 if my_discs else 0
     its = 1 if its_discs else 0
     least = math.inf
@@ -273,8 +286,10 @@ def _at_quarter(a, i, j, quarter, p, axis):
 @helper
 def beside_discs(a, i, j, pieces):
     """Return how far a capsule reaches beyond discs along its core, ``pieces`` to either side of the middle [m]."""
+    radius, is_capsule = body_of(a, i, j)
+    if not is_capsule:
+        return 0.0
     core = max(hypot(a[i, CORE], a[i, CORE + 1]), hypot(a[j, CORE], a[j, CORE + 1]))
-    radius = max(a[i, RADIUS], a[j, RADIUS])
     away = 0.5 * core / pieces
     return radius - math.sqrt(max(radius * radius - away * away, 0.0))
 
@@ -285,8 +300,10 @@ def sure_gap(a, i, j, b, k, m):
 
     Tracks are followed from quarter to quarter, and capsules are nine discs; the bound allows for the rest of both.
     """
-    mine = _DISCS if a[i, CORE] != 0.0 or a[i, CORE + 1] != 0.0 or a[j, CORE] != 0.0 or a[j, CORE + 1] != 0.0 else 0
-    its = _DISCS if b[k, CORE] != 0.0 or b[k, CORE + 1] != 0.0 or b[m, CORE] != 0.0 or b[m, CORE + 1] != 0.0 else 0
+    my_radius, my_discs = body_of(a, i, j)
+    its_radius, its_discs = body_of(b, k, m)
+    mine = _DISCS if my_discs else 0
+    its = _DISCS if its_discs else 0
     least = math.inf
     for p in range(-mine, mine + 1):
         for q in range(-its, its + 1):
@@ -298,5 +315,5 @@ def sure_gap(a, i, j, b, k, m):
                 ey = _at_quarter(a, i, j, quarter, u, 1) - _at_quarter(b, k, m, quarter, v, 1)
                 least = min(least, point_segment_distance2(0.0, 0.0, dx, dy, ex, ey))
                 dx, dy = ex, ey
-    gap = math.sqrt(least) - max(a[i, RADIUS], a[j, RADIUS]) - max(b[k, RADIUS], b[m, RADIUS])
+    gap = math.sqrt(least) - my_radius - its_radius
     return gap - a[i, REST] - b[k, REST] - beside_discs(a, i, j, _DISCS) - beside_discs(b, k, m, _DISCS)

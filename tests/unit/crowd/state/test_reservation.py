@@ -97,6 +97,21 @@ def test_between_the_discs_of_a_capsule_it_is_as_broad() -> None:
     assert not pair_meets(passing, 0, FOREVER, sideways, 0, FOREVER, 0, 0.1, True)
 
 
+def test_a_body_that_turns_from_a_side_step_to_a_walk_is_as_broad_as_a_disc_around_both() -> None:
+    """Beside another one, 0.72 m from it along its core, it may turn and walk on: it was taken for 0.15 m longer."""
+    turning = discs_along(np.column_stack([np.linspace(0.0, 0.6, 6), np.zeros(6)]), 0.302)
+    turning[0, RADIUS], turning[0, CORE + 1] = 0.154, 0.148
+    beside = discs_along(np.tile([0.0, 0.72], (6, 1)), 0.302)
+    assert not pair_meets(turning, 0, FOREVER, beside, 0, FOREVER, 0, 0.604, True)
+    beside[:, 1] = 0.6
+    assert pair_meets(turning, 0, FOREVER, beside, 0, FOREVER, 0, 0.604, False)
+    # A disc narrower than the capsule is long does not make it shorter.
+    turning[1:, RADIUS] = 0.2
+    beside[:, 1] = 0.45
+    beside[:, RADIUS] = 0.16
+    assert pair_meets(turning, 0, FOREVER, beside, 0, FOREVER, 0, 0.1, False)
+
+
 def test_two_as_near_as_they_bend_may_part() -> None:
     standing = discs_along(np.zeros((6, 2)), 0.3)
     parting = discs_along(np.column_stack([0.601 + 0.1 * np.arange(6), np.zeros(6)]), 0.3)
