@@ -74,7 +74,7 @@ def scene_of(rng: np.random.Generator, spots: np.ndarray, headings: np.ndarray, 
         body_radius=RADIUS,
         ways=rng.uniform(-3, 3, (int(rng.integers(0, 3)), 4, 2)),
         passages=rng.uniform(-3, 3, (int(rng.integers(0, 2)), 4)),
-        off_passages=0.2,
+        off_passages=0.4,
     )
     return Scene(GRAPH, MOVES, floor, obstacles, everyone, standing, clock)
 
@@ -165,9 +165,12 @@ def test_crowds_of_no_room_give_way_as_the_twin_says(seed: int, kind: str, aside
     compare(rng, scene_of(rng, spots, rng.uniform(-3, 3, count), half), 1 if aside else None)
 
 
-@pytest.mark.parametrize("seed", [282, 309, 416, 934, 1002, 1003, *range(10, 31), 717])
+@pytest.mark.parametrize("seed", [10, 282, 309, 416, 717, 934, *range(11, 31)])
 def test_who_is_to_blame_moves_otherwise(seed: int) -> None:
-    """Two side by side have their goals beyond each other, so the best move of the first leaves the other one none."""
+    """Two side by side have their goals beyond each other, so the best move of the first leaves the other one none.
+
+    In the first of these crowds no earlier one asked the other, so only what its moves met says who is to blame.
+    """
     rng = np.random.default_rng(seed)
     count = int(rng.integers(3, 5))
     rng.uniform()
@@ -180,7 +183,7 @@ def test_who_is_to_blame_moves_otherwise(seed: int) -> None:
     scene.standing.rank[:] = np.arange(count)
     scene.everyone.gone_slot[:] = FOREVER
     found = compare(rng, scene._replace(obstacles=scene.obstacles._replace(bodies=NO_BODIES)), None)
-    if seed in (282, 309, 416, 934, 1002, 1003):
+    if seed in (10, 282, 309, 416, 717, 934):
         assert found
         assert any(move != moves_in_order(scene, 0, row, False)[0] for row, move in found)
 

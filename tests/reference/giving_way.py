@@ -125,7 +125,7 @@ def moves_in_order(scene: Scene, me: int, row: int, strict: bool) -> list[int]:
         cost = moves.frames[move] / CAPTURE_RATE
         cost += DETOUR_COST * (np.hypot(*(goal - end)) - np.hypot(*(goal - start[:2])))
         cost += IN_WAY_COST * max(width - off, 0.0)
-        if any(_off(line.reshape(2, 2), end) < 2.0 * obstacles.off_passages for line in obstacles.passages):
+        if any(_off(line.reshape(2, 2), end) < obstacles.off_passages for line in obstacles.passages):
             cost += PASSAGE_COST
         cost += sum(OTHER_WAY_COST * max(width - _off(other, end), 0.0) for other in obstacles.ways)
         costs.append((cost, move))

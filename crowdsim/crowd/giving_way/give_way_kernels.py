@@ -35,7 +35,7 @@ IN_WAY_COST = 4.0
 OTHER_WAY_COST = 2.0
 """The same for the ways of others that go before that agent [s/m]."""
 
-PASSAGE_COST = 6.0
+PASSAGE_COST = 3.0
 """Cost of a stand in a narrow passage [s]."""
 
 WANTED = 3
@@ -84,7 +84,7 @@ def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict
         off, _, _ = nearest_of_way(way, ex, ey)
         cost = moves.frames[k] / CAPTURE_RATE + DETOUR_COST * (hypot(goal[0] - ex, goal[1] - ey) - away)
         cost += IN_WAY_COST * max(width - off, 0.0)
-        if near_any(obstacles.passages, ex, ey, 2.0 * obstacles.off_passages):
+        if near_any(obstacles.passages, ex, ey, obstacles.off_passages):
             cost += PASSAGE_COST
         for other in obstacles.ways:
             its, _, _ = nearest_of_way(other, ex, ey)

@@ -40,10 +40,7 @@ WAY_POINTS = 8
 LAST = int(np.iinfo(np.int64).max)
 """Rank of those who go nowhere: who have arrived, or have no way to their goals. They give way to everybody."""
 
-FREE = -1
-"""No rank: the agent is at no narrow passage."""
-
-DIGESTED = ("timeline", "timeline_circle", "way", "rank", "turn", "side", "lead", "gate")
+DIGESTED = ("timeline", "timeline_circle", "way", "rank", "turn")
 """Columns that the state hash leaves out: they follow from others, or have a digest in another column."""
 
 HASHED_AS = {"blend_offset": "seam", "next_blend_offset": "next_seam"}
@@ -89,12 +86,6 @@ COLUMNS = (
     Column("way", np.float64, (WAY_POINTS, 2), np.nan),
     Column("rank", np.int64),
     Column("turn", np.int64),  # its own rank, which may be higher than the one it takes over from a leader
-    # Turns at narrow passages (:mod:`crowdsim.crowd.giving_way.turns`): twice the passage that the agent wants to walk
-    # through or has just left, plus 1 for the direction from left to right; its rank there, FREE elsewhere; and the
-    # passage that it must not come nearer to.
-    Column("side", np.int32, (), NONE),
-    Column("lead", np.int64, (), FREE),
-    Column("gate", np.int32, (), NONE),
     Column("goal", np.float64, (2,)),
     Column("stays", np.bool_),
 )

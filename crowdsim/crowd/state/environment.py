@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.crowd.state.assets import Assets
-from crowdsim.crowd.state.passages import Passages, narrow_passages
+from crowdsim.crowd.state.passages import narrow_passages
 from crowdsim.environment.layers import ClearanceLayer, taken_between
 from crowdsim.navmesh.editing.obstacles import Handle
 from crowdsim.navmesh.navmesh import NavMesh
@@ -76,7 +76,7 @@ class EnvironmentState:
             self.meshes, assets.behaviors, areas=self.areas, planner=assets.planner, bodies=assets.bodies
         )
         self._growths = area_growths(assets.behaviors, len(free))
-        self._passages: tuple[int, Passages] | None = None
+        self._passages: tuple[int, NDArray[np.float64]] | None = None
         # Mesh handles and placings of the movables present, by their numbers.
         self._handles: dict[int, list[tuple[NavMesh, Handle]]] = {}
         self._placings: dict[int, Placing] = {}
@@ -90,8 +90,8 @@ class EnvironmentState:
         return len(self.edits)
 
     @property
-    def passages(self) -> Passages:
-        """Return the passages in which two bodies cannot pass each other, as they are now."""
+    def passages(self) -> NDArray[np.float64]:
+        """(S, 4) segments across passages in which two bodies cannot pass each other, as they are now."""
         if self._passages is None or self._passages[0] != self.revision:
             self._passages = self.revision, narrow_passages(self.meshes[0], self.assets.passing_width)
         return self._passages[1]

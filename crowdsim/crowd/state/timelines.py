@@ -135,5 +135,3 @@ class Obstacles(NamedTuple):
     """(S, 4) segments across narrow passages [m]: no agent stops there that can stop before or behind."""
     off_passages: float = 0.0
     """Distance from these segments at which an agent may stop [m]."""
-    begin: NDArray[np.int64] = np.zeros(1, np.int64)
-    """(C + 1,) index in ``passages`` at which the segments of each passage begin."""

@@ -14,9 +14,7 @@ import numpy as np
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.giving_way.give_way_kernels import next_in_way
-from crowdsim.crowd.giving_way.turns_kernels import gate_distance
 from crowdsim.crowd.near.neighbor_kernels import widen
-from crowdsim.crowd.state.components import FREE
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, lay_out, meets_anyone, reserve
 from crowdsim.crowd.state.timelines import SLOWEST, Obstacles, Playback
 from crowdsim.crowd.state.way_kernels import FOREVER, lay_way, rank_behind, ways_before
@@ -151,42 +149,23 @@ def note_standing(graph, rows, scratch):
             scratch.may_move[row] = graph.node_idle[rows.node[row]] and rows.next_node[row] == NONE
 
 
-@kernel
-def rank_of(turn, lead, row, ways, ranks, near):
-    """Return the rank of a row: that of a passage at which it takes its turn, if any; else ``turn``, its own one.
-
-    ``lead`` is the rank of that passage. It takes over the rank of an agent that it follows closely. ``ways``
-    (N, P, 2) and ``ranks`` (N,) are those of all rows, and ``near`` are the rows by cells.
-    """
-    if lead != FREE:
-        return lead
-    return min(turn, rank_behind(row, ways, ranks, BEHIND_WIDTH, BEHIND_METERS, near))
-
-
 @helper
 def own(obstacles, rows, row, ways):
     """Return the obstacles of a row's body, from those of a body with a radius of 1 m; ``ways`` are to be kept free."""
     radius = rows.body_radius[row]
-    # A row that waits for those of the other direction keeps off the passage.
-    gate, segments, begin = rows.gate[row], obstacles.passages, obstacles.begin
-    kept_free, distance = obstacles.kept_free, obstacles.distance
-    if gate != NONE and len(segments):  # there are none for a row alone in the world
-        kept_free = segments[begin[gate] : begin[gate + 1]]
-        distance = gate_distance(segments, begin, gate, rows.pose[row], rows.timeline[row, -1])
     return Obstacles(
         obstacles.layers,
         obstacles.radii,
         obstacles.breadths,
-        kept_free,
-        distance,
+        obstacles.kept_free,
+        obstacles.distance,
         obstacles.bodies,
         np.int64(rows.agent[row]),
         radius,
         ways,
         2.0 * radius + WAY_ROOM,
-        segments,
+        obstacles.passages,
         obstacles.off_passages * radius,
-        begin,
     )
 
 
@@ -228,7 +207,8 @@ def reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, 
     # Publish the way ahead, take over the rank of an agent that it follows, and gather the ways to be kept free.
     way, timeline = rows.way[row], scratch.timeline
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, way)
-    rows.rank[row] = rank_of(rows.turn[row], rows.lead[row], row, rows.way, rows.rank, everyone.near)
+    behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, everyone.near)
+    rows.rank[row] = min(rows.turn[row], behind)
     scratch.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, everyone.near, scratch.ways)
     kept_clear = own(obstacles, rows, row, scratch.ways[: scratch.ways_count[0]])
 

@@ -12,15 +12,17 @@ from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.crowd.giving_way.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.near.neighbor_kernels import widen
 from crowdsim.crowd.search.plans import Join, Plans
-from crowdsim.crowd.state.components import FREE, LAST, SLOT_FRAMES
+from crowdsim.crowd.state.components import LAST, SLOT_FRAMES
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, node_is_free, reserve
 from crowdsim.crowd.state.state_hash import timeline_digest
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Playback
-from crowdsim.crowd.state.way_kernels import lay_way, ways_before
+from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
 from crowdsim.crowd.systems.choose_kernels import (
     AHEAD_SECONDS,
     ALL_DONE,
+    BEHIND_METERS,
+    BEHIND_WIDTH,
     EXTENDED,
     LOOKAHEAD,
     MAKE_ROOM,
@@ -30,7 +32,6 @@ from crowdsim.crowd.systems.choose_kernels import (
     WAY_METERS,
     WAY_REACH,
     go_on,
-    rank_of,
     slow_down,
     slowest,
 )
@@ -81,7 +82,7 @@ class Choosing:
     def choose(self, view: View) -> None:
         """Choose for all rows, in order; then let refused rows ask others to give way, the lowest rank first."""
         assets, graph = self.plans.assets, self.plans.assets.graph
-        self.surroundings.begin(view)
+        self.surroundings.begin()
         self._playback = Playback.natural(self.plans.step, assets.frames_per_step)
         rate, ramp = view.rate, self._playback.ramp
         rate = rate + np.clip(view.wanted_rate - rate, -ramp, ramp)
@@ -322,7 +323,7 @@ class Choosing:
         """Publish the way ahead along a plan, and gather the ways of rows that go first."""
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
         near, scratch = self.surroundings.neighbors(view), self._scratch
-        view.rank[row] = rank_of(view.turn[row], view.lead[row], row, view.way, view.rank, near)
+        view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near))
         scratch.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, scratch.ways)
 
     def _walker(self, view: View, row: int) -> Walker:
@@ -338,8 +339,6 @@ class Choosing:
         """Let a standing row step to a wall, so that others can pass; return True if it does."""
         if self.plans.environment.waited_for or not self.plans.assets.graph.node_idle[view.node[row]]:
             return False
-        if view.lead[row] != FREE:
-            return False  # at a passage it waits for its turn
         obstacles = self.surroundings.obstacles(view, self._walker(view, row))
         near = self.surroundings.neighbors(view)
         if not self._giving_way.step_to_wall(view, row, obstacles, self._scratch.draft, near):

@@ -59,8 +59,6 @@ class Rows(NamedTuple):
     way: Floats
     rank: Longs
     turn: Longs
-    lead: Longs
-    gate: Ints
     stays: Bools
 
     @classmethod

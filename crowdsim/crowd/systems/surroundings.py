@@ -7,8 +7,6 @@ import shapely
 from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
-from crowdsim.crowd.giving_way.turns import TurnTaking
-from crowdsim.crowd.giving_way.turns_kernels import gate_distance
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES
@@ -33,25 +31,14 @@ class Surroundings:
         self.bodies: StandingBodies = NO_BODIES
         """Bodies of steered agents, which stand still as far as reservations know."""
         self._near: tuple[View, Neighbors] | None = None
-        self._turns = TurnTaking(plans.assets.steps_per_second)
 
-    def begin(self, view: View) -> None:
+    def begin(self) -> None:
         """Begin a step; rows have moved since the last one."""
         self._near = None
-        environment = self.plans.environment
-        self._turns.decide(view, environment.passages, environment.revision, self.plans.step)
 
     def obstacles(self, view: View, walker: Walker) -> Obstacles:
         """Return what a walker keeps clear of besides other captured agents."""
-        obstacles = self._obstacles(view, walker, self._kept_free(view, walker))
-        gate = NONE if walker.row == NONE else int(view.gate[walker.row])
-        if gate == NONE or len(obstacles.kept_free) or not len(obstacles.passages):
-            return obstacles
-        # It waits for those of the other direction, and keeps off the passage.
-        passages, begin = self.plans.environment.passages
-        end = view.timeline[walker.row, -1]
-        distance = gate_distance(passages, begin, gate, view.pose[walker.row], end)
-        return obstacles._replace(kept_free=passages[begin[gate] : begin[gate + 1]], distance=distance)
+        return self._obstacles(view, walker, self._kept_free(view, walker))
 
     def of_any(self, view: View, playback: Playback) -> Obstacles:
         """Return the obstacles from which kernels derive those of each row: distances in radii of its body."""
@@ -87,9 +74,8 @@ class Surroundings:
             bodies=self.bodies,
             agent=walker.agent,
             body_radius=walker.body_radius,
-            passages=_NOTHING if alone else environment.passages.segments,
+            passages=_NOTHING if alone else environment.passages,
             off_passages=PASSAGE_BODIES * walker.body_radius,
-            begin=environment.passages.begin,
         )
 
     def _kept_free(self, view: View, walker: Walker) -> NDArray[np.float64]:
