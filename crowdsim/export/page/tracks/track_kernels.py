@@ -104,6 +104,9 @@ _PHASE_ROW = _TURN_ROW + (1 << TURN_BITS)
 ROWS = _PHASE_ROW + (_KINDS << PHASE_BITS)
 """Number of rows of weights of a chunk."""
 
+_WINDOW = 10
+"""Steps at either end of a track whose headings are rounded; more than half of the window of 0.85 s at 10 Hz."""
+
 
 @helper
 def size_class(size):
@@ -210,6 +213,7 @@ def _put_headings(state, out, models, mixer, x, y, exact, heading, steered, firs
     steps = 0
     lately = 0
     total = 0.0
+    none = 0.0 * slack
     for t in range(first, end):
         if t < first + 2:
             begin = _FIRST_TURN + WHOLE * (t - first)
@@ -232,7 +236,9 @@ def _put_headings(state, out, models, mixer, x, y, exact, heading, steered, firs
         next_pace = min(int(16.0 * speed), _SPEEDS - 1)
         wanted, expected, near = expected_turn(ahead, heading[t - 1], units)
         wish = min(max(8 * wanted // most, -24), 24) + 24
-        way, off = choose_turn(asked, expected, near, steps, total, units, slack)
+        # Where the window that smooths headings is cut, errors do not cancel.
+        inside = first + _WINDOW <= t < end - _WINDOW
+        way, off = choose_turn(asked, expected, near, steps, total, units, slack if inside else none)
         at = (
             _IS_NEAR[0] + (_WANTED * (_SPEEDS * lately + pace) + wish << 1),
             _IS_NEAR[1] + (_WANTED * (_TURNS * lately + _turn_class(last, most)) + wish << 1),
