@@ -67,6 +67,12 @@ def test_of_captured_characters_on_a_crowded_plaza_most_arrive_and_nobody_touche
     require_safe(summary)
 
 
+def test_one_file_through_narrow_places_stays_captured(run: Run) -> None:
+    """They queue there, which is no reason to steer: in 19 of 20 runs nobody does."""
+    shares = [run("corridor", f"seed={seed}").summary["level_share"]["captured"] for seed in (2, 3, 5)]
+    assert np.mean(shares) >= 0.95
+
+
 def test_steered_bodies_are_shown_without_jerks(run: Run) -> None:
     recording = run("counterflow")
     blocks = block_of(recording.steps - 1, recording.steps_per_second) + 1

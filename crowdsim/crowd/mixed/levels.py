@@ -44,7 +44,7 @@ BLOCKED_FOR = 0.3
 QUEUES_FOR = 12.0
 """The same for an agent without room to pass others, which steering would hardly help [s]."""
 
-LANE = (0.9, 2.5)
+LANE = (0.9, 4.0)
 """Width between walls below which an agent is in a lane, and length that the lane must have had behind it [m]."""
 
 SLOW = 0.5

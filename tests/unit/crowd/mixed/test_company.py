@@ -171,7 +171,7 @@ def walk_slowly(levels, seconds, facing=True):
         levels.follow_speeds(FIRST, np.array([0.1]), np.array([facing]))
 
 
-@pytest.mark.parametrize(("x", "half", "steers"), [(5.0, 0.4, True), (1.5, 0.4, False), (5.0, 0.5, False)])
+@pytest.mark.parametrize(("x", "half", "steers"), [(5.0, 0.4, True), (3.5, 0.4, False), (5.0, 0.5, False)])
 def test_the_slow_steer_in_a_lane_that_began_well_behind_them(x, half, steers):
     levels, place = levels_of(), np.array([[x, 0.0]])
     in_a_lane(levels, x, half=half)
