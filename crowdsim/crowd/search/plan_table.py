@@ -84,6 +84,10 @@ class Motions(MutableMapping[int, MotionPlan]):
         table.arrives[agent] = plan.arrives
         table.rates[agent] = self._rates[agent][0] if plan.count else table.rates[agent]
 
+    def rate(self, agent: int, node: int) -> int:
+        """Return the rate at which an agent plays node ``node`` of its plan if nothing is in its way [ticks/step]."""
+        return int(self._rates[agent][node])
+
     def replay(self, agent: int) -> None:
         """Find the rates anew at which an agent plays its plan, if it has one."""
         if agent in self._plans:

@@ -54,7 +54,7 @@ LONG_SECONDS = 5.0
 ASIDE_SECONDS = 3.0
 """Time after which a waiting agent in a narrow place steps close to a wall [s]."""
 
-RETRY_SECONDS = 0.2
+RETRY_SECONDS = 0.1
 """Time between two tries of a standing agent that waits for others to go on [s]."""
 
 AHEAD_RETRY_SECONDS = 0.1
@@ -238,14 +238,15 @@ class Choosing:
 
         If ``asks``, others are asked to give way.
         """
-        walker = self._walker(view, row)
+        rate = self.plans.motions.rate(int(view.agent[row]), following)
+        walker = self._walker(view, row, rate)
         obstacles = self.surroundings.obstacles(view, walker)
         self._find_ways(view, row, plan, following)
         obstacles = self.surroundings.with_ways(obstacles, self._scratch)
         found = self._reserve(view, walker, plan, following, obstacles, asks)
         if found is None and not asks:
-            slower = walker.playback._replace(wanted=int(slowest(self._playback)))
-            found = self._reserve(view, walker._replace(playback=slower), plan, following, obstacles)
+            slower = self._walker(view, row, min(int(slowest(self._playback)), rate))
+            found = self._reserve(view, slower, plan, following, obstacles)
         if found is None:
             return False
         self._giving_way.decided(row)
@@ -326,9 +327,10 @@ class Choosing:
         view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near))
         scratch.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, scratch.ways)
 
-    def _walker(self, view: View, row: int) -> Walker:
-        rate = int(self.plans.motions.table.rates[view.agent[row]])
-        return Walker.of(self.plans.assets.graph, view, row, self._playback, rate)
+    def _walker(self, view: View, row: int, rate: int | None = None) -> Walker:
+        """Return the walker of a row that plays its nodes at ``rate`` [ticks/step], by default that of its plan."""
+        wanted = int(self.plans.motions.table.rates[view.agent[row]]) if rate is None else rate
+        return Walker.of(self.plans.assets.graph, view, row, self._playback, wanted)
 
     def _waits(self, view: View, row: int, seconds: float) -> bool:
         """Return True if a row was refused for so long; the time begins anew when it looks for a way around."""
