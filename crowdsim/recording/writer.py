@@ -45,6 +45,8 @@ STEP_HEAD = struct.Struct("<QQ")
 """Head of a step's frame: number and state hash; the stored columns follow."""
 PATH_HEAD = struct.Struct("<qqQ")
 """Head of a path's frame: agent, step and number of points; points and behaviors follow."""
+_FRESH = 40
+"""Commits after which HDF5 opens the file anew: what it keeps in memory, as indices of chunks, grows with the run."""
 
 
 def part_path(path: Path) -> Path:
@@ -84,6 +86,7 @@ class RecordingWriter:
         self._movables = list(header.movables)
         self._file: h5py.File | None = None
         self._steps = 0
+        self._commits = 0
         self._buffered = 0
         self._new_paths: list[tuple[int, int, np.ndarray, np.ndarray]] = []
         check_header(header)
@@ -225,8 +228,8 @@ class RecordingWriter:
 
     def finish(self, summary: Mapping[str, Any], measured: Measured | None = None) -> None:
         """Write the rest, the ``summary`` (anything JSON can hold) and the measurements; give the file its name."""
-        file = self._open_file()
         self._flush()
+        file = self._open_file()
         text = json.dumps(dict(summary), default=_plain)
         if measured is not None:
             write_measured(file, measured)
@@ -289,10 +292,15 @@ class RecordingWriter:
     def _commit(self) -> None:
         """Write everything that HDF5 holds in memory to the disk."""
         self._open_file().flush()
+        disk = self._open_disk()
         try:
-            self._open_disk().commit()
+            disk.commit()
         except OSError as error:
             raise self._failed(error) from None
+        self._commits += 1
+        if self._commits % _FRESH == 0:
+            self._open_file().close()
+            self._file = h5py.File(disk, "r+")
 
     def _flush(self) -> None:
         """Append what is held in memory, new paths and steps, to the file."""

@@ -39,7 +39,8 @@ class Outcome(NamedTuple):
     error : str
         What went wrong, empty if nothing did.
     lasting : bool
-        Whether the same would come of it again: False if a process died or a bug showed.
+        Whether the same would come of it again: False if a process died, a bug showed, or a file could not be read or
+        written, as on a full disk.
     """
 
     figures: dict[str, Value]
@@ -58,8 +59,8 @@ class Runner:
         """Run a point with one thread; errors become outcomes."""
         try:
             return Outcome(self._run(point))
-        except CrowdSimError as error:
-            return Outcome({}, " / ".join(str(error).splitlines()))
+        except (CrowdSimError, OSError) as error:
+            return Outcome({}, " / ".join(str(error).splitlines()), lasting=not _is_of_files(error))
         except Exception as error:
             what = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
             return Outcome({}, f"internal error: {what}", lasting=False)
@@ -86,6 +87,13 @@ class Runner:
                 del self._motion[next(iter(self._motion))]
             self._motion[key] = load_behaviors(scenario)
         return self._motion[key]
+
+
+def _is_of_files(error: BaseException | None) -> bool:
+    """Return whether an error comes from the system that keeps files."""
+    while error is not None and not isinstance(error, OSError):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def figures_of(recording: Recording) -> dict[str, Value]:

@@ -13,7 +13,7 @@ from crowdsim.errors import CrowdSimError, ScenarioError
 from crowdsim.sweeps.engine import engine
 from crowdsim.sweeps.picture import draw_sweep
 from crowdsim.sweeps.points import Point, points_of, read_seeds, read_setting
-from crowdsim.sweeps.running import Outcome
+from crowdsim.sweeps.running import Outcome, Runner
 from crowdsim.sweeps.store import Store
 from crowdsim.sweeps.sweep import sweep
 from crowdsim.sweeps.table import means_of, table_of, usual_figures
@@ -125,6 +125,17 @@ def test_the_engine_is_its_version_its_code_and_its_behaviors(monkeypatch, tmp_p
     none = engine.__wrapped__()
     (tmp_path / "clip.bvh").write_text("HIERARCHY", encoding="utf-8")
     assert engine.__wrapped__() != none
+
+
+@pytest.mark.parametrize(
+    ("cause", "lasting"), [(OSError(28, "No space left on device"), False), (ValueError("no number"), True)]
+)
+def test_a_point_that_failed_on_a_full_disk_is_run_again(monkeypatch, cause, lasting):
+    def fail(*_):
+        raise CrowdSimError("cannot") from cause
+
+    monkeypatch.setattr("crowdsim.sweeps.running.parse_scenario", fail)
+    assert Runner().run(a_point("1", 1)) == Outcome({}, "cannot", lasting)
 
 
 def test_a_worker_of_another_state_of_the_code_runs_nothing(monkeypatch):
