@@ -240,9 +240,8 @@ class Choosing:
         """
         rate = self.plans.motions.rate(int(view.agent[row]), following)
         walker = self._walker(view, row, rate)
-        obstacles = self.surroundings.obstacles(view, walker)
         self._find_ways(view, row, plan, following)
-        obstacles = self.surroundings.with_ways(obstacles, self._scratch)
+        obstacles = self.surroundings.with_ways(self.surroundings.obstacles(view, walker), self._scratch)
         found = self._reserve(view, walker, plan, following, obstacles, asks)
         if found is None and not asks:
             slower = self._walker(view, row, min(int(slowest(self._playback)), rate))
