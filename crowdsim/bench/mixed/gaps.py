@@ -45,7 +45,6 @@ class LeastGaps:
         self.reserved = self.ahead = FAR
         self.agent_steps = self.captured_steps = 0
         self._before: NDArray[Any] | None = None
-        self._late: dict[int, tuple[int, float]] = {}
 
     def watch(self, _: float, crowd: MixedCrowd) -> None:
         """Add one step; called after it."""
@@ -77,23 +76,14 @@ class LeastGaps:
         """Measure captured bodies on their ways as reserved in this step, or in one before."""
         view, step = crowd.captured.world.view(), crowd.step_count - 1
         frames = CAPTURE_RATE // STEERING_RATE
-        late = (step * frames) % SLOT_FRAMES / SLOT_FRAMES
-        agents = view.agent.tolist()
-        digests = zip(agents, view.timeline_digest.tolist(), strict=True)
-        self._late = {
-            agent: self._late[agent] if self._late.get(agent, (None,))[0] == digest else (digest, late)
-            for agent, digest in digests
-        }
-        first_late = np.array([self._late[agent][1] for agent in agents])
         for part in TIMES:
+            # The first sample of a way reserved in the middle of a slot is placed so that this gives the body's place.
             at = (step + part) * frames / SLOT_FRAMES - view.timeline_start
             last = view.timeline.shape[1] - 1
             here = np.clip(np.floor(at).astype(np.int64), 0, last)
             there = np.minimum(here + 1, last)
             rows = np.arange(len(here))
-            # A way reserved in the middle of a time slot begins at the body's position then, not at the slot's start.
-            begun = np.where(here == 0, first_late, 0.0)
-            share = np.clip((at - here - begun) / (1.0 - begun), 0.0, 1.0)[:, None]
+            share = np.clip(at - here, 0.0, 1.0)[:, None]
             sample = view.timeline[rows, here] * (1.0 - share) + view.timeline[rows, there] * share
             core = sample[:, CORE : CORE + 2]
             first, second = near_pairs(sample[:, :2]).T

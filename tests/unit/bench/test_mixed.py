@@ -66,6 +66,7 @@ def test_gaps_are_taken_of_all_kinds_of_pairs(crossed):
     assert set(gaps.gaps) == set(KINDS)
     assert 0.0 < min(gaps.gaps["steered_steered"], gaps.gaps["steered_captured"]) < FAR
     assert 0.0 < gaps.ahead < FAR
+    assert gaps.reserved >= 0.0
     # What is looked at more often comes out no farther apart.
     assert min(gaps.gaps.values()) <= result.gap + 1e-9
 
