@@ -90,7 +90,7 @@ class Runner:
 
 
 def _is_of_files(error: BaseException | None) -> bool:
-    """Return whether an error comes from the system that keeps files."""
+    """Return whether an error, or one that led to it, is that a file cannot be read or written."""
     while error is not None and not isinstance(error, OSError):
         error = error.__cause__ or error.__context__
     return error is not None

@@ -23,6 +23,7 @@ from crowdsim.recording.header import (
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
 from tests.support.small_recording import small_frame, small_header, write_small_recording
+from tests.support.walking_recording import random_walkers, write_tracks
 
 ROOT = Path(__file__).parents[3]
 
@@ -352,3 +353,22 @@ def test_numbers_that_are_none_are_damage(path, column, message):
         recording.at_step(4)
         with pytest.raises(RecordingError, match=message):
             recording.at_step(5)
+
+
+def test_a_file_that_hdf5_opens_anew_holds_the_same(tmp_path, monkeypatch):
+    tracks = random_walkers(6, 400)
+    usual = write_tracks(tmp_path / "usual.h5", *tracks)
+    monkeypatch.setattr("crowdsim.recording.writer._FRESH", 1)
+    plain, opened = h5py.File, []
+
+    def noting(file, mode, *arguments, **options):
+        opened.append(mode)
+        return plain(file, mode, *arguments, **options)
+
+    monkeypatch.setattr("crowdsim.recording.writer.h5py.File", noting)
+    anew = write_tracks(tmp_path / "anew.h5", *tracks)
+    assert opened.count("r+") > 1
+    for name in ("x", "y", "heading", "state", "behavior"):
+        np.testing.assert_array_equal(getattr(anew, name)[:], getattr(usual, name)[:])
+    usual.close()
+    anew.close()
