@@ -46,7 +46,7 @@ _HEADING_WINDOW = 0.3
 NODE_COST = 0.01
 """Cost per node, in square meters between branch and path: prefers few long nodes to many short ones."""
 
-_TIME_COST = 0.02
+_TIME_COST = 0.2
 """Cost of time, against standing about [m2/s]."""
 
 _SWITCH_COST = 0.05

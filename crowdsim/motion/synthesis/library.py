@@ -146,14 +146,15 @@ def _walk_to_side(turn: float, manner: Manner) -> Plan:
     return builder.stop_turned_left(_rad(90.0)).finish()
 
 
-def _side_to_walk(turn: float, manner: Manner) -> Plan:
-    """Plan a walk from a stand a quarter turn off, the foot on that side first."""
+def _turned_start(name: str, degrees: float, manner: Manner) -> Clip:
+    """Return a start that turns, the foot on that side first, with just the straight walking that its cut needs."""
     builder = PlanBuilder("", manner=manner)
-    if turn > 0.0:
-        builder.start_turned_left(manner.normal, _rad(90.0))
+    if degrees > 0.0:
+        builder.start_turned_left(manner.normal, _rad(degrees))
     else:
-        builder.start_turned_right(manner.normal, _rad(-90.0))
-    return builder.cycle(manner.normal).stop().finish()
+        builder.start_turned_right(manner.normal, _rad(degrees))
+    plan = builder.cycle(manner.normal).stop().finish()
+    return _excerpt(name, synthesize(plan), 0, _passing_frames(plan)[0] + _margin(manner))
 
 
 def _quarter_turns(manner: Manner) -> list[Clip]:
@@ -163,8 +164,7 @@ def _quarter_turns(manner: Manner) -> list[Clip]:
         plan = _walk_to_side(turn, manner)
         clip = synthesize(plan)
         clips.append(_excerpt(f"walk_to_side_{way}", clip, _passing_frames(plan)[-1] - margin, clip.frame_count - 1))
-        plan = _side_to_walk(turn, manner)
-        clips.append(_excerpt(f"side_to_walk_{way}", synthesize(plan), 0, _passing_frames(plan)[0] + margin))
+        clips.append(_turned_start(f"side_to_walk_{way}", 90.0 * turn, manner))
     return clips
 
 
@@ -199,13 +199,14 @@ def synthesize_set(manner: Manner = PLAIN) -> list[tuple[str, str, Clip]]:
     plans = [_walk("walk", manner), _slow("walk_slow", manner)]
     plans += [_short_step("step_25", 0.25, manner), _short_step("step_50", 0.50, manner)]
     constrained = [*map(synthesize, plans), *_walking_turns((10, 20), manner)]
+    constrained += [_turned_start("start_left_40", 40.0, manner), _turned_start("start_right_40", -40.0, manner)]
     plans = [_long_start("walk_long_start", manner), _short_step("step_75", 0.75, manner)]
     for degrees in (15, 30, 60, 90, 180):
         for way, sign in (("left", 1), ("right", -1)):
             plans.append(_turn_in_place(f"turn_{way}_{degrees}", sign * degrees, manner))
     if manner is DANCING:
         plans += dance_plans()
-    frontal = [*constrained, *map(synthesize, plans), *_walking_turns((45, 90), manner)]
+    frontal = [*constrained, *map(synthesize, plans), *_walking_turns((30, 45, 90), manner)]
     side = [
         _side_steps("side_left", manner),
         _short_side_step("side_left_short", manner),
