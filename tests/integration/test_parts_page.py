@@ -14,6 +14,6 @@ def test_blocks_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         "10.81 m around the crate",
         "['frontal', 'lateral', 'frontal']",
         "10.94 m, at most 4 % above the cheapest there can be",
-        "91 nodes, 219480 branches",
-        "FOUND after 11.1 m with 12 nodes",
+        "97 nodes, 238572 branches",
+        "FOUND after 11.1 m with 13 nodes",
     ]

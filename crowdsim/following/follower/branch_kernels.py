@@ -16,6 +16,7 @@ import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.following.follower.path_kernels import path_point, project, sample_before, sample_index
+from crowdsim.following.maps.map_kernels import IN_PLACE
 from crowdsim.geometry.elementary_kernels import atan2, cos_sin, hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper
@@ -24,9 +25,6 @@ from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 TEST_FRAMES = 4
 """Frames between two samples of the collision test. Fewer: safer and slower."""
-
-IN_PLACE = 0.15
-"""Distance from start to end below which a node counts as turning in place, so that any heading is allowed [m]."""
 
 _BEYOND = 1e-6
 """Clearance is measured up to this much beyond what is needed, so that rounding cannot make it look short [m]."""
@@ -46,8 +44,11 @@ _HEADING_WINDOW = 0.3
 NODE_COST = 0.01
 """Cost per node, in square meters between branch and path: prefers few long nodes to many short ones."""
 
-_TIME_COST = 0.2
-"""Cost of time, against standing about [m2/s]."""
+_TIME_COST = 0.02
+"""Cost of time [m2/s]."""
+
+_DELAY_COST = 0.1
+"""Cost of the time that a node takes longer than its behavior does on average, against turning on the spot [m2/s]."""
 
 _SWITCH_COST = 0.05
 """Cost of ending in a behavior other than the planned one [m2]."""
@@ -238,7 +239,7 @@ def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
     laid.strayed[entry] = math.inf
     if fit:
         area, nearest = _stray(graph, maps, guide, laid, entry, arc, arc_after, area)
-        area += NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
+        area += NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE + _DELAY_COST * maps.late[node]
         if maps.leads_to[node] != guide.behavior[here]:
             area += _SWITCH_COST
     reached = _reaches(graph, guide, rules, laid, entry, nearest)

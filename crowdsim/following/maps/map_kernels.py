@@ -32,6 +32,9 @@ BLEND_OFFSET_WEIGHT = 2.0
 """Weight of the jump from the end of a node to the start of the next in the length of a branch. Many branches of deep
 maps advance along a path only by their blend offsets; with this weight they seem to lag behind."""
 
+IN_PLACE = 0.15
+"""Distance from start to end below which a node counts as turning in place, so that any heading is allowed [m]."""
+
 END_X, END_Y, WALKED, LEVEL, BEHAVIOR = range(5)
 AHEAD_COLUMNS = 5
 """Columns of ``maps.ahead``: end of an entry's node, distance from the root's end to there (track, and blend offsets by

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
 from crowdsim.following.maps.map_kernels import (
     AHEAD_COLUMNS,
@@ -19,10 +20,12 @@ from crowdsim.following.maps.map_kernels import (
     CELL,
     END_X,
     END_Y,
+    IN_PLACE,
     LEVEL,
     WALKED,
     grow_maps,
 )
+from crowdsim.geometry.elementary import hypot
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.graph.arrays import GraphArrays
 
@@ -52,6 +55,7 @@ class MapArrays(NamedTuple):
     family: (N,) int32, equal for nodes with the same successors.
     ends_as: (N, B) bool, True if a node is of a behavior or has a successor of it.
     leads_to: (N,) int32, behavior of most successors.
+    late: (N,) float64, how much longer a node takes than its behavior takes on average for the way that it moves [s].
     outline_first: (N + 1,) int64, rows of ``outline`` for each node.
     outline: (S, 3) float64, x, y and arc length of points along each node's track, its end included, at most a cell
     apart [m].
@@ -69,6 +73,7 @@ class MapArrays(NamedTuple):
     family: NDArray[np.int32]
     ends_as: NDArray[np.bool_]
     leads_to: NDArray[np.int32]
+    late: NDArray[np.float64]
     outline_first: NDArray[np.int64]
     outline: NDArray[np.float64]
 
@@ -190,6 +195,7 @@ class MotionMaps:
             family=_families(graph),
             ends_as=successors > 0,
             leads_to=np.argmax(successors - np.eye(successors.shape[1])[graph.node_behavior], axis=1).astype(np.int32),
+            late=_delays(graph),
             outline_first=outline_first,
             outline=outline,
         )
@@ -242,6 +248,20 @@ def _behavior_counts(graph: GraphArrays) -> NDArray[np.int32]:
     source = np.repeat(np.arange(nodes), np.diff(graph.edge_start))
     np.add.at(table, (source, graph.node_behavior[graph.edge_target]), 1)
     return table
+
+
+def _delays(graph: GraphArrays) -> NDArray[np.float64]:
+    """Return how much longer each node takes than its behavior does on average for the same way [s], 0 at least.
+
+    The mean speed of a behavior is that of all its nodes that move on; others, as turns in place, are late as a whole.
+    """
+    seconds = graph.node_frames / CAPTURE_RATE
+    moved = hypot(graph.node_motion[:, 0], graph.node_motion[:, 1])
+    moves = moved >= IN_PLACE
+    behaviors = int(graph.node_behavior.max(initial=0)) + 1
+    way, time = (np.bincount(graph.node_behavior[moves], column[moves], behaviors) for column in (moved, seconds))
+    pace = np.divide(time, way, out=np.zeros(behaviors), where=way > 0.0)
+    return np.maximum(seconds - moved * pace[graph.node_behavior], 0.0)
 
 
 def _outlines(graph: GraphArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -66,7 +66,7 @@ class MotionGraph:
     --------
     >>> graph = load_behavior_set(["frontal"], [(0.0, 2.0)]).graph
     >>> len(graph.node_names), graph.report.edges, graph.node_names[0]
-    (43, 707, 'walk:10-66')
+    (47, 868, 'walk:10-66')
     """
 
     arrays: GraphArrays

@@ -94,7 +94,7 @@ def build_motion_graph(
     >>> clips = load_behavior_set(["frontal"], [(0.0, 2.0)]).clips[0].clips
     >>> graph = build_motion_graph([MotionSource(clip, 0, ("crossing", "standing")) for clip in clips])
     >>> graph.report.nodes, graph.report.transitions
-    (42, 656)
+    (46, 815)
     """
     candidates = _candidates(sources, max_out_edges)
     if branching is not None:
