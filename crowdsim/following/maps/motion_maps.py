@@ -261,7 +261,8 @@ def _delays(graph: GraphArrays) -> NDArray[np.float64]:
     behaviors = int(graph.node_behavior.max(initial=0)) + 1
     way, time = (np.bincount(graph.node_behavior[moves], column[moves], behaviors) for column in (moved, seconds))
     pace = np.divide(time, way, out=np.zeros(behaviors), where=way > 0.0)
-    return np.maximum(seconds - moved * pace[graph.node_behavior], 0.0)
+    late: NDArray[np.float64] = np.maximum(seconds - moved * pace[graph.node_behavior], 0.0)
+    return late
 
 
 def _outlines(graph: GraphArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
