@@ -143,7 +143,9 @@ class Recording(RecordedEvents):
             raise RecordingError(f"there is no recording {path}; write one with 'crowdsim run SCENARIO -o {path}'")
         try:
             checked = require_unchanged(path)
-        except (OSError, ValueError) as error:
+        except OSError as error:
+            raise RecordingError(f"{path} cannot be read: {error.strerror}") from None
+        except ValueError as error:
             raise RecordingError(f"{path} is damaged ({error}); {AGAIN}") from None
         try:
             # A finished file never changes, and locks fail on read-only and network folders.

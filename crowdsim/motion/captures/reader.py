@@ -150,6 +150,10 @@ def capture_paths(folder: str | Path, patterns: Sequence[str] = CAPTURE_PATTERNS
         if folder.is_file():
             raise MotionError(f"{folder} is a file; give the folder that holds the captures")
         raise MotionError(f"there is no folder of captures {folder}")
+    try:
+        next(folder.iterdir(), None)  # patterns match nothing in a folder that cannot be read
+    except OSError as error:
+        raise MotionError(f"the folder of captures {folder} cannot be read: {error.strerror}") from None
     either = [_in_either_case(pattern) for pattern in patterns]
     paths = sorted({path for pattern in either for path in folder.glob(pattern) if path.is_file()})
     if not paths:

@@ -1,5 +1,6 @@
 """Damage anywhere in a finished recording is noticed; recordings without checksums are still read."""
 
+import errno
 import os
 from pathlib import Path
 
@@ -77,6 +78,16 @@ def test_files_with_other_faults_are_refused_or_the_same(whole):
         whole.write_bytes(mutated(content, np.random.default_rng(seed)))
         message = refusal(whole)
         assert message.startswith(str(whole)) if message else all_values(whole) == written, seed
+
+
+def test_a_file_of_others_is_not_taken_for_damaged(path, monkeypatch):
+    def refuse(*_):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    write_small_recording(path, steps=3)
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(RecordingError, match=r"run\.h5 cannot be read: Permission denied$"):
+        Recording.open(path)
 
 
 def test_damage_of_steps_is_named_and_leaves_the_other_steps(path):

@@ -1,6 +1,8 @@
 """Capture files: every fault, unit, axis and rate."""
 
+import errno
 import json
+import os
 import tracemalloc
 from pathlib import Path
 
@@ -10,7 +12,7 @@ import pytest
 
 from crowdsim.errors import MotionError
 from crowdsim.motion.captures.cleaning import clean_stretches, resample
-from crowdsim.motion.captures.reader import read_capture, read_clip
+from crowdsim.motion.captures.reader import capture_paths, read_capture, read_clip
 from crowdsim.motion.clips.joint_roles import find_roles
 from crowdsim.motion.clips.skeleton import ROLES
 from crowdsim.motion.graph.motion_graph import MotionSource, build_motion_graph
@@ -55,6 +57,22 @@ def test_every_fault_is_treated_as_expected(shared: Path) -> None:
     assert {
         name: entry["expect"] for name, entry in wanted.items() if FAULTS[name] not in ALLOWED[entry["expect"]]
     } == {}
+
+
+def test_a_folder_that_cannot_be_read_is_not_taken_for_an_empty_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(MotionError, match=r"no file in .* matches"):
+        capture_paths(tmp_path)
+    monkeypatch.setattr(os, "listdir", refuse)
+    monkeypatch.setattr(os, "scandir", refuse)
+    with pytest.raises(MotionError, match=f"{tmp_path} cannot be read: Permission denied"):
+        capture_paths(tmp_path)
+
+
+def refuse(*_: object) -> None:
+    """Refuse as the system does for folders of others; root may read them all."""
+    raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
 def test_a_file_that_declares_too_many_frames_takes_no_memory(shared: Path) -> None:
