@@ -30,7 +30,7 @@ WHEN = 1.6
 
 
 def reserved() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the seconds (n,) from a moment on, and where two agents will be: x, y, radius, half core (2, n, 5)."""
+    """Return the seconds (n,) from a moment on, and where two agents will be: samples (2, n, 13) with x, y, radius and half core first."""
     with Simulation(parse_scenario(SCENE), workers=1) as simulation:
         while simulation.time < WHEN:
             simulation.step()
@@ -71,7 +71,7 @@ def draw_timelines() -> Figure:
     above.legend(loc="upper left", frameon=False)
     centers = np.hypot(*(rows[0, :, :2] - rows[1, :, :2]).T)
     bodies = rows[:, :, RADIUS].sum(axis=0)
-    assert np.abs(rows[:, :, CORE:]).max() == 0.0  # discs: who faces ahead has no core
+    assert np.abs(rows[:, :, CORE : CORE + 2]).max() == 0.0  # discs: who faces ahead has no core
     apart.plot(seconds, centers - bodies, ".-", color=BLACK, label="gap between the discs")
     apart.axhline(0.0, color=GRAY, linewidth=1.0)
     apart.fill_between(seconds, -0.2, 0.0, color=GRAY, alpha=0.3, linewidth=0)
