@@ -16,7 +16,7 @@ from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import gap_to
 from crowdsim.steering.direction_kernels import NEAR, TURNS, choose_direction
 from crowdsim.steering.look_kernels import MOST_NEAR, take_in
-from crowdsim.steering.wall_kernels import distance_at, is_lane, is_lane_behind
+from crowdsim.steering.wall_kernels import distance_at, is_in_sight, is_lane, is_lane_behind
 from crowdsim.steering.wedged_kernels import STEP_BACK, is_wedged, steps_back
 
 WANTED = np.dtype(
@@ -41,8 +41,11 @@ WANTED = np.dtype(
 
 
 @helper
-def hear_opposing(rows, mine, near, count, rules):
-    """Return the agent's awareness of opposing traffic, 0 to 1: seen by itself, or handed on by agents ahead."""
+def hear_opposing(rows, mine, near, count, walls, rules):
+    """Return the agent's awareness of opposing traffic, 0 to 1: seen by itself, or handed on by agents ahead.
+
+    Agents behind walls count for neither: who walks around a narrow ring meets nobody on its other side.
+    """
     # Awareness fades within two seconds.
     news = max(mine.opposed - 0.5 * rules.step, 0.0)
     for n in range(count):
@@ -56,17 +59,20 @@ def hear_opposing(rows, mine, near, count, rules):
         # face each other because they queue for it. Within 1.5 m of the agent's line, such an agent is opposing
         # traffic.
         if other.goal != mine.goal and along < -0.3:
-            if abs(mine.gx * seen.py - mine.gy * seen.px) < 1.5:
+            aside = abs(mine.gx * seen.py - mine.gy * seen.px)
+            if aside < 1.5 and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
                 return 1.0
         # An agent that walks the same way hands on what it knows, a little less with each agent: the news runs back
         # through a queue.
         elif along > 0.3:
-            news = max(news, rules.news * other.opposed - 0.02)
+            told = rules.news * other.opposed - 0.02
+            if told > news and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
+                news = told
     return news
 
 
 @helper
-def yield_to_opposing(rows, mine, near, count, rules, want):
+def yield_to_opposing(rows, mine, near, count, walls, rules, want):
     """Step out of the way of an opposing agent that is stuck, if this agent blocks it; return True if it does.
 
     Of several, the one with the highest rank counts. Agents of one goal do not yield to each other like this (that
@@ -90,7 +96,10 @@ def yield_to_opposing(rows, mine, near, count, rules, want):
         # The other's way leads through this agent if that is ahead of it, within the sum of their half breadths.
         ahead = -(seen.px * other.ix + seen.py * other.iy)
         aside = abs(seen.px * other.iy - seen.py * other.ix)
-        if ahead > 0.0 and aside < mine.half + mine.radius + seen.half + seen.radius:
+        if ahead <= 0.0 or aside >= mine.half + mine.radius + seen.half + seen.radius:
+            continue
+        # An agent behind a wall does not wait for this one.
+        if is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
             highest = other.rank
             first = n
     if first < 0:
@@ -371,10 +380,10 @@ def decide_rows(rows, near_rows, first, last, order, moved, walls, rules, wanted
         want.turn_sin = 0.0
         count = take_in(rows, me, near_rows, near)
         if goes:
-            want.opposed = hear_opposing(rows, mine, near, count, rules)
+            want.opposed = hear_opposing(rows, mine, near, count, walls, rules)
 
         # The first rule that applies sets the velocity: yield, let others merge, walk.
-        gives_way = yield_to_opposing(rows, mine, near, count, rules, want)
+        gives_way = yield_to_opposing(rows, mine, near, count, walls, rules, want)
         if goes and not gives_way and not let_merge(rows, mine, near, count, rules, want):
             follow_way(rows, mine, near, count, walls, rules, want)
         limit_change(mine, rules, want)

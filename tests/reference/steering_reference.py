@@ -8,6 +8,7 @@ from fractions import Fraction
 from itertools import combinations
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from crowdsim.steering.rules import Rules
@@ -279,6 +280,8 @@ class Decision:
             along = self.intent(other) @ self.way
             if apart @ self.way <= 0.0:
                 continue
+            if not in_sight(self.walls, self.mine, row):
+                continue
             if row["goal"] != self.mine["goal"] and along < -0.3:
                 if abs(cross(self.way, apart)) < 1.5:
                     return 1.0
@@ -294,7 +297,7 @@ class Decision:
             opposing = not self.goes or self.intent(other) @ self.way <= -0.3
             breadth = self.mine["half"] + self.mine["radius"] + row["half"] + row["radius"]
             in_its_way = -apart @ self.intent(other) > 0.0 and abs(cross(self.intent(other), apart)) < breadth
-            near = np.hypot(*apart) <= self.rules.yield_reach
+            near = np.hypot(*apart) <= self.rules.yield_reach and in_sight(self.walls, self.mine, row)
             queues = row["goal"] == self.mine["goal"] >= 0
             if row["rank"] > highest and not queues and opposing and in_its_way and near:
                 highest, first = row["rank"], other
@@ -436,6 +439,12 @@ class Decision:
         if not led:
             creep = max(creep, rules.creep_first * np.clip(mine["stuck"] - 0.2, 0.0, 1.0))
         return max(speed, min(creep, mine["speed"]))
+
+
+def in_sight(walls: NDArray[np.float64], one: np.void, other: np.void) -> bool:
+    """Return whether no wall, float64[n, 4] [m], comes within 0.06 m of the line between two agents."""
+    line = shapely.LineString([(one["x"], one["y"]), (other["x"], other["y"])])
+    return all(line.distance(shapely.LineString(wall.reshape(2, 2))) >= 0.06 for wall in walls)
 
 
 def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

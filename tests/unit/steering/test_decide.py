@@ -230,6 +230,48 @@ def test_files_go_on_around_a_bend_whatever_goals_lie_ahead(width: float, radius
     assert (followed > 3) == (width < 0.85)
 
 
+@pytest.mark.parametrize(("wall", "told"), [(1.0, False), (4.0, True)])
+def test_people_behind_walls_are_no_opposing_traffic(wall: float, told: bool) -> None:
+    """Neither is seen one who comes, nor heard one who knows of others, nor made way for one who is stuck."""
+    walls = np.array([[wall, -3.0, wall, 3.0]])
+    rng = np.random.default_rng(5)
+    for along, knows, stuck in ((-1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 0.0, 3.0)):
+        far = 1.3 if stuck else 2.0
+        state = agents(np.array([[0.0, 0.0], [far, 0.1]]), np.zeros(2), np.array([0, 1]), rng)
+        state["gx"] = state["ix"] = 1.0, along
+        state["gy"] = state["iy"] = 0.0
+        state["opposed"] = 0.0, knows
+        state["stuck"] = state["rank"] = 0.0, stuck
+        state["togo"] = state["key"] = 9.0
+        heeded, near = _near(state)
+        expected = reference.Decision(state, 0, heeded[0], Rules(), walls, partial(_free_ahead, build_walls(walls)))
+        wanted = _decide(state, near, walls)
+        assert wanted["opposed"][0] == pytest.approx(expected.opposed, abs=1e-9)
+        assert (wanted["opposed"][0] > 0.0) == told
+        gives_way = expected.give_way() is not None
+        assert gives_way == (told and stuck > 0.0)
+        assert (wanted["rank"][0] > 2.0) == gives_way
+
+
+@pytest.mark.parametrize("offset", np.linspace(0.0, 1.0, 5))
+def test_those_on_the_other_side_of_a_ring_are_no_opposing_traffic(offset: float) -> None:
+    """Thirteen people around a ring as in RiMEA 16, who aim to touch its inner wall as the shortest way does."""
+    walls, _ = _bend(0.8, 1.48)
+    walls = np.concatenate((walls, [-0.1, 0.0, -0.1, 0.0] - walls))
+    walls[len(walls) // 2 :, 1::2] += 2 * 1.48
+    angles = 2.0 * math.pi * (np.arange(13) + offset) / 13
+    places = np.column_stack((1.48 * np.cos(angles), 1.48 * np.sin(angles) + 1.48))
+    state = agents(places, angles + 0.5 * math.pi, np.arange(13) % 5, np.random.default_rng(1))
+    ways = angles + 0.5 * math.pi + math.radians(25.0)
+    state["gx"] = state["ix"] = np.cos(ways)
+    state["gy"] = state["iy"] = np.sin(ways)
+    heeded, near = _near(state)
+    for me in range(13):
+        assert reference.Decision(state, me, heeded[me], Rules(), walls).opposed == 0.0
+    assert not _decide(state, near, walls)["opposed"].any()
+    assert _decide(state, near)["opposed"].all()
+
+
 def test_who_stays_wants_nothing():
     rng = np.random.default_rng(2)
     state = agents(np.array([[0.0, 0.0], [0.0, 0.6]]), np.zeros(2), np.zeros(2, int), rng)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 
 from crowdsim.jit import kernel
 from crowdsim.steering import direction_kernels, wall_kernels
@@ -36,6 +37,11 @@ def _free_ahead(walls, x, y, ux, uy, width, farthest):
 @kernel
 def _is_lane(walls, x, y, ux, uy, width):
     return wall_kernels.is_lane(walls, x, y, ux, uy, width)
+
+
+@kernel
+def _is_in_sight(walls, x, y, px, py):
+    return wall_kernels.is_in_sight(walls, x, y, px, py)
 
 
 def _crowd(rng, count, side):
@@ -165,3 +171,27 @@ def test_lanes_are_too_narrow_for_two(seed):
             assert _is_lane(walls, *place, *way, 0.9) == (room < 0.85)
     one_wall = build_walls([[-9.0, 0.0, 9.0, 0.0]])
     assert not _is_lane(one_wall, 0.0, 0.2, 1.0, 0.0, 0.9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_nobody_sees_through_walls(seed):
+    rng = np.random.default_rng(seed)
+    # Walls of any direction, besides one between the points of the grid and one along them.
+    segments = rng.uniform(0.0, 8.0, (8, 4))
+    segments[:2] = [(0.0, 2.05, 8.0, 2.05), (0.0, 6.0, 8.0, 6.0)]
+    walls = build_walls(segments)
+    blocked = clear = 0
+    for x, y in rng.uniform(-1.0, 9.0, (400, 2)):
+        angle, far = rng.uniform(-math.pi, math.pi), rng.choice([0.0, 0.3, rng.uniform(0.3, 3.0), 3.0])
+        px, py = far * math.cos(angle), far * math.sin(angle)
+        line = shapely.LineString([(x, y), (x + px, y + py)])
+        room = min(line.distance(shapely.LineString(each.reshape(2, 2))) for each in segments)
+        if far > 0.0 and room == 0.0 and reference.wall_distance(segments, x + px, y + py) > 0.1:
+            assert not _is_in_sight(walls, x, y, px, py)
+            blocked += 1
+        elif room > 0.14:
+            assert _is_in_sight(walls, x, y, px, py)
+            clear += 1
+    assert blocked > 30
+    assert clear > 30
+    assert _is_in_sight(build_walls([]), 0.0, 0.0, 3.0, 0.0)
