@@ -278,9 +278,7 @@ class Decision:
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
             along = self.intent(other) @ self.way
-            if apart @ self.way <= 0.0:
-                continue
-            if not in_sight(self.walls, self.mine, row):
+            if apart @ self.way <= 0.0 or not in_sight(self.walls, self.mine, row):
                 continue
             if row["goal"] != self.mine["goal"] and along < -0.3:
                 if abs(cross(self.way, apart)) < 1.5:
