@@ -44,7 +44,7 @@ WANTED = np.dtype(
 def hear_opposing(rows, mine, near, count, walls, rules):
     """Return the agent's awareness of opposing traffic, 0 to 1: seen by itself, or handed on by agents ahead.
 
-    Agents behind walls count for neither: who walks around a narrow ring meets nobody on its other side.
+    Agents behind walls count for neither: an agent in a narrow ring does not meet those on its other side.
     """
     # Awareness fades within two seconds.
     news = max(mine.opposed - 0.5 * rules.step, 0.0)

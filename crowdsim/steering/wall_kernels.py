@@ -262,6 +262,7 @@ def is_in_sight(walls, x, y, px, py):
     for _ in range(_SIGHT_STRIDES):
         if way >= length:
             return True
+        # A ball of radius `room`, less the error of the estimate, is free.
         room = distance_at(walls, x + way * px / length, y + way * py / length)
         if room < _SIGHT_ENDS:
             return False
