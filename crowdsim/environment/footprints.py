@@ -82,19 +82,48 @@ def footprints_of(
 ) -> Shapes:
     """Return the footprint (n,) of each solid in a band that all of them meet.
 
-    ``progress`` is called with the number of solids that are done.
+    Places have many copies of one chair: the footprint of the first one is moved to the others. ``progress`` is called
+    with the number of solids that are done.
     """
-    blocks = list(_blocks(solids))
+    originals, of, moved = _copies(solids)
+    blocks = list(_blocks([solids[number] for number in originals]))
     if len(blocks) < 2:
-        return _block(solids, low, high) if blocks else objects([])
+        return _moved(_block(blocks[0], low, high)[of] if blocks else objects([]), moved)
     found = [objects([])]
     # Overlays of shapes, which take most of the time, run side by side; the results are the same with any number.
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for areas in pool.map(lambda block: _block(block, low, high), blocks):
             found.append(areas)
             if progress is not None:
-                progress(sum(map(len, found)))
-    return np.concatenate(found)
+                progress(int((of < sum(map(len, found))).sum()))
+    return _moved(np.concatenate(found)[of], moved)
+
+
+def _copies(solids: Sequence[Triangles]) -> tuple[list[int], Ints, Floats]:
+    """Find solids that are copies of an earlier one, moved along the floor.
+
+    Copies have the same triangles in the same order and at the same heights, to :data:`GRID`. Returned are the indices
+    of solids that are no copies, the position (n,) among these of the one that each solid is like, and how far it is
+    moved from there (n, 2) [m].
+    """
+    originals: list[int] = []
+    of, moved = np.zeros(len(solids), np.int64), np.zeros((len(solids), 2))
+    seen: dict[bytes, int] = {}
+    for number, solid in enumerate(solids):
+        first = solid.corners[0, 0, :2]
+        shape = np.rint((solid.corners - np.array([*first, 0.0])) / GRID).astype(np.int64).tobytes()
+        of[number] = seen.setdefault(shape, len(originals))
+        if of[number] == len(originals):
+            originals.append(number)
+        moved[number] = first - solids[originals[of[number]]].corners[0, 0, :2]
+    return originals, of, moved
+
+
+def _moved(areas: Shapes, offsets: Floats) -> Shapes:
+    """Return areas (n,), each moved by its offset (n, 2) [m]."""
+    points, owners = shapely.get_coordinates(areas, return_index=True)
+    moved: Shapes = shapely.set_coordinates(areas.copy(), points + offsets[owners])
+    return moved
 
 
 def objects(values: Sequence[Any]) -> Shapes:

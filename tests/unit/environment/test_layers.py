@@ -154,7 +154,9 @@ def test_what_is_free_on_the_ground_is_free_above(solids):
 
 def test_progress_counts_solids_once_for_each_layer(monkeypatch):
     monkeypatch.setattr(footprints, "_TRIANGLES_AT_ONCE", 24)
-    boxes = [solid(meshes_box((0.4 * k, 1.0, 0.2), (0.4 * k + 0.3, 1.3, 1.0))) for k in range(9)]
+    boxes = [
+        solid(meshes_box((0.4 * k, 1.0, 0.2), (0.4 * k + 0.3, 1.3 + 0.01 * k, 1.0))) for k in range(9)
+    ]  # no copies
     told = []
     clearance_layers(FLOOR, boxes, [TORSO, LEGS], lambda done, total: told.append((done, total)))
     assert told == [(done, 18) for done in (2, 4, 6, 8, 9, 11, 13, 15, 17, 18)]

@@ -198,3 +198,29 @@ def test_footprints_of_many_are_those_of_each(monkeypatch):
     assert len(told) > 10
     assert told == sorted(told)
     assert told[-1] == sum(solid.bottom < 1.5 and solid.top > 0.65 for solid in solids)
+
+
+def test_copies_of_a_solid_are_computed_once(monkeypatch):
+    """Ten chairs moved along the floor, one lifted, one turned and one a millimeter broader; others between them."""
+    rng = np.random.default_rng(8)
+    vertices, triangles = joined(box((0, 0, 0), (0.5, 0.45, 0.8)), box((0, 0.45, 0.7), (0.5, 0.5, 0.95)))
+    places = np.column_stack([rng.uniform(-50.0, 50.0, (10, 2)), np.zeros(10)])
+    chairs = [solid((vertices + place, triangles)) for place in places]
+    others = [
+        solid((vertices + (0.0, 0.0, 0.01), triangles)),
+        solid((vertices[:, [1, 0, 2]] * (-1, 1, 1), triangles)),
+        solid((vertices * (1.002, 1.0, 1.0), triangles)),
+    ]
+    solids = [*chairs[:5], *others, *chairs[5:]]
+    computed = []
+    compute = footprints._block
+    monkeypatch.setattr(
+        footprints, "_block", lambda block, low, high: computed.extend(block) or compute(block, low, high)
+    )
+    together = footprints_between(solids, 0.65, 1.5)
+    assert len(computed) == 1 + len(others)
+    alone = np.array([each.footprint_in(0.65, 1.5) for each in solids])
+    # Both are rounded to the same grid, one of them in another place.
+    assert shapely.is_valid(together).all()
+    assert shapely.hausdorff_distance(together, alone).max() < 3 * footprints.GRID
+    assert shapely.equals_exact(together[[0, 5, 6, 7]], alone[[0, 5, 6, 7]]).all()
