@@ -34,6 +34,8 @@ __all__ = [
     "kernel",
     "kernel_name",
     "kernel_sources",
+    "shares_cache",
+    "short_name",
 ]
 
 _OPTIONS = {
@@ -165,9 +167,18 @@ def kernel_name(dispatcher: Any) -> str | None:
     kept = getattr(dispatcher._cache, "cache_path", None)
     if not kept:
         return None
-    function = dispatcher.py_func
-    folder, _, file = function.__module__.rpartition(".")
-    return f"{folder.rpartition('.')[2]}/{file}.{function.__qualname__}"
+    return short_name(dispatcher.py_func.__module__, dispatcher.py_func.__qualname__)
+
+
+def short_name(module: str, function: str) -> str:
+    """Return ``folder/file.name`` of a function of a module."""
+    folder, _, file = module.rpartition(".")
+    return f"{folder.rpartition('.')[2]}/{file}.{function}"
+
+
+def shares_cache() -> bool:
+    """Return whether several processes may compile into the same cache at once; plain numba mixes up its entries."""
+    return _INTERNALS is not None
 
 
 kernel = (njit if _INTERNALS is None else _INTERNALS.borrowing_kernel)(cache=True, **_OPTIONS)

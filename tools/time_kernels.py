@@ -1,7 +1,8 @@
 """Time the compilation in a first run, for the progress bar: ``python tools/time_kernels.py``.
 
-Runs the corridor with an empty cache and writes ``crowdsim/first_run.txt``: the kernels, and the CPU seconds that each
-takes with the helpers that it needs first. Only their ratios matter, so any idle machine will do.
+Runs the corridor with an empty cache and writes ``crowdsim/first_run.json``: the kernels, the CPU seconds that each
+takes with the helpers that it needs first, and the types of its arguments. Only ratios of times matter, so any idle
+machine will do.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ import sys
 import tempfile
 from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-FILE = ROOT / "crowdsim" / "first_run.txt"
+FILE = ROOT / "crowdsim" / "first_run.json"
 
 
 def main() -> None:
@@ -25,16 +27,15 @@ def main() -> None:
 
 
 def time_run(folder: str) -> None:
-    """Run the corridor and write the compilation times."""
+    """Run the corridor and write what it compiles."""
     import time
 
     from numba.core import event
 
-    from crowdsim.crowd.simulation import Simulation
+    from crowdsim.first_run import FirstKernel, write_kernels
     from crowdsim.jit import kernel_name
-    from crowdsim.scenario.loader import load_scenario
 
-    seconds: defaultdict[str, float] = defaultdict(float)
+    seconds: defaultdict[tuple[str, Any], float] = defaultdict(float)
     begun: list[float] = []
     within = [0.0]
 
@@ -46,18 +47,23 @@ def time_run(folder: str) -> None:
         def on_end(self, event: object) -> None:
             inner = within.pop()
             taken = time.thread_time() - begun.pop()
-            name = kernel_name(event.data["dispatcher"])
-            if name is None:
+            dispatcher = event.data["dispatcher"]
+            if kernel_name(dispatcher) is None:
                 within[-1] += inner
             else:
-                seconds[name] += taken - inner
+                function = f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__qualname__}"
+                # Those that another kernel has called are compiled with it.
+                seconds[function, None if begun else event.data["args"]] += taken - inner
                 within[-1] += taken
 
     event.register("numba:compile", Watcher())
+    # Some kernels are compiled as these are imported.
+    from crowdsim.crowd.simulation import Simulation
+    from crowdsim.scenario.loader import load_scenario
+
     Simulation(load_scenario("corridor"), workers=1).run(Path(folder) / "corridor.h5").close()
-    lines = [f"{taken:.2f} {name}\n" for name, taken in seconds.items()]
-    FILE.write_text("".join(lines), encoding="utf-8")
-    print(f"{len(lines)} kernels, {sum(seconds.values()):.1f} s")
+    write_kernels(FILE, [FirstKernel(name, taken, arguments) for (name, arguments), taken in seconds.items()])
+    print(f"{len(seconds)} kernels, {sum(seconds.values()):.1f} s")
 
 
 if __name__ == "__main__":

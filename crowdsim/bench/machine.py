@@ -7,6 +7,8 @@ import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
+from crowdsim.processors import usable_processors
+
 PACKAGES = tuple(
     (
         "numpy numba shapely triangle trimesh pyvista scipy pydantic ruamel.yaml typer rich h5py pybvh av matplotlib"
@@ -19,7 +21,7 @@ def describe_machine() -> dict[str, str | int]:
     """Return processor, cores available to this process, and operating system."""
     return {
         "processor": _processor(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        "cores": usable_processors(),
         "system": platform.platform(),
     }
 

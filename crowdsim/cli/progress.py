@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from importlib.resources import files
+from contextlib import ExitStack
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -87,19 +87,21 @@ class Interruption:
 
 
 class FirstRun:
-    """Progress of the compilation in a first run, estimated from the times in ``first_run.txt``.
+    """Progress of the compilation in a first run, estimated from the times in ``first_run.json``.
 
-    ``tools/time_kernels.py`` writes that file. Kernels count when they appear in the cache, whichever process compiled
-    them.
+    Kernels count when they appear in the cache, whichever process compiled them. ``missing`` is the CPU time of those
+    that were not there at first [s]; ``processes``, how many compile them.
     """
 
     def __init__(self) -> None:
+        from crowdsim.first_run import read_kernels
         from crowdsim.jit import compiled_kernels
 
         self._compiled_kernels = compiled_kernels
-        lines = files("crowdsim").joinpath("first_run.txt").read_text(encoding="utf-8").splitlines()
         kept = compiled_kernels()
-        self._seconds = {name: float(taken) for taken, name in map(str.split, lines) if name not in kept}
+        self._seconds = {each.name: each.seconds for each in read_kernels() if each.name not in kept}
+        self.missing = sum(self._seconds.values())
+        self.processes = 1
         self._begin = time.monotonic()
         self._looked = -LOOK_SECONDS
         self._state = (0, 0, "")
@@ -110,9 +112,9 @@ class FirstRun:
         if now - self._looked >= LOOK_SECONDS:
             kept = self._compiled_kernels()
             rest = sum(taken for name, taken in self._seconds.items() if name not in kept)
-            done = sum(self._seconds.values()) - rest
+            done = self.missing - rest
             # Begin with the pace of the machine that wrote the file; later use the pace measured here.
-            pace = (now - self._begin) / done if done > 5.0 else 1.0
+            pace = (now - self._begin) / done if done > 5.0 else 1.0 / self.processes
             left = f"about {max(round(pace * rest), 1)} s left" if rest > 0.0 else ""
             self._state = sum(name in kept for name in self._seconds), len(self._seconds), left
             self._looked = now
@@ -172,13 +174,15 @@ class FirstRunElsewhere:
 class RunProgress:
     """A progress bar on a terminal; elsewhere only one line if kernels have to be compiled.
 
-    Use it as a context manager. ``step`` is the callback of ``Simulation.run``. After ``begin_steps``, a first Ctrl-C
-    or SIGTERM ends the run at the end of its step, see :class:`Interruption`.
+    If many have to be, other processes help. Use it as a context manager. ``step`` is the callback of
+    ``Simulation.run``. After ``begin_steps``, a first Ctrl-C or SIGTERM ends the run at the end of its step, see
+    :class:`Interruption`.
     """
 
     def __init__(self, title: str) -> None:
         self._title = title
         self._first_run: FirstRun | None = None
+        self._ahead = ExitStack()
         self._compiled: list[str] = []
         self._maps = (0, 0)
         self._steps = (0, 0)
@@ -207,6 +211,7 @@ class RunProgress:
         from numba.core import event
 
         self._interruption.__exit__()
+        self._ahead.close()
         event.unregister("numba:compile", self._watcher)
         self._bar.stop()
 
@@ -229,7 +234,10 @@ class RunProgress:
         """Note a kernel that is compiled; numba calls this for kernels missing in the cache, and for their helpers."""
         self._compiled.append(event.data["dispatcher"].py_func.__name__)
         if self._first_run is None:
+            from crowdsim.first_run import CompilingAhead
+
             self._first_run = FirstRun()
+            self._first_run.processes += self._ahead.enter_context(CompilingAhead(self._first_run.missing)).count
             if not self._is_terminal:
                 typer.echo(self._first_run.sentence(), err=True)
         self._show()

@@ -7,7 +7,6 @@ solids, as a place may have thousands of small ones.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Protocol
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from crowdsim.environment.sections import DIGITS, enclosed, section_segments, snapped_union, snapped_unions
 from crowdsim.geometry.elementary import hypot
 from crowdsim.geometry.polygons import buffered
+from crowdsim.processors import usable_processors
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -91,7 +91,7 @@ def footprints_of(
         return _moved(_block(blocks[0], low, high)[of] if blocks else objects([]), moved)
     found = [objects([])]
     # Overlays of shapes, which take most of the time, run side by side; the results are the same with any number.
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(usable_processors()) as pool:
         for areas in pool.map(lambda block: _block(block, low, high), blocks):
             found.append(areas)
             if progress is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from crowdsim.navmesh.paths.region_kernels import REGION, find_regions
 from crowdsim.navmesh.paths.workspace import Workspaces
 from crowdsim.navmesh.shortest import shortest_kernels
 from crowdsim.navmesh.shortest.tangent_graph import RadiusGraph
+from crowdsim.processors import usable_processors
 
 _BATCH = 256
 """Number of searches below which another thread costs more than it saves."""
@@ -39,14 +39,9 @@ GAIN = 0.99
 """The path found backwards is taken if it is shorter than this multiple of the other one."""
 
 
-def _processors() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def _in_parts(work: Callable[[int, int], Floats], count: int, workers: int | None) -> Floats:
     """Return the points (k, 2) that ``work(first, last)`` finds for all of ``count`` searches, in their order."""
-    workers = min(_processors(), count // _BATCH) if workers is None else min(workers, count)
+    workers = min(usable_processors(), count // _BATCH) if workers is None else min(workers, count)
     if workers <= 1:
         return work(0, count)
     ends: list[int] = np.linspace(0, count, workers + 1).astype(np.int64).tolist()
@@ -90,7 +85,7 @@ class PathSearch:
         """
         with self._lock:
             if radius not in self._graphs:
-                self._graphs[radius] = RadiusGraph(self._mesh, radius, least, _processors())
+                self._graphs[radius] = RadiusGraph(self._mesh, radius, least, usable_processors())
             self._graphs.move_to_end(radius)
             while len(self._graphs) > _GRAPHS:
                 self._graphs.popitem(last=False)

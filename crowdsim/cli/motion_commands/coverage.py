@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -35,9 +34,10 @@ def coverage(
     from crowdsim.figures import write_figure
     from crowdsim.following.coverage import coverage_rows, draw_coverage, measure_coverage, missing_turns
     from crowdsim.following.maps.motion_maps import MotionMaps
+    from crowdsim.processors import usable_processors
 
     sizes = read_map_depth(depth)
-    threads = workers or os.cpu_count() or 1
+    threads = workers or usable_processors()
     motion, facings = _load(motions, read_unit(unit), read_joints(joint or []))
     with progress_bar() as bar:
         task = bar.add_task("maps")

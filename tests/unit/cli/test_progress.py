@@ -2,16 +2,24 @@
 
 import io
 import re
-from importlib.resources import files
 from pathlib import Path
 
 import numba
+import pytest
 from rich.console import Console
 from rich.progress import Progress
 
-from crowdsim import jit
+from crowdsim import first_run, jit
 from crowdsim.cli import progress as shown
 from crowdsim.cli.progress import QUIET_SECONDS, WHOLE_RUN, FirstRun, FirstRunElsewhere, RunProgress, progress_bar
+from crowdsim.first_run import read_kernels
+
+
+@pytest.fixture(autouse=True)
+def _alone(monkeypatch):
+    """No other process compiles ahead."""
+    monkeypatch.setattr(first_run, "usable_processors", lambda: 1)
+
 
 PACKAGE = Path(__file__).parents[3] / "crowdsim"
 
@@ -55,9 +63,8 @@ def test_nothing_is_said_after_the_run(capsys):
 
 
 def listed():
-    """Names and CPU seconds of ``first_run.txt``."""
-    lines = files("crowdsim").joinpath("first_run.txt").read_text(encoding="utf-8").splitlines()
-    return {name: float(seconds) for seconds, name in map(str.split, lines)}
+    """Names and CPU seconds of what a first run compiles."""
+    return {each.name: each.seconds for each in read_kernels()}
 
 
 def test_what_a_first_run_compiles_are_kernels_of_the_package():
