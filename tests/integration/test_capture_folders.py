@@ -14,6 +14,7 @@ from crowdsim.errors import MotionError
 from crowdsim.motion.captures.bvh_writer import write_bvh
 from crowdsim.motion.captures.reader import read_clip
 from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.graph import motion_graph
 from tests.support.capture_conventions import CONVENTIONS, VARIANTS, rewritten
 
 CORRIDOR = """\
@@ -139,6 +140,47 @@ def test_everybody_arrives(shared: Path, tmp_path: Path, make: Callable[[Path, P
         summary = recording.summary
     assert summary["arrived"] == summary["characters"] == 6
     assert min(summary["obstacle_margin"].values()) >= -0.01
+
+
+QUEUE = """\
+crowdsim: 1
+name: queue
+seed: 3
+duration: 120.0
+floor: {{rectangle: [0.0, -2.0, 14.0, 2.0]}}
+motion: {{captures: {folder}}}
+behaviors: [frontal]
+obstacles:
+  - {{name: north, box: {{min: [6.5, 0.6], max: [7.5, 2.0]}}, top: 2.5}}
+  - {{name: south, box: {{min: [6.5, -2.0], max: [7.5, -0.6]}}, top: 2.5}}
+agents:
+  - name: walkers
+    count: 6
+    start: {{rectangle: [0.8, -1.0, 2.0, 1.0]}}
+    goal: {{rectangle: [12.0, -1.0, 13.2, 1.0]}}
+    interval: 2.0
+    locomotion: captured
+"""
+
+
+@pytest.mark.parametrize("is_kept", [True, False], ids=["rests are kept", "rests are left out"])
+def test_those_who_have_stopped_before_a_gap_go_on(
+    shared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_kept: bool
+) -> None:
+    """Also if no idle clip may follow the stop. Two of three once stood for good, as transitions to rest skated."""
+    if not is_kept:
+        monkeypatch.setattr(motion_graph, "_without", lambda *_: np.inf)
+    folder = tmp_path / "captures"
+    folder.mkdir()
+    copied(shared / "mocap", folder, "16_47*", "16_58*")
+    file = tmp_path / "queue.yaml"
+    file.write_text(QUEUE.format(folder=folder))
+    simulation = crowdsim.Simulation(crowdsim.load_scenario(file))
+    assets = simulation.crowd.assets
+    ends = np.flatnonzero(assets.graph.node_ends_standing)
+    assert all(assets.idle_after(int(node)) >= 0 for node in ends) == is_kept
+    with simulation.run(tmp_path / "queue.h5") as recording:
+        assert recording.summary["arrived"] == 6
 
 
 SUBJECTS = {

@@ -12,7 +12,6 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.behaviors.behavior import Behavior
-from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.crowd.ranks.protocol import ONE_RANK, Ranks
 from crowdsim.crowd.state.agenda import Agenda
 from crowdsim.crowd.state.environment import Footprints, footprints_of, state_of
@@ -69,7 +68,7 @@ class SteeredPlace:
         self._placings = {k: each.placing for k, each in enumerate(timetable.movables) if each.placing is not None}
         things = {number: self._footprints(number, at) for number, at in self._placings.items()}
         self._walls = PlaceWalls([layer.free for layer in self._layers], things)
-        self._need = Requirements.of(behaviors, len(self._layers), TRACKING_MARGIN)
+        self._need = Requirements.of(behaviors, len(self._layers), 0.0)
         ground = build_ground(self._walls.segments().layers, self._need)
         self.asked = asked_of(behaviors)
         self.guidance = Guidance(ground, goals, self.asked, threads=threads)

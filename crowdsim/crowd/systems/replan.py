@@ -64,7 +64,7 @@ class Replanning:
                 self._hand_out(view, row, found)
 
         # Standing agents that have no plan, or whose patience with their plan is over, request one.
-        waiting = (view.state == AgentState.WAITING) & assets.graph.node_idle[view.node]
+        waiting = (view.state == AgentState.WAITING) & assets.rest_nodes[view.node]
         rate = assets.steps_per_second
         blocked = plans.step - view.blocked_since
         looks = plans.step - plans.looked_around[view.agent] < LOOKING_SECONDS * rate

@@ -75,7 +75,8 @@ def build_motion_graph(
         Required branching factor. The threshold is then the one up to WIDEST_THRESHOLD that comes nearest to it and
         keeps at least half of the nodes. If many segments are alike, only ``max_out_edges`` can lower it.
     most_drift : float or None
-        Leave out transitions that add more than this to the drift of a planted foot [m]; clip names must be unique.
+        Leave out transitions that add more than this to the drift of a planted foot [m]; clip names must be unique. Of
+        those from a segment to idle clips, the nearest one stays if no other would: an agent must be able to rest.
     whole : bool
         Leave out none for its drift if segments would fall out of the graph with them.
 
@@ -109,11 +110,28 @@ def build_motion_graph(
     leave, enter = np.flatnonzero(keep)[skating_edges(graph, [source.clip for source in sources], most_drift)]
     if not len(leave):
         return graph
-    candidates.needed[leave, enter] = np.inf
+    candidates.needed[leave, enter] = _without(candidates, leave, enter, threshold)
     if whole and _edges(candidates, threshold)[2].sum() < keep.sum():
         return graph
     graph, _ = _joined(candidates, threshold)
-    return replace(graph, report=replace(graph.report, skating=len(leave)))
+    skating = int(np.isinf(candidates.needed[leave, enter]).sum())
+    return replace(graph, report=replace(graph.report, skating=skating))
+
+
+def _without(
+    candidates: _Candidates, leave: NDArray[np.int64], enter: NDArray[np.int64], threshold: float
+) -> NDArray[np.float64]:
+    """Return the thresholds (n,) of transitions that are left out: infinite, but for those that let a node rest."""
+    idle = np.array([candidates.prepared[node.source].source.idle for node in candidates.nodes])
+    needed = candidates.needed.copy()
+    needed[leave, enter] = np.inf
+    for node in np.unique(leave[idle[enter]]).tolist():
+        rests = np.flatnonzero(idle & (candidates.needed[node] <= threshold))
+        if not (needed[node, rests] <= threshold).any():
+            nearest = rests[np.argmin(candidates.needed[node, rests])]
+            needed[node, nearest] = candidates.needed[node, nearest]
+    kept: NDArray[np.float64] = needed[leave, enter]
+    return kept
 
 
 def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDArray[np.bool_]]:

@@ -187,7 +187,7 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
         length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
         ends = anchor >= boxes or field.anchor[anchor] == anchor
         counts = ends or length > REACHED or not onwards
-        if counts and anchor != other and anchor != head:
+        if counts and anchor != other:
             paid = anchor_cost(field, boxes, anchor)
             beside = math.sqrt((sx - px) * (sx - px) + (sy - py) * (sy - py))
             meter = (float(field.cost[other]) - paid) / beside if beside > 0.0 else top
@@ -216,10 +216,14 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
 
 @helper
 def look_around(ground, nobody, field, box, x, y):
-    """Find the target to head for from (x, y), and its cost; reached pins count only if no other line is free."""
+    """Find the target to head for from (x, y), and its cost; reached pins count only if all other lines lead back."""
     head, cost = cheapest_around(ground, nobody, field, box, x, y, True)
-    if head < 0:
-        head, cost = cheapest_around(ground, nobody, field, box, x, y, False)
+    pin, pin_cost = cheapest_around(ground, nobody, field, box, x, y, False)
+    boxes = len(ground.widest)
+    # From beside a pin the line on may be blocked, around a corner. A target that is no nearer to the goal than the pin
+    # would lead to and fro.
+    if head < 0 or (pin >= 0 and anchor_cost(field, boxes, head) >= anchor_cost(field, boxes, pin)):
+        return pin, pin_cost
     return head, cost
 
 
