@@ -73,7 +73,7 @@ class Rules(NamedTuple):
     """Largest gap to the agent ahead in a file."""
     file_aside: float = 0.5
     """Largest offset of the agent ahead in a file, as a share of the sum of both half breadths."""
-    file_headway: float = 0.9
+    file_headway: float = 0.85
     """Time gap in a file."""
     file_patience: float = 0.5
     """Time stuck after which an agent leaves the file."""

@@ -124,7 +124,8 @@ class Assets:
     def rest_nodes(self) -> NDArray[np.bool_]:
         """Return the nodes (N,) in which agents wait: idle ones, and those at whose end they stand for want of one."""
         ends = [each and self.idle_after(node) == NONE for node, each in enumerate(self.graph.node_ends_standing)]
-        return self.graph.node_idle | np.array(ends, bool)
+        rests: NDArray[np.bool_] = self.graph.node_idle | np.array(ends, bool)
+        return rests
 
     def idle_after(self, node: int) -> int:
         """Return the idle node that may follow ``node``, of the same behavior if possible; -1 if there is none."""
