@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.behaviors.behavior import Behavior
+from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.crowd.ranks.protocol import ONE_RANK, Ranks
 from crowdsim.crowd.state.agenda import Agenda
 from crowdsim.crowd.state.environment import Footprints, footprints_of, state_of
@@ -68,7 +70,7 @@ class SteeredPlace:
         self._placings = {k: each.placing for k, each in enumerate(timetable.movables) if each.placing is not None}
         things = {number: self._footprints(number, at) for number, at in self._placings.items()}
         self._walls = PlaceWalls([layer.free for layer in self._layers], things)
-        self._need = Requirements.of(behaviors, len(self._layers), 0.0)
+        self._need = _needs_of(behaviors, len(self._layers))
         ground = build_ground(self._walls.segments().layers, self._need)
         self.asked = asked_of(behaviors)
         self.guidance = Guidance(ground, goals, self.asked, threads=threads)
@@ -227,6 +229,15 @@ class SteeredPlace:
             for k, segments in enumerate(self._walls.segments().layers)
         ]
         self.guidance.rebuild(update_ground(self.guidance.ground, layers, self._need, window))
+
+
+def _needs_of(behaviors: Sequence[Behavior], layers: int) -> Requirements:
+    """Return the clearances of ways: those of the bodies alone, but nowhere less than the narrowest planned one.
+
+    So agents steer through the same gaps as captured ones, and keep no farther off walls there than they have to.
+    """
+    planned = Requirements.of(behaviors, layers, TRACKING_MARGIN)
+    return replace(planned, radii=np.maximum(planned.radii[0], Requirements.of(behaviors, layers, 0.0).radii))
 
 
 def _union(things: Sequence[Footprints]) -> BaseGeometry:
