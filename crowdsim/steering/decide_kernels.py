@@ -17,7 +17,7 @@ from crowdsim.steering.capsule_kernels import gap_to
 from crowdsim.steering.direction_kernels import NEAR, TURNS, choose_direction
 from crowdsim.steering.look_kernels import MOST_NEAR, take_in
 from crowdsim.steering.wall_kernels import distance_at, is_in_sight, is_lane, is_lane_behind
-from crowdsim.steering.wedged_kernels import STEP_BACK, is_wedged, steps_back
+from crowdsim.steering.wedged_kernels import STEP_BACK, has_less_room, is_wedged, steps_back
 
 WANTED = np.dtype(
     [
@@ -110,6 +110,9 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
     other = rows[seen.row]
     left = -(other.ix * seen.py - other.iy * seen.px)
     side = 1.0 if left > -0.25 else -1.0
+    # Beside a wall, an agent that has not got out of the way for long tries the other side.
+    if has_less_room(mine, walls, -side * other.iy, side * other.ix):
+        side = -side
     want.vx = -side * other.iy * rules.yield_aside + other.ix * rules.yield_along
     want.vy = side * other.ix * rules.yield_aside + other.iy * rules.yield_along
     pace = math.sqrt(want.vx * want.vx + want.vy * want.vy)

@@ -1,6 +1,7 @@
-"""Wedged agents: those that have long been stuck beside a wall turn their shoulders, and step back to try again.
+"""Agents that have long been stuck beside a wall.
 
-Agents that meet opposing traffic are stuck for other reasons, and do not count. The commit lets wedged agents turn past
+Wedged ones turn their shoulders, and step back to try again. Those that meet opposing traffic are stuck for other
+reasons, and are not wedged; they step aside to where there is room. The commit lets wedged agents turn past
 the corners of walls, too (:mod:`turn_kernels`).
 
 ``mine`` is the row of the agent (ROW), ``near`` (NEAR[n]) are its neighbors, of which the first ``count`` count,
@@ -11,13 +12,16 @@ import math
 
 from crowdsim.jit import helper
 from crowdsim.steering.capsule_kernels import gap_to
-from crowdsim.steering.wall_kernels import distance_at
+from crowdsim.steering.wall_kernels import distance_at, free_ahead
 
 WEDGED_AFTER = 5.0
 """Time stuck after which an agent beside a wall counts as wedged [s]."""
 
 STEP_BACK = 0.3
 """Speed at which a wedged agent steps back [m/s]."""
+
+ASIDE = 0.5
+"""Distance to which a stuck agent looks for room to step aside [m]."""
 
 HINDERS = 0.3
 """Gap below which another agent hinders a wedged one, which then waits instead of stepping back [m]."""
@@ -41,3 +45,19 @@ def steps_back(mine, near, count):
     for n in range(count):
         least = min(least, gap_to(mine, near[n]))
     return least >= HINDERS
+
+
+@helper
+def has_less_room(mine, walls, ux, uy):
+    """Return True if a long stuck agent has less room along the unit vector ``(ux, uy)`` than the opposite way.
+
+    Room is the distance that walls leave to the legs and to a torso with turned shoulders, up to ASIDE.
+    """
+    if mine.stuck <= WEDGED_AFTER:
+        return False
+    legs, torso, leg_radius = walls
+    there = free_ahead(torso, mine.x, mine.y, ux, uy, mine.radius, ASIDE)
+    there = min(there, free_ahead(legs, mine.x, mine.y, ux, uy, leg_radius, ASIDE))
+    back = free_ahead(torso, mine.x, mine.y, -ux, -uy, mine.radius, ASIDE)
+    back = min(back, free_ahead(legs, mine.x, mine.y, -ux, -uy, leg_radius, ASIDE))
+    return there < back

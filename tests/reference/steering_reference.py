@@ -8,10 +8,10 @@ from fractions import Fraction
 from itertools import combinations
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from crowdsim.steering.rules import Rules
+from tests.reference.steering_room import has_less_room, in_sight
 
 Lines = NDArray[np.float64]
 
@@ -305,6 +305,8 @@ class Decision:
         # Step to the other's left (the own right), unless already clearly on its right.
         left_of_it = -cross(its_way, self.apart(first))
         aside = turned(its_way, math.pi / 2 if left_of_it > -0.25 else -math.pi / 2)
+        if has_less_room(self.mine, self.free_ahead, aside):
+            aside = -aside
         return self.rules.yield_aside * aside + self.rules.yield_along * its_way
 
     def let_merge(self) -> NDArray[np.float64] | None:
@@ -437,12 +439,6 @@ class Decision:
         if not led:
             creep = max(creep, rules.creep_first * np.clip(mine["stuck"] - 0.2, 0.0, 1.0))
         return max(speed, min(creep, mine["speed"]))
-
-
-def in_sight(walls: NDArray[np.float64], one: np.void, other: np.void) -> bool:
-    """Return whether no wall, float64[n, 4] [m], comes within 0.06 m of the line between two agents."""
-    line = shapely.LineString([(one["x"], one["y"]), (other["x"], other["y"])])
-    return all(line.distance(shapely.LineString(wall.reshape(2, 2))) >= 0.06 for wall in walls)
 
 
 def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

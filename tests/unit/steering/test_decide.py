@@ -253,6 +253,26 @@ def test_people_behind_walls_are_no_opposing_traffic(wall: float, told: bool) ->
         assert (wanted["rank"][0] > 2.0) == gives_way
 
 
+@pytest.mark.parametrize("stuck", [3.0, 6.0])
+@pytest.mark.parametrize("wall", [-0.14, 0.14])
+def test_who_is_stuck_for_long_beside_a_wall_steps_aside_to_where_there_is_room(wall: float, stuck: float) -> None:
+    """Beside low things, an agent pressed against them for good while the other one waited for it to step aside."""
+    walls = np.array([[-5.0, wall, 5.0, wall]])
+    state = agents(np.array([[0.0, 0.0], [0.45, 0.0]]), np.zeros(2), np.array([0, 1]), np.random.default_rng(2))
+    state["gx"] = state["ix"] = 1.0, -1.0
+    state["gy"] = state["iy"] = state["vx"] = state["vy"] = 0.0
+    state["stuck"] = state["rank"] = stuck, 30.0
+    state["radius"] = 0.125
+    heeded, near = _near(state)
+    expected = reference.Decision(state, 0, heeded[0], Rules(), walls, partial(_free_ahead, build_walls(walls)))
+    found = _decide(state, near, walls)[0]
+    np.testing.assert_allclose([found["vx"], found["vy"]], expected.velocity, atol=1e-9)
+    # Its own right, as ever, is at negative y.
+    to_the_left = wall < 0.0 and stuck > 5.0
+    assert (found["iy"] > 0.0) == to_the_left
+    assert found["ix"] < 0.0
+
+
 @pytest.mark.parametrize("offset", np.linspace(0.0, 1.0, 5))
 def test_those_on_the_other_side_of_a_ring_are_no_opposing_traffic(offset: float) -> None:
     """Thirteen people around a ring as in RiMEA 16, who aim to touch its inner wall as the shortest way does."""
