@@ -71,7 +71,8 @@ class SteeredPlace:
         things = {number: self._footprints(number, at) for number, at in self._placings.items()}
         self._walls = PlaceWalls([layer.free for layer in self._layers], things)
         self._need = _needs_of(behaviors, len(self._layers))
-        ground = build_ground(self._walls.segments().layers, self._need)
+        self._prescribed = Requirements.of(behaviors, len(self._layers), TRACKING_MARGIN).radii
+        ground = build_ground(self._walls.segments().layers, self._need, prescribed=self._prescribed)
         self.asked = asked_of(behaviors)
         self.guidance = Guidance(ground, goals, self.asked, threads=threads)
         self._steps_per_second = steps_per_second
@@ -228,13 +229,16 @@ class SteeredPlace:
             np.concatenate([segments, *(outline_segments(taken[k]) for taken in announced)])
             for k, segments in enumerate(self._walls.segments().layers)
         ]
-        self.guidance.rebuild(update_ground(self.guidance.ground, layers, self._need, window))
+        self.guidance.rebuild(
+            update_ground(self.guidance.ground, layers, self._need, window, prescribed=self._prescribed)
+        )
 
 
 def _needs_of(behaviors: Sequence[Behavior], layers: int) -> Requirements:
     """Return the clearances of ways: those of the bodies alone, but nowhere less than the narrowest planned one.
 
-    So agents steer through the same gaps as captured ones, and keep no farther off walls there than they have to.
+    So agents steer through the same gaps as captured ones, and keep no farther off walls there than they have to. Which
+    behavior is prescribed where does not depend on it: that is as planned for captured ones.
     """
     planned = Requirements.of(behaviors, layers, TRACKING_MARGIN)
     return replace(planned, radii=np.maximum(planned.radii[0], Requirements.of(behaviors, layers, 0.0).radii))

@@ -110,7 +110,8 @@ def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowdi
     )
     state = np.zeros(boxes, np.uint8)
     solve(ground, crowding, points, inside, field, state)
-    count = ask(ground, points, field, state, field.asks, field.slots)
+    asking = ground._replace(radii=ground.prescribed)
+    count = ask(asking, points, field, state, field.asks, field.slots)
     heads = np.full((count, PARTS * PARTS), UNKNOWN, np.int32)
     field = field._replace(heads=heads, costs=np.full((count, PARTS * PARTS), np.inf, np.float32))
     return field

@@ -95,6 +95,8 @@ class Ground(NamedTuple):
     """uint8[boxes]: bit k is set if some behavior fits at each point of the line to the next pin in direction k."""
     pure: NDArray[np.uint8]
     """uint8[boxes]: bit k is set if the widest behavior fits on all of that line."""
+    prescribed: NDArray[np.float64]
+    """float64[n, m]: clearance from which on a behavior is prescribed, at least that of ``radii`` [m]."""
 
     @property
     def frame(self) -> Frame:
@@ -108,6 +110,7 @@ def build_ground(
     *,
     bounds: tuple[float, float, float, float] | None = None,
     wider: float = 0.0,
+    prescribed: NDArray[np.float64] | None = None,
 ) -> Ground:
     """Build the ground of a place with these walls.
 
@@ -121,6 +124,9 @@ def build_ground(
         Left, bottom, right and top of the place [m]; by default the extent of the walls.
     wider : float
         Additional clearance that the bodies of this width class need [m].
+    prescribed : (n, layers) float64, optional
+        Clearances from which on behaviors are prescribed to agents [m], none less than those of ``need``, with which
+        ways are found; by default the same.
 
     Returns
     -------
@@ -132,9 +138,10 @@ def build_ground(
         If there are not as many layers as behaviors were measured on, if there are neither walls nor bounds, or if
         coordinates are not finite.
     """
-    every, layers, radii = _merged(segments, need, wider)
+    every, layers, radii = _merged(segments, need.radii, wider)
+    asked = need.radii if prescribed is None else prescribed
     frame = _frame_of(every, bounds)
-    reach = float(need.radii.max() + wider)
+    reach = float(asked.max() + wider)
     starts, lists, far = _near(every, reach, frame)
     boxes = frame[2] * frame[3]
     ground = Ground(
@@ -153,6 +160,7 @@ def build_ground(
         np.zeros(boxes, np.int8),
         np.zeros(boxes, np.uint8),
         np.zeros(boxes, np.uint8),
+        _merged(segments, asked, wider)[2],
     )
     everywhere = (0, frame[3], 0, frame[2])
     set_pins(ground, *everywhere)
@@ -168,13 +176,14 @@ def update_ground(
     window: tuple[float, float, float, float],
     *,
     wider: float = 0.0,
+    prescribed: NDArray[np.float64] | None = None,
 ) -> Ground:
     """Return the ground after walls changed within ``window`` (left, bottom, right, top) [m].
 
     The result equals that of :func:`build_ground`. The old ground is not changed. Fields of the old ground do not hold
     for the new one.
     """
-    every, layers, radii = _merged(segments, need, wider)
+    every, layers, radii = _merged(segments, need.radii, wider)
     starts, lists, far = _near(every, ground.reach, ground.frame)
     changed = ground._replace(
         segments=every,
@@ -187,6 +196,7 @@ def update_ground(
         widest=ground.widest.copy(),
         ways=ground.ways.copy(),
         pure=ground.pure.copy(),
+        prescribed=_merged(segments, need.radii if prescribed is None else prescribed, wider)[2],
     )
     # A pin can change within the reach of a changed wall; mending a pin looks at the pins next to it, and testing lines
     # at the mended ones: so each stage is done anew on a larger window than the pins that can differ.
@@ -210,17 +220,17 @@ def _boxes_within(
 
 
 def _merged(
-    segments: Sequence[Any], need: Requirements, wider: float
+    segments: Sequence[Any], clearances: NDArray[np.float64], wider: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     """Merge the walls of all layers: each wall once, with the class of layers that it stands in.
 
     Return walls (k, 4), their classes (k,), and clearances (n, classes): the largest over the layers of a class.
     """
-    if len(segments) != need.radii.shape[1]:
-        needed = need.radii.shape[1]
+    if len(segments) != clearances.shape[1]:
+        needed = clearances.shape[1]
         raise GeometryError(f"walls are given for {len(segments)} layers, but behaviors were measured on {needed}")
     walls = [np.ascontiguousarray(each, np.float64).reshape(-1, 4) for each in segments]
-    radii = (need.radii + wider) * (1.0 - _ROUNDING)
+    radii = (clearances + wider) * (1.0 - _ROUNDING)
     every = np.concatenate(walls)
     layers = np.repeat(np.arange(len(walls)), [len(each) for each in walls])
     # The same wall may run in either direction: sort its ends.
