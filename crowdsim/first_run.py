@@ -49,14 +49,18 @@ class FirstKernel(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return the name in the cache, as :func:`crowdsim.jit.kernel_name` gives it."""
-        module, _, function = self.function.rpartition(".")
-        return short_name(module, function)
+        """Return the name in the cache."""
+        return _name_of(self.function)
+
+
+def read_seconds() -> dict[str, float]:
+    """Return the CPU time [s] of each kernel that a first run compiles, by its name in the cache, in their order."""
+    return {_name_of(function): seconds for function, seconds, _ in _content()["kernels"]}
 
 
 def read_kernels() -> list[FirstKernel]:
-    """Return the kernels that a first run compiles, in their order."""
-    content = json.loads(files("crowdsim").joinpath(_FILE).read_text(encoding="utf-8"))
+    """Return the kernels that a first run compiles, in their order; this imports the modules of their arguments."""
+    content = _content()
     known: list[Any] = []
     for each in content["types"]:
         known.append(_type(each, known))
@@ -64,6 +68,17 @@ def read_kernels() -> list[FirstKernel]:
         FirstKernel(function, seconds, None if arguments is None else tuple(known[each] for each in arguments))
         for function, seconds, arguments in content["kernels"]
     ]
+
+
+def _content() -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(files("crowdsim").joinpath(_FILE).read_text(encoding="utf-8"))
+    return content
+
+
+def _name_of(function: str) -> str:
+    """Return the name in the cache of a function, as :func:`crowdsim.jit.kernel_name` gives it."""
+    module, _, name = function.rpartition(".")
+    return short_name(module, name)
 
 
 def write_kernels(file: Path, kernels: Iterable[FirstKernel]) -> None:

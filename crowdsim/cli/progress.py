@@ -94,12 +94,12 @@ class FirstRun:
     """
 
     def __init__(self) -> None:
-        from crowdsim.first_run import read_kernels
+        from crowdsim.first_run import read_seconds
         from crowdsim.jit import compiled_kernels
 
         self._compiled_kernels = compiled_kernels
         kept = compiled_kernels()
-        self._seconds = {each.name: each.seconds for each in read_kernels() if each.name not in kept}
+        self._seconds = {name: seconds for name, seconds in read_seconds().items() if name not in kept}
         self.missing = sum(self._seconds.values())
         self.processes = 1
         self._begin = time.monotonic()

@@ -1,8 +1,8 @@
 """Agents that have long been stuck beside a wall.
 
-Wedged ones turn their shoulders, and step back to try again. Those that meet opposing traffic are stuck for other
-reasons, and are not wedged; they step aside to where there is room. The commit lets wedged agents turn past
-the corners of walls, too (:mod:`turn_kernels`).
+Wedged ones turn their shoulders, and step back to try again; the commit lets them turn past the corners of walls, too
+(:mod:`turn_kernels`). Those that meet opposing traffic are stuck for other reasons, and are not wedged: they step aside
+to where there is room.
 
 ``mine`` is the row of the agent (ROW), ``near`` (NEAR[n]) are its neighbors, of which the first ``count`` count,
 ``walls`` as for the decision.

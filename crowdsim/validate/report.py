@@ -111,7 +111,7 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str, page: Path) -> str
         f"every figure is in its band with each seed ({_span(seeds)}).",
         "",
         f"Made by `crowdsim validate --seeds {len(seeds)} --locomotion {locomotion} --markdown docs/{page.name}`, do "
-        f"not edit by hand: {minutes:.0f} minutes of computing, two runs at a time.",
+        f"not edit by hand: {minutes:.0f} minutes of computing.",
         "A figure that is unknown, as an agent stayed, is `nan` or `inf` and does not pass. Pictures show the ways",
         "of the first run of a test, each group in a color of its own, with the areas and lines that are measured;",
         "`--html OUT.html` writes one page with them in it.",

@@ -138,7 +138,7 @@ def build_ground(
         If there are not as many layers as behaviors were measured on, if there are neither walls nor bounds, or if
         coordinates are not finite.
     """
-    every, layers, radii = _merged(segments, need.radii, wider)
+    every, layers, kinds = _merged(segments, need)
     asked = need.radii if prescribed is None else prescribed
     frame = _frame_of(every, bounds)
     reach = float(asked.max() + wider)
@@ -147,7 +147,7 @@ def build_ground(
     ground = Ground(
         every,
         layers,
-        radii,
+        _of_classes(need.radii, kinds, wider),
         need.costs.astype(np.float64),
         SWITCH_COST * float(need.costs[-1]),
         reach,
@@ -160,7 +160,7 @@ def build_ground(
         np.zeros(boxes, np.int8),
         np.zeros(boxes, np.uint8),
         np.zeros(boxes, np.uint8),
-        _merged(segments, asked, wider)[2],
+        _of_classes(asked, kinds, wider),
     )
     everywhere = (0, frame[3], 0, frame[2])
     set_pins(ground, *everywhere)
@@ -183,12 +183,12 @@ def update_ground(
     The result equals that of :func:`build_ground`. The old ground is not changed. Fields of the old ground do not hold
     for the new one.
     """
-    every, layers, radii = _merged(segments, need.radii, wider)
+    every, layers, kinds = _merged(segments, need)
     starts, lists, far = _near(every, ground.reach, ground.frame)
     changed = ground._replace(
         segments=every,
         layers=layers,
-        radii=radii,
+        radii=_of_classes(need.radii, kinds, wider),
         starts=starts,
         lists=lists,
         far=far,
@@ -196,7 +196,7 @@ def update_ground(
         widest=ground.widest.copy(),
         ways=ground.ways.copy(),
         pure=ground.pure.copy(),
-        prescribed=_merged(segments, need.radii if prescribed is None else prescribed, wider)[2],
+        prescribed=_of_classes(need.radii if prescribed is None else prescribed, kinds, wider),
     )
     # A pin can change within the reach of a changed wall; mending a pin looks at the pins next to it, and testing lines
     # at the mended ones: so each stage is done anew on a larger window than the pins that can differ.
@@ -220,17 +220,17 @@ def _boxes_within(
 
 
 def _merged(
-    segments: Sequence[Any], clearances: NDArray[np.float64], wider: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    segments: Sequence[Any], need: Requirements
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
     """Merge the walls of all layers: each wall once, with the class of layers that it stands in.
 
-    Return walls (k, 4), their classes (k,), and clearances (n, classes): the largest over the layers of a class.
+    Return walls (k, 4), their classes (k,), and the layers of each class (classes, layers): all of them if there are no
+    walls.
     """
-    if len(segments) != clearances.shape[1]:
-        needed = clearances.shape[1]
+    if len(segments) != need.radii.shape[1]:
+        needed = need.radii.shape[1]
         raise GeometryError(f"walls are given for {len(segments)} layers, but behaviors were measured on {needed}")
     walls = [np.ascontiguousarray(each, np.float64).reshape(-1, 4) for each in segments]
-    radii = (clearances + wider) * (1.0 - _ROUNDING)
     every = np.concatenate(walls)
     layers = np.repeat(np.arange(len(walls)), [len(each) for each in walls])
     # The same wall may run in either direction: sort its ends.
@@ -241,12 +241,15 @@ def _merged(
     stands[number.ravel(), layers] = True
     # A class is a set of layers.
     kinds, kind = np.unique(stands, axis=0, return_inverse=True)
-    needed = np.zeros((len(radii), max(len(kinds), 1)))
-    for column, each in enumerate(kinds):
-        needed[:, column] = radii[:, each].max(axis=1)
     if not len(kinds):
-        needed[:, 0] = radii.max(axis=1)
-    return np.ascontiguousarray(found), kind.ravel().astype(np.int64), needed
+        kinds = np.ones((1, len(walls)), np.bool_)
+    return np.ascontiguousarray(found), kind.ravel().astype(np.int64), kinds
+
+
+def _of_classes(clearances: NDArray[np.float64], kinds: NDArray[np.bool_], wider: float) -> NDArray[np.float64]:
+    """Return clearances (n, classes) from those of layers (n, layers): the largest over the layers of a class [m]."""
+    radii = (clearances + wider) * (1.0 - _ROUNDING)
+    return np.stack([radii[:, each].max(axis=1) for each in kinds], axis=1)
 
 
 def _frame_of(segments: NDArray[np.float64], bounds: tuple[float, float, float, float] | None) -> Frame:

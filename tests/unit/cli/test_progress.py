@@ -12,7 +12,7 @@ from rich.progress import Progress
 from crowdsim import first_run, jit
 from crowdsim.cli import progress as shown
 from crowdsim.cli.progress import QUIET_SECONDS, WHOLE_RUN, FirstRun, FirstRunElsewhere, RunProgress, progress_bar
-from crowdsim.first_run import read_kernels
+from crowdsim.first_run import read_seconds
 
 
 @pytest.fixture(autouse=True)
@@ -62,14 +62,9 @@ def test_nothing_is_said_after_the_run(capsys):
     assert capsys.readouterr().err == ""
 
 
-def listed():
-    """Names and CPU seconds of what a first run compiles."""
-    return {each.name: each.seconds for each in read_kernels()}
-
-
 def test_what_a_first_run_compiles_are_kernels_of_the_package():
-    assert len(listed()) > 40
-    for name in listed():
+    assert len(read_seconds()) > 40
+    for name in read_seconds():
         folder, file, function = re.fullmatch(r"(\w+)/(\w+)\.(\w+)", name).groups()
         [found] = PACKAGE.rglob(f"{folder}/{file}.py")
         decorated = rf"@(shared_)?(kernel|helper)\ndef {function}\("
@@ -77,7 +72,7 @@ def test_what_a_first_run_compiles_are_kernels_of_the_package():
 
 
 def test_how_much_is_left_follows_what_is_compiled(monkeypatch):
-    names, compiled, now = listed(), set(), [100.0]
+    names, compiled, now = read_seconds(), set(), [100.0]
     monkeypatch.setattr(jit, "compiled_kernels", lambda: set(compiled))
     monkeypatch.setattr(shown.time, "monotonic", lambda: now[0])
     first = FirstRun()
@@ -142,7 +137,7 @@ def test_the_time_left_of_a_sweep_is_known_however_long_its_points_take():
 
 
 def test_what_other_processes_compile_is_shown_while_kernels_appear(monkeypatch):
-    names, now = listed(), [100.0]
+    names, now = read_seconds(), [100.0]
     order = sorted(names)
     compiled = set(order[:3])
     monkeypatch.setattr(jit, "compiled_kernels", lambda: set(compiled))
@@ -180,5 +175,5 @@ def test_an_empty_cache_is_told_in_one_line_without_a_terminal(monkeypatch, caps
     said = capsys.readouterr()
     assert said.out == ""
     assert re.fullmatch(
-        rf"compiling kernels, once for this machine: {len(listed())} kernels, about \d+ s left\n", said.err
+        rf"compiling kernels, once for this machine: {len(read_seconds())} kernels, about \d+ s left\n", said.err
     )

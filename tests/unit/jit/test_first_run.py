@@ -13,7 +13,7 @@ from importlib.resources import files
 import pytest
 
 from crowdsim import first_run
-from crowdsim.first_run import CompilingAhead, read_kernels, write_kernels
+from crowdsim.first_run import CompilingAhead, read_kernels, read_seconds, write_kernels
 
 RUN = """
 import json, sys
@@ -81,6 +81,13 @@ def test_what_is_listed_is_what_a_run_of_the_corridor_calls(tmp_path):
 def test_the_list_is_read_as_it_is_written(tmp_path):
     write_kernels(tmp_path / "again.json", read_kernels())
     assert (tmp_path / "again.json").read_text() == files("crowdsim").joinpath("first_run.json").read_text()
+
+
+def test_times_are_read_without_the_modules_of_the_arguments():
+    assert read_seconds() == {each.name: each.seconds for each in read_kernels()}
+    code = "import sys; from crowdsim.first_run import read_seconds; read_seconds(); "
+    code += "print('crowdsim.crowd' in sys.modules)"
+    assert python(code).stdout.strip() == "False"
 
 
 def test_each_kernel_has_a_type_for_each_parameter():
