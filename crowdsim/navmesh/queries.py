@@ -52,7 +52,7 @@ class MeshQueries(ABC):
         points : (n, 2) float64
             Places [m].
         limit : float
-            Distance up to which obstacles count [m].
+            Distance up to which obstacles count [m]; may be infinite.
 
         Returns
         -------
@@ -62,7 +62,7 @@ class MeshQueries(ABC):
         Raises
         ------
         GeometryError
-            If an argument has a wrong shape or is not finite.
+            If the points are not (n, 2) finite numbers, or the limit is negative or nan.
         """
         array = as_points(points, "points")
         out = np.empty(len(array))
@@ -77,7 +77,7 @@ class MeshQueries(ABC):
         point : (x, y)
             Place [m].
         limit : float
-            Distance up to which obstacles count [m].
+            Distance up to which obstacles count [m]; may be infinite.
 
         Returns
         -------
@@ -87,7 +87,7 @@ class MeshQueries(ABC):
         Raises
         ------
         GeometryError
-            If an argument has a wrong shape or is not finite.
+            If the point is not two finite numbers, or the limit is negative or nan.
         """
         return float(self.clearances([as_point(point, "point")], limit)[0])
 
@@ -109,7 +109,7 @@ class MeshQueries(ABC):
         Raises
         ------
         GeometryError
-            If an argument has a wrong shape or is not finite.
+            If the point is not two finite numbers, or the radius is negative or not finite.
         """
         radius = as_radius(radius)
         clearance = self.clearance(point, 2.0 * radius + 1.0)
@@ -131,7 +131,7 @@ class MeshQueries(ABC):
         Raises
         ------
         GeometryError
-            If an argument has a wrong shape or is not finite.
+            If the point is not two finite numbers.
         """
         x, y = as_point(point, "point")
         x, y = snap(np.array([x, y]), float(self.arrays.frame["cell"][0])).tolist()
@@ -147,7 +147,7 @@ class MeshQueries(ABC):
         radius : float
             Radius of the disc [m].
         limit : float
-            Largest distance from ``point`` [m].
+            Largest distance from ``point`` [m]; may be infinite.
 
         Returns
         -------
@@ -158,7 +158,8 @@ class MeshQueries(ABC):
         Raises
         ------
         GeometryError
-            If an argument has a wrong shape or is not finite.
+            If the point is not two finite numbers, the radius is negative or not finite, or the limit is negative or
+            nan.
         """
         x, y = as_point(point, "point")
         radius, limit = as_radius(radius), as_limit(limit)
@@ -188,7 +189,7 @@ class MeshQueries(ABC):
         Raises
         ------
         GeometryError
-            If an argument has a wrong shape or is not finite.
+            If the points are not (n, 2) finite numbers, or the radius is negative or not finite.
         """
         array = as_points(points, "points")
         radius = as_radius(radius)
@@ -212,7 +213,7 @@ class MeshQueries(ABC):
         Raises
         ------
         GeometryError
-            If an argument has a wrong shape or is not finite.
+            If an end is not two finite numbers, or the radius is negative or not finite.
         """
         one, other = self.components([as_point(start, "start"), as_point(goal, "goal")], radius)
         return bool(one == other and one >= 0)
@@ -237,7 +238,8 @@ class MeshQueries(ABC):
         Raises
         ------
         GeometryError
-            If ``points`` has another shape or no rows, or a number is not finite.
+            If ``points`` has another shape, no rows or numbers that are not finite, or the radius is negative or not
+            finite.
         """
         array = as_points(points, "points", with_bulge=True)
         if len(array) == 0:

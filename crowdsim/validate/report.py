@@ -96,7 +96,23 @@ _VERDICTS = {
 
 
 def as_markdown(outcomes: Sequence[Outcome], locomotion: str, page: Path) -> str:
-    """Return the page of the docs; ``images/NAME`` beside ``page`` (``NAME.md``) has a picture of each test."""
+    """Return the page of the docs, in Markdown.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        Results of the tests, at least one; all were run with the same seeds.
+    locomotion : str
+        Level of the agents, for the title.
+    page : path
+        File that the text is for, ``NAME.md``; nothing is written. The text shows ``images/NAME/TEST.png`` beside it, a
+        picture of each test.
+
+    Returns
+    -------
+    str
+        The text.
+    """
     seeds = outcomes[0].seeds
     counts = {verdict: sum(outcome.verdict == verdict for outcome in outcomes) for verdict in _VERDICTS}
     minutes = sum(outcome.seconds for outcome in outcomes) / 60.0

@@ -26,7 +26,11 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
     Parameters
     ----------
     rows : ROW[n]
-        Agents, sorted by the cells of ``frame``; ``starts`` has the first row of each cell.
+        Agents, sorted by cells.
+    starts : (columns * rows + 1,) int64
+        First row of each cell.
+    frame : (float, float, int, int)
+        Left and bottom edge of the grid [m], columns and rows of cells.
     order : (n,) int32
         Number of the agent of each row.
     walls : (Walls, Walls)
@@ -35,13 +39,13 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
         Width between torso walls below which they form a lane, and length for which the lane must have gone on behind
         an agent [m].
     reach : (float, float)
-        Others within the first distance are counted, others within the second are looked at [m].
+        Others within the first distance are counted, others within the second, no shorter one, are looked at [m].
     closest : (float, float)
         Distances between centers at closest approach, the narrower first [m].
     near : (n,) int64
         Gets the number of others counted, by agent as all outputs.
     confined : (n,) bool
-        Gets True if a wall leaves no room to pass.
+        Gets True if a wall for the legs leaves no room to pass.
     in_lane : (n,) bool
         Gets True in a lane.
     soon : (n,) float64
@@ -95,6 +99,7 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
                         first = min(first, time)
         # Outputs are ordered by agent, as rows change their order with every step.
         near[order[me]] = count
+        # Walls for the legs are those of the lowest layer, which holds the obstacles of all layers.
         confined[order[me]] = distance_at(walls[0], mine.x, mine.y) < _NO_ROOM
         # An agent that goes somewhere is in a lane if torso walls leave too little room across its intent, here and on
         # the way behind it.

@@ -16,11 +16,21 @@ ROOM = 0.01
 
 @kernel
 def admit(coming, crowd, broadest, walls, admitted):
-    """Set ``admitted`` (bool[k]) for the agents of ``coming`` (ROW[k]) that have room, in the order of their numbers.
+    """Decide which agents have room to enter, one after the other; those admitted take room from those after them.
 
-    ``crowd`` holds the rows of agents present, the start of each cell, and the frame of the grid. ``broadest`` is the
-    largest half breadth of all agents [m]. ``walls`` are those of the legs' layer, those of the torso's layers, and the
-    radius of the legs [m].
+    Parameters
+    ----------
+    coming : ROW[k]
+        Agents that are to enter, as rows of :data:`crowdsim.steering.row_kernels.ROW`; the first has precedence.
+    crowd : (ROW[n], (columns * rows + 1,) int64, (float, float, int, int))
+        Agents present, sorted by cells; first row of each cell; frame of the grid: left and bottom edge [m], columns
+        and rows of cells.
+    broadest : float
+        Largest half breadth of all agents [m].
+    walls : (Walls, Walls, float)
+        Walls of the legs' layer, walls of the torso's layers, and radius of the legs [m].
+    admitted : (k,) bool
+        Gets True for those that may enter.
     """
     rows, starts, frame = crowd
     legs, torso, leg_radius = walls
@@ -44,6 +54,7 @@ def admit(coming, crowd, broadest, walls, admitted):
                 if free and px * px + py * py < farthest * farthest:
                     _, _, apart = core_to_core(px, py, -one.hy, one.hx, one.half, -other.hy, other.hx, other.half)
                     free = apart - one.radius - other.radius >= ROOM
+            # Those admitted are not in the sorted rows: go through the lists of the same cells.
             for i in range(max(column - cells, 0), min(column + cells + 1, frame[FRAME_COLUMNS])):
                 earlier = heads[j * frame[FRAME_COLUMNS] + i]
                 while earlier >= 0 and free:
@@ -55,7 +66,7 @@ def admit(coming, crowd, broadest, walls, admitted):
                         free = apart - one.radius - other.radius >= ROOM
                     earlier = nexts[earlier]
 
-        # Keep off the walls of both layers.
+        # Keep the capsule of the torso off its walls, and the disc of the legs off theirs.
         free = free and wall_gap(one, torso, one.half, one.radius) >= ROOM
         free = free and wall_gap(one, legs, 0.0, leg_radius) >= ROOM
 

@@ -30,14 +30,17 @@ _TABLES = (
 
 
 def write(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
-    """Write frames numbered from 0 at the first chosen one, as JuPedSim does; metadata ``start`` is its time [s].
+    """Write the tables into ``file``, which must be new or empty.
+
+    Frames are numbered from 0 at the first chosen one, as JuPedSim does; metadata ``start`` is its time [s]. The
+    walkable area is the free floor of ``options.layer`` (None: the ground layer).
 
     Raises
     ------
     RecordingError
         If the recording holds no free floors, or lacks the layer.
     OSError
-        If the disk is full.
+        If SQLite cannot write the file: its disk is full or broken, or it has these tables already.
     """
     try:
         _fill(recording, file, choice, options)

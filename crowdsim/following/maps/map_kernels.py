@@ -113,7 +113,7 @@ def _sift_down(heap, cost, size):
 
 @kernel
 def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edge, node, level, pose, length):
-    """Grow the maps of the nodes ``begin`` to ``end`` by Dijkstra's search; return the number of their entries.
+    """Grow the maps of the nodes ``begin`` to ``end - 1`` by Dijkstra's search; return the number of their entries.
 
     All children of an entry start where its node ends, at one cost: the queue holds the parents, by the cost at which
     their children start, and all children of a parent are entered together.
@@ -123,9 +123,12 @@ def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edg
     graph: :class:`crowdsim.motion.graph.arrays.GraphArrays`.
     depth: largest number of edges of a branch. reach: search cost up to which entries are expanded [m].
     capacity: largest number of entries per map.
-    first: (nodes + 1,) int64, filled with the first entry of each map.
-    key, parent, edge, node, level, pose, length: (nodes * capacity, ...), filled with the entries' columns; pose (x, y
-    [m], heading [rad]) and length [m] of the branch up to the entry's start.
+    first: (end - begin + 1,) int64, filled with the row of each map's entry 0, and the number of all rows.
+    key, parent, edge, node, level, pose, length: columns of ((end - begin) * capacity,) rows, one for each entry, map
+    after map. key: int64, cell of the entry. parent, edge, node, level: int32; the parent is an entry of the same map,
+    counted from its entry 0 (-1 for the root), ``edge`` leads from there (-1), ``level`` counts edges since the root.
+    pose: (rows, 3) float32, start of the entry (x, y [m], heading [rad]). length: float32, length of the branch up to
+    there [m].
     """
     # One hash table for all maps, at most a quarter full; the root's number is its stamp.
     table = 16
@@ -168,8 +171,8 @@ def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edg
                 target = graph.edge_target[e]
                 if graph.node_idle[target] or count == capacity:
                     continue
-                # A node enters each cell once, except successors of the root: a small turn may be taken twice within
-                # one cell.
+                # A node enters each cell once. Successors of the root (entry 0) always enter: a small turn that
+                # follows itself starts in the root's own cell.
                 px, py, ph = next_origin(graph, np.int64(e), 0.0, x, y, heading)
                 cell = cell_key(px, py, ph)
                 if not _occupy(table_key, table_node, table_stamp, root, cell, target) and local > 0:

@@ -3,7 +3,8 @@
 The phase counts cycles: the left foot lands at whole numbers, the right one half a cycle later. Cadence follows the
 walk ratio of human gait, step length over cadence, which hardly changes with speed: 0.0065 m per step a minute.
 
-``ahead`` and ``side`` are speeds in the frame of the shoulders [m/s].
+``ahead`` and ``side`` are speeds along and across (to the left) of the chest for :func:`hip_turn`, and of the hips for
+:func:`phase_rate` [m/s].
 """
 
 import math
@@ -69,7 +70,10 @@ def hip_turn(ahead, side):
 
 @helper
 def phase_rate(ahead, side, turn):
-    """Return the cadence [cycles/s] for speeds ``ahead`` and to the ``side`` [m/s] and a turn rate ``turn`` [rad/s]."""
+    """Return the cadence [cycles/s] for speeds ``ahead`` and to the ``side`` [m/s] and a turn rate ``turn`` [rad/s].
+
+    The speeds are in the frame of the hips: the chest's, turned by :func:`hip_turn`.
+    """
     along = abs(ahead)
     across = abs(side)
     turning = abs(turn)

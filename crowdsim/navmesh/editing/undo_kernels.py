@@ -30,9 +30,15 @@ def _number(w, k, first):
 def copy_back(places, before):
     """Undo the INSERT of `edit_point` that was the last edit of the mesh at ``places``, and that returned a vertex.
 
-    Return False if the list of changed triangles overflowed; then nothing is copied. ``before`` are the addresses of
-    the mesh as it was, with as much room (see address_kernels). Changed are the triangles listed, new or gone, all that
-    they point to and all that points to them, before or after the edit.
+    Return False if the list of changed triangles overflowed; then nothing is copied. Changed are the triangles listed,
+    new or gone, all that they point to and all that points to them, before or after the edit.
+
+    Parameters
+    ----------
+    places : (12, 2) int64
+        Addresses of the mesh and its workshop, see address_kernels.
+    before : (5, 2) int64
+        Addresses of a copy of the mesh as it was, with as much room.
     """
     w = workshop_at(places)
     s = mesh_at(before)
@@ -44,14 +50,16 @@ def copy_back(places, before):
     other = t.frame[0].triangles
     first = min(filled, other)
     count = w.progress[0].changed + max(filled, other) - first
-    # Hints first, then what the changed triangles point to now, then what they pointed to before.
+    # Each listed triangle has its hint cell beside it.
     for k in range(w.progress[0].changed):
         cell = w.to_do[k].cell
         t.hints[cell] = s.hints[cell]
+    # What the changed triangles point to now: only their present sides tell, so it comes before these are overwritten.
     for k in range(count):
         i = _number(w, k, first)
         if i < other:
             _copy_around(t, s, t, i)
+    # Then the triangles themselves, and what they pointed to before.
     for k in range(count):
         i = _number(w, k, first)
         if i < filled:
@@ -59,7 +67,8 @@ def copy_back(places, before):
             t.cover[i] = s.cover[i]
             for h in range(3 * i, 3 * i + 3):
                 t.sides[h] = s.sides[h]
-    # The new vertex may be one of the spare list.
+    # The vertex of the point. If it was a spare one, its record held the next of that list; if it was in use, the point
+    # raised its number of obstacles (vref); a new one does not matter.
     v = w.progress[0].vertex
     t.vertices[v] = s.vertices[v]
     t.frame[0] = s.frame[0]

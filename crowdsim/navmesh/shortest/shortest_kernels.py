@@ -1,7 +1,7 @@
 """The shortest path of a disc: straight if possible, otherwise along arcs and tangents.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``graph`` is the TangentGraph of the disc,
-``scratch`` a ShortestScratch, ``asked`` (k,) the rows of the batch to be searched.
+``scratch`` a ShortestScratch.
 """
 
 import math
@@ -53,6 +53,9 @@ def _widen(string, radius):
 @helper
 def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
     """Find the shortest path of a disc; return (status, points (n, 2), length [m]).
+
+    The length is that of the arcs and tangents of the search, not of the polyline, which keeps outside of the arcs. It
+    is nan, and there are no points, unless the status is OK.
 
     Parameters
     ----------
@@ -126,7 +129,9 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
 def shortest_paths(m, graph, scratch, batch, asked, disc):
     """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2), path after path.
 
-    Fill the batch's ``status``, ``lengths`` and ``counts``. For the other arguments see :func:`shortest_path`.
+    Fill the batch's ``status``, ``lengths`` [m] (nan if there is no path) and ``counts``. All paths are for the one
+    ``disc`` of the graph, so the batch's ``radii`` and ``least`` are not read. For ``asked``, a radius [m], and the
+    other arguments see :func:`shortest_path`.
     """
     starts, goals, status = batch.starts, batch.goals, batch.status
     points = np.empty((16 * status.size, 2))

@@ -276,25 +276,26 @@ def _find_foot(m, s, w):
 
 @helper
 def add_foot(m, h, x, y, w):
-    """Split the constrained side h at (x, y) and queue the vertices around for refinement.
+    """Split the constrained side h at (x, y) [m], on the grid, and queue the vertices around for refinement.
 
-    Return the new vertex, FULL or STUCK.
+    Return the new vertex, FULL (the mesh has no room for it) or STUCK.
     """
     sides = m.sides
-    f = split_edge(m, h, x, y, w)
-    if f < 0:
-        return f
-    touch(w, f)
-    w.to_do[f].mark |= CHANGED
-    enqueue(w, f)
-    # All triangles that changed are around the new vertex.
-    first = m.vertices[f].vhe
+    v = split_edge(m, h, x, y, w)
+    if v < 0:
+        return v
+    # All triangles that changed are around the new vertex: note that there (`settle` measures them), and queue the
+    # walls of v and of its neighbors, as what they see has changed.
+    touch(w, v)
+    w.to_do[v].mark |= CHANGED
+    enqueue(w, v)
+    first = m.vertices[v].vhe
     g = first
     for _ in range(sides.size):
         enqueue(w, sides[nxt(g)].org)
         g = sides[prv(g)].twin
         if g == first:
-            return f
+            return v
     raise BoundExceeded
 
 

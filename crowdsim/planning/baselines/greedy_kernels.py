@@ -82,15 +82,17 @@ def plan_around(search, fitting):
 
     Returns
     -------
-    (status, cost, points (n, 2), sections (k, 3)), sections as of
-    :func:`crowdsim.planning.labels.fitting_kernels.annotate`. A status other than DONE: the mesh is out of room or
+    (status, cost, points (n, 2) [m], sections (k, 3)). Sections are rows (behavior, start, end), from arc length to
+    arc length [m], as of :func:`crowdsim.planning.labels.fitting_kernels.annotate`. The cost is the sum of length times
+    cost per meter (``fitting.costs``), and of changes of behavior. A status other than DONE: the mesh is out of room or
     unusable, or a detour could not be traced. No sections and infinite cost if no behavior fits.
     """
     # search.ends: x, y of start and goal, the radius searched with, and the clearance that paths must keep.
     radius = search.ends[4]
     least = search.ends[5]
     preferred = fitting.costs[fitting.costs.size - 1]
-    # The shortest path for the legs, and its sections (algorithm 2).
+    # The shortest path for the legs, and its sections (algorithm 2). An obstacle at infinity is outside of the mesh and
+    # changes nothing.
     status, direct = find_detour(search, math.inf, math.inf)
     points = direct
     sections = np.empty((0, 3))
@@ -102,6 +104,7 @@ def plan_around(search, fitting):
     count = np.int64(0)
     for _ in range(MOST_ROUNDS):
         # Block each conflict point on its own. A point blocked in an earlier round would give a known, dearer detour.
+        # Within ``radius`` of an end a blocker would block the end itself; twice that leaves room around it.
         first = count
         places, count = _add_conflicts(points, sections, 2.0 * radius, places, count)
         lowest = cost
