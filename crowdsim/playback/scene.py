@@ -192,9 +192,9 @@ class Scene:
         self.plotter.renderer.ResetCameraClippingRange(self._bounds)
 
     def drawn_rows(self) -> NDArray[np.uint8]:
-        """Draw; return all pixels (height, width, 4) uint8, ``supersample`` for one along each side.
+        """Draw; return all pixels (height, width, 4), uint8 red, green, blue and alpha, the lowest row first.
 
-        The lowest row comes first. The next call writes into the same memory.
+        Height and width are those of the picture times ``supersample``. The next call writes into the same memory.
         """
         from vtkmodules.util.numpy_support import vtk_to_numpy
 

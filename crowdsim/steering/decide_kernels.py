@@ -4,7 +4,8 @@ The rules extend the vision-based model of Moussaid, Helbing and Theraulaz (PNAS
 order of right of way and by a time gap. docs/steering.md describes them.
 
 Arguments of all helpers: ``rows`` (ROW[n]) sorted agents, ``mine`` the row that decides, ``near`` (NEAR[k]) its
-neighbors, of which the first ``count`` are valid, ``walls`` those of legs and torso, ``want`` (WANTED) its decision.
+neighbors, of which the first ``count`` are valid, ``walls`` those of legs and torso, with the radius of the legs [m],
+``rules`` the constants of the model (Rules), ``want`` (WANTED) its decision.
 """
 
 import math
@@ -275,7 +276,10 @@ def keep_right(mine, near, count, walls, rules, opposed):
 
 @helper
 def follow_way(rows, mine, near, count, walls, rules, want):
-    """Walk along guidance and around neighbors, at the speed that the gap ahead allows; fill ``want``."""
+    """Walk along guidance and around neighbors, at the speed that the gap ahead allows.
+
+    Set velocity, shoulders and facing of ``want``, whose ``opposed`` is set already.
+    """
     # Desired direction: guidance, turned to the right under opposing traffic.
     ahead = (mine.gx, mine.gy)
     angle = keep_right(mine, near, count, walls, rules, want.opposed)
@@ -294,6 +298,7 @@ def follow_way(rows, mine, near, count, walls, rules, want):
     if mine.turn < 0.0:
         want.turn_cos = TURNS[turned, 0]
         want.turn_sin = TURNS[turned, 1]
+    # Agents that meet opposing traffic are stuck for other reasons than walls.
     wedged = mine.turn < 0.0 and want.opposed <= 0.0 and is_wedged(mine, walls)
     if wedged:
         # No free distance tells how to turn, but sideways a body gets through wherever it can.

@@ -63,9 +63,10 @@ def measure_rows(state, places):
     Returns
     -------
     wrong : int
-        First agent with a position, heading, velocity, guidance or body that is not finite; -1 if there is none.
+        First agent with a position, heading, velocity, half length, free speed, guidance or way left to go that is not
+        finite; -1 if there is none.
     left, bottom, right, top : float
-        Bounding box of all positions [m].
+        Bounding box of all positions [m]; inf, inf, -inf, -inf without agents.
     broadest : float
         Largest half breadth (core and radius) [m], 0 without agents.
     """

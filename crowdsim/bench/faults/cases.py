@@ -129,6 +129,7 @@ def damaged_kernel(number: int) -> str:
         shutil.rmtree(folder)
     if done.returncode:
         return f"crashed: {done.returncode} {done.stderr[-200:]}"
+    # The kernel returned another number than it should.
     if done.stdout.strip() != "3":
         return FAKE
     return ANEW if "CacheWarning" in done.stderr else FINE
@@ -173,7 +174,7 @@ Simulation(scenario, workers=1).run(sys.argv[1], progress=lambda step, steps, si
 
 
 def _call_kernel(folder: Path) -> subprocess.CompletedProcess[str]:
-    """Call a kernel in a process of its own, whose kernel cache is ``folder``."""
+    """Call a kernel in a process of its own, whose kernel cache is ``folder``; it prints 3 if all is well."""
     program = "from crowdsim.navmesh.mesh.half_edge_kernels import nxt; print(nxt(5))"
     return subprocess.run(
         [sys.executable, "-c", program],

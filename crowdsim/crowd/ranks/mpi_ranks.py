@@ -133,7 +133,11 @@ class MpiRanks:
     def exchange(
         self, world: World, exits: NDArray[np.int32], came: NDArray[np.bool_], leaves: NDArray[np.bool_]
     ) -> Ghosts:
-        """Hand over the agents that have left the region, take in others, and return those near the region."""
+        """Hand over the agents that have left the region, take in others, and return those near the region.
+
+        The arguments are those of :meth:`crowdsim.crowd.ranks.protocol.Ranks.exchange`; ``exits`` gets those of the
+        agents taken in.
+        """
         from mpi4py import MPI
 
         message = RowMessage(self.regions, self.rank, world, exits, came, leaves)
@@ -142,6 +146,7 @@ class MpiRanks:
         sends = [
             self.comm.Isend([content, MPI.BYTE], rank) for rank, content in zip(self._neighbors, outgoing, strict=True)
         ]
+        # Agents handed over are near the region, too.
         kept = message.hand_over()
         found = [kept]
         taken = migrant_type(world)
@@ -150,6 +155,7 @@ class MpiRanks:
             arriving = self.comm.Mprobe(rank, status=status)
             content = bytearray(status.Get_count(MPI.BYTE))
             arriving.Recv([content, MPI.BYTE])
+            # A message is the number of agents to take in, these agents, and the ghosts; see `RowMessage.to`.
             count = int.from_bytes(content[:8], "little")
             end = 8 + count * taken.itemsize
             migrants = np.frombuffer(content[8:end], taken)

@@ -200,6 +200,7 @@ class SteeredCrowd:
         view = self.world.view()
         rows = np.flatnonzero(np.isin(view.agent, agents))
         view.pace[rows] = speed
+        # Those with another errand get a speed from their pace when they need one.
         walks = rows[view.errand[rows] == Errand.WALKS]
         view.row["speed"][walks] = speed
 

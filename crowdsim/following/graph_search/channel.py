@@ -37,16 +37,22 @@ class Channel(NamedTuple):
 
 
 def make_channel(points: ArrayLike, radius: float) -> Channel:
-    """Return the free channel of a path (n, 2) that was planned with clearance ``radius`` [m]."""
+    """Return the free channel of a path (n, 2) [m] that was planned with clearance ``radius`` [m].
+
+    Raise MotionError if the path has fewer than two points, or numbers that are not finite, or the radius is not
+    positive.
+    """
     given = np.asarray(points, np.float64)
     if given.ndim != 2 or given.shape[1] != 2 or len(given) < 2 or not np.isfinite(given).all() or not radius > 0.0:
         raise MotionError(
             f"a channel needs a path of at least two points and a radius above 0, not {given.shape} and {radius}"
         )
+    # Divide each side of the path into equal pieces; ``at`` counts sides.
     pieces = np.maximum(np.ceil(hypot(*np.diff(given, axis=0).T) / _PIECE), 1.0).astype(np.int64)
     at = np.concatenate([np.arange(n) / n + i for i, n in enumerate(pieces)] + [[len(given) - 1.0]])
     whole = np.arange(len(given))
     dense = np.column_stack([np.interp(at, whole, given[:, axis]) for axis in (0, 1)])
+    # A place within the radius lies in a cell whose center may be half a diagonal of a cell farther off.
     reach = float(radius) + CELL
     low = given.min(axis=0) - reach
     size = np.ceil((given.max(axis=0) + reach - low) / CELL).astype(np.int64)

@@ -62,7 +62,7 @@ def require_unique(names: Sequence[str]) -> None:
 
 
 def snap_rate(rate: float) -> float:
-    """Return the whole number within 0.2 % of ``rate``, as files round their frame time; else ``rate``."""
+    """Return the whole number within 0.2 % of ``rate`` [frames/s], as files round their frame time; else ``rate``."""
     nearest = float(round(rate))
     return nearest if nearest > 0.0 and abs(rate - nearest) <= 0.002 * nearest else rate
 

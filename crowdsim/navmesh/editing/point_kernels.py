@@ -30,6 +30,7 @@ def has_room(m, w, corners):
     """Return True if an edit of an obstacle with ``corners`` corners fits, unless it crosses very many others."""
     wanted = 8 * corners + 64
     frame = m.frame[0]
+    # A mesh has two triangles for each vertex, less six; ``frame.vertices`` would count spare vertices, too.
     return frame.triangles // 2 + wanted < m.vertices.size and w.progress[0].uses + wanted < w.uses.size
 
 

@@ -67,7 +67,7 @@ def _arrive(arrivals, count, first, n, cost, turned, before, radius):
 def search_all(m, graph, scratch, start, goal, disc, longest):
     """Search for the shortest path of at most ``longest`` meters.
 
-    Return (arrivals, last arrival, length), -1 if there is none.
+    Return (arrivals, last arrival, length [m]); the last arrival is -1, and the length infinite, if there is no path.
     """
     nodes = graph.nodes
     goals = scratch.goals
@@ -105,8 +105,9 @@ def search_all(m, graph, scratch, start, goal, disc, longest):
             if end.stamp == stamp:
                 if is_free_end(m, scratch.stack, goal, disc, end):
                     return arrivals, k, key
-                end.stamp = -1
+                end.stamp = -1  # blocked: never tried again
             continue
+        # Another arrival, found since, is better.
         if _is_beaten(arrivals, k, first[n], radius):
             continue
         # Extend to the goal and across all links that leave the arc behind the place of arrival.

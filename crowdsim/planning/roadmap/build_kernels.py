@@ -194,6 +194,7 @@ def corner_radii(layers, radii):
     for v in range(vertices.size):
         for k in range(len(layers)):
             stands = k == 0
+            # On other layers, an obstacle counts that is within 1 mm of the vertex or covers it (distance -1).
             if not stands:
                 distance, _ = disc_clearance(mesh_at(layers[k]), vertices[v].x, vertices[v].y, 0.01, np.int64(NONE))
                 stands = distance < 0.001

@@ -30,7 +30,8 @@ SOFT = 0.005
 def room_at(layers, hints, radii, level, x, y):
     """Return the least clearance at (x, y) over all layers beyond what behavior ``level`` needs [m], at most ``REACH``.
 
-    ``hints`` (m,) are triangles near (x, y) in each layer, and are set to those that contain it.
+    It is negative if the behavior does not fit. ``hints`` (m,) are triangles near (x, y) in each layer, and are set to
+    those that contain it, if it is not outside of the mesh.
     """
     least = REACH
     for k in range(len(layers)):

@@ -138,9 +138,20 @@ class BodyParts:
         self.add(Surface(skull.points + thick[:, None] * around, skull.triangles), Tissue.HAIR, head)
 
     def on_face(self, center: Floats, axes: Floats, place: tuple[float, float], half: Floats, head: int) -> None:
-        """Add an eye or a brow, flat on the front of a skull, at ``place`` to its left and up of its center [m].
+        """Add an eye or a brow, flat on the front of a skull, which is an ellipsoid.
 
-        ``half`` is half of its width and of its height [m].
+        Parameters
+        ----------
+        center : (3,) float64
+            Center of the skull [m].
+        axes : (3, 3) float64
+            Its half axes ahead, to the left and up, one a row [m].
+        place : (float, float)
+            Distances of the part from the center, to the left and up [m].
+        half : (2,) float64
+            Half of its width and of its height [m].
+        head : int
+            Number of the joint that it moves with.
         """
         lengths = np.linalg.norm(axes, axis=1)
         aside, up = place[0] / lengths[1], place[1] / lengths[2]

@@ -1,9 +1,10 @@
 """Sampling of a field at an agent's position: direction and length of its path, and the behavior to use.
 
 The ground is divided into square boxes with a pin each. An anchor is what a way heads for next, in a straight line: the
-pin of a box, or a point of the goal. A box whose agents all head for one anchor has it in ``field.anchor``; any other
-has a slot, a row in which each of its PARTS x PARTS parts has its own target. ``nobody`` is the density of an empty
-crowd: lines are tested against walls alone.
+pin of a box, or a point of the goal. Its number is that of the box, or that of the point plus the number of boxes. A
+box whose agents all head for one anchor has it in ``field.anchor``; any other has a slot, a row in which each of its
+PARTS x PARTS parts has its own target. ``nobody`` is the density of an empty crowd: lines are tested against walls
+alone.
 
 ``ground`` (Ground) and ``field`` (Field) are those of the place; p = (px, py) and q = (qx, qy) are the ends of a line
 [m].
@@ -312,7 +313,8 @@ def end_of_way(ground, nobody, field, x, y):
     head, _, _, _ = first_head(ground, nobody, field, box, x, y)
     if head < 0:
         return math.nan, math.nan
-    # Follow the anchors: each is nearer to the goal than the one before, and one in the goal is its own.
+    # Follow the anchors up to a point of the goal, or to a pin in the goal, which is its own anchor. Each is nearer to
+    # the goal than the one before, so none comes twice.
     boxes = len(ground.widest)
     for _ in range(boxes):
         if head >= boxes or field.anchor[head] == head:
