@@ -248,11 +248,12 @@ def _farthest(points: Floats) -> Floats:
 
 
 def with_strips(areas: Shapes, segments: Floats, owners: Ints) -> Shapes:
-    """Add strips along the parts of segments (k, 2, 2) that stand out of their owner's area, and fill pinholes.
+    """Add strips along the parts of segments (k, 2, 2) [m] that stand out of their owner's area, and fill pinholes.
 
     ``owners`` (k,) are ascending indices of ``areas`` (n,).
     """
     areas = areas.copy()
+    # A surface seen as a point has no direction: it counts as a short line along x.
     short = hypot(*(segments[:, 1] - segments[:, 0]).T) < _LEAST_LINE
     ends = segments.copy()
     ends[short, 1, 0] = ends[short, 0, 0] + _LEAST_LINE

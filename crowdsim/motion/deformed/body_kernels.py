@@ -94,7 +94,8 @@ def ease(u):
 def track_at(samples, first, count, step, time):
     """Return all eight columns of a track ``time`` seconds after its first sample, row ``first`` of ``samples``.
 
-    There are ``count`` samples, ``step`` seconds apart, and a smooth curve runs near them.
+    ``samples`` (n, COLUMNS) have x, y [m], heading [rad], phase [cycles] and so on, as the constants X to TWIST number
+    them. The track has ``count`` samples, ``step`` seconds apart; a smooth curve runs near them.
     """
     span, share = span_of(time, step, first, count)
     weights = weights_of(share)

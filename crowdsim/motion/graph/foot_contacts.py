@@ -106,7 +106,11 @@ def planted_steps(feet: Feet, rate: float = CAPTURE_RATE, part: bool = False) ->
 
 
 def standing_moves(steps: Floats, planted: NDArray[np.bool_]) -> Floats:
-    """Return the steps (..., n, 2) of a foot: the least step of its points (..., n, P, 2) that stand."""
+    """Return by how much a foot moves from each frame to the next, (..., n, 2) [m].
+
+    It moves as the slowest of its points that stand: ``steps`` (..., n, P, 2) are those of all points [m], ``planted``
+    (..., n, P) is True for points that stand. Where none stands the result does not matter.
+    """
     least = np.argmin(np.where(planted, dot(steps, steps), np.inf), axis=-1)
     moves: Floats = np.take_along_axis(steps, least[..., None, None], axis=-2)[..., 0, :]
     return moves

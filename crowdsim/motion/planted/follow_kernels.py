@@ -75,7 +75,7 @@ def _set(work, a, foot, mode, node, since, until, pose, share, count):
 
 @helper
 def _release(work, a, foot, node, frame, moved, share, count):
-    """Let what moved a foot fade from ``frame`` of a node until it lands."""
+    """Let what ``moved`` a foot (x, y [m], turn [rad]) fade from ``frame`` of a node until it lands."""
     row = work.table.node_first[node] + int(frame)
     until = min(float(work.feet.landings[row, foot]), frame + LONGEST_FADE)
     mode = FREE if abs(moved[0]) + abs(moved[1]) + abs(moved[2]) < 1e-9 else FADES
@@ -84,9 +84,13 @@ def _release(work, a, foot, node, frame, moved, share, count):
 
 @helper
 def _play(work, a, node, previous, begin, end, early, late, count):
-    """Note what the feet do while a body plays frames ``begin`` to ``end`` of a node between two shares of the step."""
+    """Note each foot that lands or lifts while a body plays frames ``begin`` to ``end`` of a node.
+
+    They are played at an even pace between the shares ``early`` and ``late`` of the step.
+    """
     table, feet = work.table, work.feet
     first = table.node_first[node]
+    # The sample after the last frame is where the next node begins, see `_enter`.
     for frame in range(int(begin) + 1, min(int(end), table.node_frames[node] - 1) + 1):
         for foot in range(2):
             stood, stands = feet.stands[first + frame - 1, foot], feet.stands[first + frame, foot]
@@ -96,6 +100,7 @@ def _play(work, a, node, previous, begin, end, early, late, count):
             _pose(work, a, node, previous, float(frame), share)
             place = _place(work, foot)
             moved = correction(table, feet, work.states[a, foot], node, float(frame), foot, place, work.spans)
+            # A foot that lands stands where it is shown; of one that lifts, what moved it fades.
             if stands:
                 pose = (place[0] + moved[0], place[1] + moved[1], place[2] + moved[2])
                 count = _set(work, a, foot, STANDS, node, float(frame), 0.0, pose, share, count)
@@ -164,7 +169,8 @@ def follow_feet(work):
         if old == node and frame >= since:
             count = _play(work, a, node, previous, since, frame, 0.0, 1.0, count)
             continue
-        # The last node ends within the step, or was left before its end.
+        # The last node ends within the step. An agent that leaves an idle node skips the rest of it: the frames played
+        # would then be too many, so it plays as many of the idle node as usual, and appears in the next one.
         last = float(table.node_frames[old])
         advance = last - since + frame
         begin, share, end = 0.0, 1.0, last

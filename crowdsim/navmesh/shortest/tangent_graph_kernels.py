@@ -44,9 +44,9 @@ def turned_to(arc, nx, ny):
 
 @helper
 def nearest_end(arc, nx, ny, margin):
-    """Return the angle turned [rad] at the end of the arc that direction n misses by less than ``margin``.
+    """Return the angle turned [rad] at the end of the arc that direction n misses by less than ``margin`` [rad].
 
-    Return -1.0 if there is none.
+    That is 0 at its begin and ``arc.extent`` at its other end; -1.0 if n misses both by more.
     """
     angle = atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
     if abs(angle) < margin:

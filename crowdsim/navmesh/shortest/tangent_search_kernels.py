@@ -67,6 +67,7 @@ def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kep
     """
     radius = disc.radius
     # Tangents that leave between ``turned`` and ``until`` are cheaper than with the other arrival, which would go back.
+    # A point (radius 0) goes back at no cost, so nothing is lost.
     until = kept_turned - (cost - kept_cost) / (2.0 * radius) if radius > 0.0 else turned
     lost = np.inf
     if until <= turned + SAME:
@@ -80,6 +81,7 @@ def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kep
             if not _is_shorter(kept_turned - link.leave, radius, kept_straight, straight):
                 node = nodes[link.to]
                 lost = min(lost, cost + link.cost + distance(goal.x - node.x, goal.y - node.y))
+    # Likewise the tangent to the goal, if the goal sees this arc.
     end = goals[n]
     seen = end.stamp == stamp and end.turned >= turned - SAME and end.turned < until
     if seen and not _is_shorter(kept_turned - end.turned, radius, kept_straight, end.length):

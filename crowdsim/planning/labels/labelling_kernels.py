@@ -131,7 +131,10 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
 
 @helper
 def _lengthened(stretches, shortest, length, spans):
-    """Write ``stretches`` (k, 2) to ``spans``, grown about their middles to at least ``shortest``, within 0..length."""
+    """Write ``stretches`` (k, 2) to ``spans``, grown about their middles to at least ``shortest``, within 0..length.
+
+    All are arc lengths [m]. Return (spans, their number): SPAN records, an array that grows.
+    """
     count = np.int64(0)
     for k in range(stretches.shape[0]):
         low = stretches[k, 0]

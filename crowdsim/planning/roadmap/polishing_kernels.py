@@ -90,11 +90,13 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     for tried in range(2 + found_gates):
         flip = tried - 2
         if tried == 1:
+            # The widest behavior passes everywhere: there are no gates.
             if not narrow:
                 break
             for g in range(found_gates):
                 gates[g].pinned = gates[g].fits
         elif flip >= 0:
+            # A single gate has been tried both ways.
             if pins < 2 or gates[flip].fits == 0:
                 continue
             gates[flip].pinned = 1 - gates[flip].pinned
@@ -106,7 +108,8 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
             written = pinned_path(nodes, size, corners, filled, around, gates, found_gates, taut)
         value = math.inf
         if written >= 0:
-            # Check and repair the path exactly; label it only if its length alone is not too dear already.
+            # Check and repair the path exactly; label it only if it may be cheaper: no meter costs less than with the
+            # widest behavior.
             done, found = pull(m, stack, taut, written, radius, least, start, np.bool_(False))
             if done and polyline_length(found) * fitting.costs[top] < cost:
                 labels, value, _ = annotate(fitting, found)

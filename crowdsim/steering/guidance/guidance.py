@@ -233,7 +233,8 @@ class Guidance:
     def write(self, state: NDArray[Any], following: NDArray[np.int32]) -> int:
         """Write gx, gy, togo, turn and held of all agents to their rows; return the number of agents without a path.
 
-        ``following`` (int32[n]) holds the numbers of the fields that they follow.
+        ``state`` (ROW[n]) are the agents. ``following`` (int32[n]) holds the numbers of the fields that they follow;
+        PLAIN and those of dropped fields are replaced.
         """
         lost = 0
         for goal, fields in enumerate(self._fields):

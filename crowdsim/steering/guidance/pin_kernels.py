@@ -114,8 +114,9 @@ def set_pins(ground, first_row, last_row, first_column, last_column):
 def _count_ways(ground, nobody, row, column, x, y, raw, labels, narrower):
     """Return to how many pins around a box a straight line leads from (x, y).
 
-    ``raw`` and ``labels`` are the pins and their widest behaviors. With ``narrower``, return instead how many pins of
-    narrower boxes (or as narrow ones with a higher number) no line leads to.
+    ``raw`` (int8[boxes, 2], offsets in PIN_UNIT) and ``labels`` (int8[boxes], -1 if none fits) are the pins and their
+    widest behaviors. With ``narrower``, return instead how many pins of narrower boxes (or as narrow ones with a higher
+    number) no line leads to.
     """
     box = row * ground.columns + column
     count = 0

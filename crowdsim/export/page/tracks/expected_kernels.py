@@ -78,16 +78,20 @@ def expected_turn(ahead, heading, units):
 def choose_turn(asked, expected, near, last, total, units, slack):
     """Return how a turn near the one ``asked`` is coded: counted from which turn (0 or 1), and how many steps off.
 
-    It is counted from the ``expected`` one (0), or from none (1). Bodies are shown with headings smoothed over some
-    0.85 s, in which errors cancel whose sum, so far ``total``, stays small. ``slack`` limits each error, and their sum
-    [units of turn]: within it, the turn is the expected one, none, or as many steps as the last one, ``last``.
+    It is counted from the ``expected`` one (0) if it is off by at most ``near`` steps, or from none (1). Bodies are
+    shown with headings smoothed over some 0.85 s, in which errors cancel whose sum, so far ``total``, stays small.
+    ``slack`` (2,) limits each error, and their sum; 0, 0 to round. Turns, ``total`` and ``slack`` are in units of turn,
+    and a step is TURN_STEP of them.
     """
     step = units[TURN_STEP]
     if slack[0] > 0.0:
+        # Within the slack, choose what is coded shortest: the expected turn, none, or as many steps as last time
+        # (``last``).
         for way in range(3):
             likely = expected if way == 0 else 0 if way == 1 else last * step
             if abs(likely - asked) <= slack[0] and abs(total + likely - asked) <= slack[1]:
                 return (0, 0) if way == 0 else (1, 0) if way == 1 else (1, last)
+        # Else aim beside the turn, to make up for the errors so far.
         asked -= _MADE_UP * total
     steps = math.floor((asked - expected) / step + 0.5)
     if abs(steps) <= near:
