@@ -142,7 +142,7 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
                     return False
                 later, left = frame, distance - own
                 frame -= _STRIDE
-            # The stride has left out the first frames of the node. Those of node 1 need no test: the agent stands there.
+            # The stride leaves out the first frames of the node. Those of node 1 need no test: the agent stands there.
             if c > 1 and not stays_free(graph, mesh, node, np.int64(0), later, o, s, own, left, hints[k]):
                 return False
     return True
