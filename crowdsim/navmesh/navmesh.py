@@ -117,9 +117,9 @@ class NavMesh(MeshQueries):
         PathNotFound
             If start or goal is closer than ``radius`` to an obstacle, or no passage is wide enough.
         GeometryError
-            If an argument is not finite, or if ``optimality`` is unknown. If the ``radius`` of a fast path is below
-            :data:`crowdsim.navmesh.paths.paths.MIN_RADIUS` or, in areas of many kilometers, below four cells of the
-            grid.
+            If an argument is not finite, the radius is negative, or ``optimality`` is unknown. If the ``radius`` of a
+            fast path is below :data:`crowdsim.navmesh.paths.paths.MIN_RADIUS` or, in areas of many kilometers, below
+            four cells of the grid.
         """
         ends = as_point(start, "start"), as_point(goal, "goal")
         return self.find_paths([ends[0]], [ends[1]], radius, optimality, workers=1)[0]
@@ -153,8 +153,8 @@ class NavMesh(MeshQueries):
         Raises
         ------
         GeometryError
-            If an argument has a wrong shape or is not finite, a radius is below
-            :data:`crowdsim.navmesh.paths.paths.MIN_RADIUS`, or ``optimality`` is unknown.
+            If an argument has a wrong shape or is not finite, a radius is negative or, for fast paths, too small as for
+            :meth:`find_path`, if ``optimality`` is unknown, or ``workers`` is no whole number.
         """
         as_optimality(optimality)
         as_workers(workers)

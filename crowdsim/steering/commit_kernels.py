@@ -185,6 +185,7 @@ def add_ways(ways, frame, mine, most, lines, count):
         dx, dy, distance, gap = gap_to_way(ways, number, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius)
         # The disc on a reserved segment never leaves it: the agent may use the whole gap to the swept disc.
         room = gap - MARGIN
+        # It could meet the disc in this step. Give up if the core is on the segment, or there are too many lines.
         if room < most:
             if count == len(lines) or distance == 0.0:
                 return -1

@@ -220,6 +220,7 @@ def stays_free(graph, mesh, node, first, last, origin, blend_offset, need, room,
     """
     ox, oy, oh = origin[0], origin[1], origin[2]
     dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
+    # Nothing was tested before the frame.
     if room == math.inf:
         return True
     x, y, _ = track_pose(graph, node, first, ox, oy, oh, dx, dy, dh)

@@ -256,6 +256,7 @@ def slow_down(graph, rows, row, obstacles, everyone, scratch, playback, frame):
     ``obstacles`` are those of its own body; ``playback`` is at the natural rate.
     """
     slow = slowest(playback)
+    # It is as slow already.
     if rows.wanted_rate[row] <= slow:
         return False
     mine = playback_of(graph, rows, row, playback, slow)
@@ -265,6 +266,8 @@ def slow_down(graph, rows, row, obstacles, everyone, scratch, playback, frame):
     for axis in range(3):
         chain.origins[0, axis] = rows.origin[row, axis]
         chain.blend_offsets[0, axis] = rows.blend_offset[row, axis]
+    # Played slower, the timeline must still be allowed and meet nobody; as it stops where it would anyway, a narrow
+    # passage is tolerated.
     none, tolerant = np.int64(0), np.int64(1)
     if lay_out(graph, obstacles, frame, mine, chain, scratch.draft, none, False, tolerant, scratch.timeline) < 0:
         return False

@@ -181,7 +181,10 @@ def _reach(hip, knee, ankle, target):
 
 @helper
 def _put_leg(feet, foot, positions, rotations, a, target, yaw, most, left):
-    """Bend a leg of body ``a`` to bring its ankle to ``target``, and turn its foot by ``yaw`` about the vertical."""
+    """Bend a leg of body ``a`` to bring its ankle to ``target``, and turn its foot by ``yaw`` about the vertical [rad].
+
+    ``left`` is the unit vector to the left of the body, about which the knee bends if it is straight.
+    """
     hip, knee, ankle = (
         _joint(positions, a, feet.legs[foot, 0]),
         _joint(positions, a, feet.legs[foot, 1]),
@@ -193,6 +196,7 @@ def _put_leg(feet, foot, positions, rotations, a, target, yaw, most, left):
     x, y, z = rotate(shank, ankle[0] - knee[0], ankle[1] - knee[1], ankle[2] - knee[2])
     new_ankle = (new_knee[0] + x, new_knee[1] + y, new_knee[2] + z)
     c, s = cos_sin(0.5 * yaw)
+    # Joints go with the thigh (0), the shank (1) or the foot (2) of this leg; all others stay.
     for joint in range(len(feet.bones)):
         bone = feet.bones[joint] - 3 * foot
         if bone == 0:

@@ -96,6 +96,7 @@ def sees(m, t, x0, y0, x1, y1):
         for h in range(3 * t, 3 * t + 3):
             a = vertices[sides[h].org]
             b = vertices[sides[nxt(h)].org]
+            # The end of the line is beyond this side. (It is in the triangle if it is beyond none.)
             if orient2d(a.x, a.y, b.x, b.y, x1, y1) < 0.0:
                 inside = False
                 left = orient2d(x0, y0, x1, y1, b.x, b.y)
@@ -104,6 +105,7 @@ def sees(m, t, x0, y0, x1, y1):
                     out = h
         if inside:
             return True
+        # The line meets a corner, or a wall.
         if out < 0 or sides[out].constraints != 0:
             return False
         came = sides[out].twin

@@ -141,6 +141,7 @@ def _leads_on(sight, h, vertices, sides, eye, ellipse):
         return False
     a = vertices[sides[h].org]
     b = vertices[sides[nxt(h)].org]
+    # The view is empty, the side is seen from outside, or it is on no way that is short enough.
     if sight.rx * sight.ly - sight.ry * sight.lx <= 0.0:
         return False
     if (a.x - eye.x) * (b.y - eye.y) - (a.y - eye.y) * (b.x - eye.x) <= 0.0:
