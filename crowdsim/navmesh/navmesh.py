@@ -154,7 +154,7 @@ class NavMesh(MeshQueries):
         ------
         GeometryError
             If an argument has a wrong shape or is not finite, a radius is negative or, for fast paths, too small as for
-            :meth:`find_path`, if ``optimality`` is unknown, or ``workers`` is no whole number.
+            :meth:`find_path`, ``optimality`` is unknown, or ``workers`` is no whole number.
         """
         as_optimality(optimality)
         as_workers(workers)

@@ -80,13 +80,12 @@ def choose_turn(asked, expected, near, last, total, units, slack):
 
     It is counted from the ``expected`` one (0) if it is off by at most ``near`` steps, or from none (1). Bodies are
     shown with headings smoothed over some 0.85 s, in which errors cancel whose sum, so far ``total``, stays small.
-    ``slack`` (2,) limits each error, and their sum; 0, 0 to round. Turns, ``total`` and ``slack`` are in units of turn,
-    and a step is TURN_STEP of them.
+    ``slack`` (2,) limits each error, and their sum; 0, 0 to round. Turns, ``total`` and ``slack`` are in units of turn;
+    a step is TURN_STEP of them. ``last`` are the steps of the turn before, 0 if it was counted from its expected one.
     """
     step = units[TURN_STEP]
     if slack[0] > 0.0:
-        # Within the slack, choose what is coded shortest: the expected turn, none, or as many steps as last time
-        # (``last``).
+        # Within the slack, choose what is coded shortest: the expected turn, none, or as many steps as last time.
         for way in range(3):
             likely = expected if way == 0 else 0 if way == 1 else last * step
             if abs(likely - asked) <= slack[0] and abs(total + likely - asked) <= slack[1]:
