@@ -7,16 +7,13 @@ import os
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from crowdsim.cli.errors_shown import Terminated
 from crowdsim.cli.options import Debug, Json, Overrides, Scenario
 from crowdsim.errors import CrowdSimError
-
-if TYPE_CHECKING:
-    from crowdsim.scenario.scenario import Scenario as LoadedScenario
 
 _MOST_NOTES = 4
 """Largest number of notes about captures that a run prints."""
@@ -127,7 +124,8 @@ def check(
     from dataclasses import asdict
 
     from crowdsim.cli.progress import progress_bar
-    from crowdsim.scenario.check import check_scenario
+    from crowdsim.crowd.state.assets import load_behaviors, require_usable
+    from crowdsim.scenario.check import check_scenario, check_ways
     from crowdsim.scenario.loader import load_scenario
 
     try:
@@ -138,7 +136,11 @@ def check(
                 bar.update(task, completed=done, total=total, description=f"{scenario}: parts on the layers")
 
             loaded = load_scenario(scenario, overrides or [], parts)
-            warnings, notes = check_scenario(loaded), [*loaded.environment.report, *_notes_on_captures(loaded)]
+            bar.update(task, completed=0, total=None, description=f"{scenario}: behaviors")
+            motion = load_behaviors(loaded)
+            require_usable(motion, loaded)
+            warnings = [*check_scenario(loaded), *check_ways(loaded, motion.behaviors)]
+            notes = [*loaded.environment.report, *motion.notes]
     except CrowdSimError as error:
         if not as_json:
             raise
@@ -146,7 +148,10 @@ def check(
         typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": [], "notes": []}))
         raise typer.Exit(error.exit_code) from None
     if picture is not None:
-        _draw(loaded, picture)
+        from crowdsim.figures import write_figure
+        from crowdsim.scenario.picture import draw_scenario
+
+        write_figure(draw_scenario(loaded, motion.behaviors), picture)
     if as_json:
         typer.echo(json.dumps({"ok": True, "errors": [], "warnings": warnings, "notes": notes}))
         return
@@ -155,26 +160,6 @@ def check(
     for warning in warnings:
         typer.echo(f"warning: {warning}")
     typer.echo(f"{loaded.name}: ok")
-
-
-def _notes_on_captures(scenario: LoadedScenario) -> tuple[str, ...]:
-    """Return notes on captures, and the widths of own behaviors; CrowdSimError if they cannot be used."""
-    from crowdsim.behaviors.behavior import is_own
-
-    if scenario.motion.captures is None and not any(is_own(entry) for entry in scenario.behaviors):
-        return ()
-    from crowdsim.crowd.state.assets import load_behaviors
-
-    return load_behaviors(scenario).notes
-
-
-def _draw(scenario: LoadedScenario, file: Path) -> None:
-    """Draw the scenario into ``file``."""
-    from crowdsim.crowd.state.assets import load_behaviors
-    from crowdsim.figures import write_figure
-    from crowdsim.scenario.picture import draw_scenario
-
-    write_figure(draw_scenario(scenario, load_behaviors(scenario).behaviors), file)
 
 
 def recover(

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from crowdsim.environment.layers import AnySolid, dropped_solids
+import shapely
+
+from crowdsim.behaviors.behavior import Behavior
+from crowdsim.constants import TRACKING_MARGIN
+from crowdsim.environment.layers import AnySolid, dropped_solids, polygons_only
 from crowdsim.geometry.polygons import LARGE_EXTENT
+from crowdsim.planning.query.requirements import Requirements
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.yamlfile.document import Path as KeyPath
+
+_ARC = 8
+"""Chords of a quarter circle around a corner: the fewer, the narrower are gaps that count as wide enough."""
+
+_NEAR = 0.5
+"""Distance of a start or goal from free area up to which agents may still come to it [m]."""
 
 
 def check_scenario(scenario: Scenario) -> list[str]:
@@ -52,4 +63,34 @@ def check_scenario(scenario: Scenario) -> list[str]:
     for kind, number, name, shape in measured:
         if not shape.intersects(floor):
             warn((kind, number), f"'{name}' lies off the floor; no agent will be counted there")
+    return warnings
+
+
+def check_ways(scenario: Scenario, behaviors: Sequence[Behavior]) -> list[str]:
+    """Return warnings of groups that find no way, however narrow their behaviors; an empty list if there are none.
+
+    Doors and other movables count as absent. A floor without end, and the planner that checks bodies in 3D, are not
+    looked at.
+    """
+    environment = scenario.environment
+    if scenario.planner == "collision3d" or any(scenario.span):
+        return []
+    # Where the narrowest behavior on each layer fits, as plans require it.
+    narrowest = Requirements.of(behaviors, len(environment.layers), TRACKING_MARGIN).radii.min(axis=0)
+    eroded = [
+        layer.free.buffer(-float(radius), quad_segs=_ARC)
+        for layer, radius in zip(environment.fixed_layers, narrowest, strict=True)
+    ]
+    parts = polygons_only(shapely.intersection_all(eroded)).geoms
+    names = ", ".join(behavior.name for behavior in behaviors)
+    warnings = []
+    for number, group in enumerate(scenario.agents):
+        # Parts of the free area that touch the start and all places before.
+        joined = [part for part in parts if shapely.dwithin(part, group.start.shape(), _NEAR)]
+        for path, shape in scenario.destinations(number):
+            joined = [part for part in joined if shapely.dwithin(part, shape, _NEAR)]
+            if not joined:
+                message = f"no way from the start of '{group.name}' to here is wide enough for any behavior ({names})"
+                warnings.append(str(scenario.problem(path, message)))
+                break
     return warnings

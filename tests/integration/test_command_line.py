@@ -174,6 +174,31 @@ def test_check_gives_errors_as_json(crowdsim, tmp_path):
     assert len(report["errors"]) >= 2
 
 
+@pytest.mark.parametrize(
+    ("behaviors", "told"),
+    [
+        ("[lateral, arm_constrained]", "no motion leads from 'arm_constrained' to 'lateral' and back"),
+        ("[lateral]", "no node of behavior 'lateral' walks straight on"),
+    ],
+)
+def test_check_refuses_built_in_behaviors_that_a_run_refuses(crowdsim, behaviors, told):
+    chosen = ("corridor", "--set", f"behaviors={behaviors}")
+    refused = [crowdsim(command, *chosen) for command in ("check", "run")]
+    assert [finished.returncode for finished in refused] == [2, 2]
+    assert told in refused[0].stderr
+    assert refused[0].stderr.splitlines()[-1] == refused[1].stderr.splitlines()[-1]
+    report = json.loads(crowdsim("check", *chosen, "--json").stdout)
+    assert report["ok"] is False
+    assert told in report["errors"][0]["message"]
+
+
+def test_check_warns_of_groups_that_no_behavior_brings_to_their_goal(crowdsim):
+    finished = crowdsim("check", "corridor", "--set", "behaviors=[frontal]", "--json")
+    assert finished.returncode == 0
+    (warning,) = json.loads(finished.stdout)["warnings"]
+    assert "agents.0.goal: no way from the start of 'walkers'" in warning
+
+
 def test_check_names_the_file_of_a_mesh_it_cannot_use_in_json_too(crowdsim, tmp_path):
     (tmp_path / "huge.obj").write_text("v 0 0 0\nv 1e308 0 0\nv 0 1e308 1e308\nf 1 2 3\n")
     (tmp_path / "huge.yaml").write_text(

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.behaviors.behavior import Behavior
+from crowdsim.behaviors.entries import find_entries, node_phases
+from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import BehaviorSet, load_behavior_set
 from crowdsim.constants import CAPTURE_RATE, NONE, TRACKING_MARGIN
 from crowdsim.environment.layers import ClearanceLayer
@@ -203,6 +205,46 @@ def require_fitting(behavior_set: BehaviorSet, scenario: Scenario) -> BehaviorSe
     return behavior_set
 
 
+def require_usable(behavior_set: BehaviorSet, scenario: Scenario) -> None:
+    """Refuse behaviors that the agents of a scenario cannot move with.
+
+    Parameters
+    ----------
+    behavior_set : BehaviorSet
+        What :func:`load_behaviors` returned for the scenario.
+    scenario : Scenario
+        The scenario.
+
+    Raises
+    ------
+    ScenarioError
+        If captured agents need shorter steps.
+    MotionError
+        If captured agents can never stand, if a behavior has no cycle for steered bodies, or if steered agents can not
+        become captured.
+    """
+    levels = scenario.locomotions()
+    if levels != {"steered"}:
+        _require_waiting(behavior_set, scenario)
+    if levels != {"captured"}:
+        gaits = gait_clips(behavior_set)
+        if levels != {"steered"}:
+            find_entries(behavior_set, gaits, node_phases(behavior_set))
+
+
+def _require_waiting(behavior_set: BehaviorSet, scenario: Scenario) -> None:
+    """Raise an error if captured agents can never stand, or if a step is longer than their shortest movement."""
+    if not behavior_set.graph.arrays.node_ends_standing.any():
+        raise MotionError("no clip of the motion set ends standing, so no agent could ever wait; add one that does")
+    shortest = int(behavior_set.graph.arrays.node_frames.min())
+    if scenario.steps_per_second * shortest < CAPTURE_RATE:
+        message = (
+            f"a step of {1.0 / scenario.steps_per_second:g} s is longer than the shortest movement of the motion set "
+            f"({shortest / CAPTURE_RATE:.2f} s); take more steps"
+        )
+        raise ScenarioError([scenario.problem(("steps_per_second",), message)])
+
+
 def motion_key(scenario: Scenario) -> tuple[Any, ...]:
     """Return what :func:`load_behaviors` depends on: scenarios with equal keys may share what it returns."""
     speed = None if scenario.motion.captures is None else mean_speed(scenario)
@@ -235,15 +277,7 @@ def prepare(
         If a file cannot be used.
     """
     behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
-    if not behavior_set.graph.arrays.node_ends_standing.any():
-        raise MotionError("no clip of the motion set ends standing, so no agent could ever wait; add one that does")
-    shortest = int(behavior_set.graph.arrays.node_frames.min())
-    if scenario.steps_per_second * shortest < CAPTURE_RATE:
-        message = (
-            f"a step of {1.0 / scenario.steps_per_second:g} s is longer than the shortest movement of the motion set "
-            f"({shortest / CAPTURE_RATE:.2f} s); take more steps"
-        )
-        raise ScenarioError([scenario.problem(("steps_per_second",), message)])
+    _require_waiting(behavior_set, scenario)
     arrays, maps_folder = behavior_set.graph.arrays, cache_folder() / "maps"
     bodies = None
     if scenario.planner == "collision3d":
