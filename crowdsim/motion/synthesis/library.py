@@ -23,6 +23,10 @@ _SHORT_OF_A_CYCLE = 7
 """Frames less than a cycle of walking that are kept beyond a cut, so that they contain no other cut."""
 
 
+_DATABASE = ("frontal", "lateral")
+"""Behaviors whose clips are a database of captures: none of them is another behavior's clip with the arms edited."""
+
+
 def _rad(degrees: float) -> float:
     """Return degrees as radians."""
     return float(np.radians(degrees))
@@ -222,5 +226,5 @@ def synthesize_set(manner: Manner = PLAIN) -> list[tuple[str, str, Clip]]:
 
 def motion_database(manner: Manner) -> list[Clip]:
     """Return the unedited clips of a motion set, each name once: walks and turns, then side steps."""
-    clips = [clip for folder, _, clip in synthesize_set(manner) if folder != "arm_constrained"]
+    clips = [clip for folder, _, clip in synthesize_set(manner) if folder in _DATABASE]
     return list({clip.name: clip for clip in clips}.values())

@@ -123,6 +123,21 @@ def test_a_database_names_each_clip_once_and_edits_none() -> None:
     assert not [name for name in names if name.startswith("arms_")]
 
 
+def test_a_database_is_unedited_whatever_other_behaviors_have(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_clips = synthesize_set(PLAIN)
+    held = next(clip for folder, name, clip in made_clips if (folder, name) == ("arm_constrained", "walk.bvh"))
+    more = [
+        ("another", name, Clip(name.removesuffix(".bvh"), held.skeleton, held.root_positions, held.rotations))
+        for name in ("walk.bvh", "stroll.bvh")
+    ]
+    monkeypatch.setattr("crowdsim.motion.synthesis.library.synthesize_set", lambda manner: [*more, *made_clips, *more])
+    clips = {clip.name: clip for clip in motion_database(PLAIN)}
+    assert "stroll" not in clips
+    walk = next(clip for folder, name, clip in made_clips if (folder, name) == ("frontal", "walk.bvh"))
+    np.testing.assert_array_equal(clips["walk"].rotations, walk.rotations)
+    assert (walk.rotations != held.rotations).any()
+
+
 def test_styled_clips_are_the_behaviors_own_and_more() -> None:
     files = {name: read_behavior(name, library_folder("behaviors")) for name in ("frontal", "lateral")}
     clips = styled_clips("dance", files)
