@@ -9,7 +9,7 @@ import shapely
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.environment.layers import AnySolid, dropped_solids, polygons_only
-from crowdsim.geometry.polygons import LARGE_EXTENT
+from crowdsim.geometry.polygons import LARGE_EXTENT, buffered
 from crowdsim.planning.query.requirements import Requirements
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.yamlfile.document import Path as KeyPath
@@ -78,7 +78,7 @@ def check_ways(scenario: Scenario, behaviors: Sequence[Behavior]) -> list[str]:
     # Where the narrowest behavior on each layer fits, as plans require it.
     narrowest = Requirements.of(behaviors, len(environment.layers), TRACKING_MARGIN).radii.min(axis=0)
     eroded = [
-        layer.free.buffer(-float(radius), quad_segs=_ARC)
+        buffered(layer.free, -float(radius), _ARC)
         for layer, radius in zip(environment.fixed_layers, narrowest, strict=True)
     ]
     parts = polygons_only(shapely.intersection_all(eroded)).geoms
