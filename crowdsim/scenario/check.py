@@ -90,7 +90,10 @@ def check_ways(scenario: Scenario, behaviors: Sequence[Behavior]) -> list[str]:
         for path, shape in scenario.destinations(number):
             joined = [part for part in joined if shapely.dwithin(part, shape, _NEAR)]
             if not joined:
-                message = f"no way from the start of '{group.name}' to here is wide enough for any behavior ({names})"
+                message = (
+                    f"no way from the start of '{group.name}' to here is wide enough for any behavior ({names}); "
+                    "widen it, or see with --picture where each behavior fits"
+                )
                 warnings.append(str(scenario.problem(path, message)))
                 break
     return warnings

@@ -192,8 +192,9 @@ def test_check_refuses_built_in_behaviors_that_a_run_refuses(crowdsim, behaviors
     assert told in report["errors"][0]["message"]
 
 
-def test_check_warns_of_groups_that_no_behavior_brings_to_their_goal(crowdsim):
-    finished = crowdsim("check", "corridor", "--set", "behaviors=[frontal]", "--json")
+@pytest.mark.parametrize("wider", ["behaviors=[frontal]", "motion.set=happy"])
+def test_check_warns_of_groups_that_no_behavior_brings_to_their_goal(crowdsim, wider):
+    finished = crowdsim("check", "corridor", "--set", wider, "--json")
     assert finished.returncode == 0
     (warning,) = json.loads(finished.stdout)["warnings"]
     assert "agents.0.goal: no way from the start of 'walkers'" in warning
