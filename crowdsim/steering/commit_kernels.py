@@ -22,10 +22,10 @@ from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL, FRAME_COLUMNS, FRAME_ROWS
+from crowdsim.steering.stuck_kernels import WEDGED_AFTER, next_stuck
 from crowdsim.steering.turn_kernels import fitting_turn, stands_still, turn_wedged
 from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
 from crowdsim.steering.way_kernels import gap_to_way
-from crowdsim.steering.wedged_kernels import WEDGED_AFTER
 
 MARGIN = 1e-6
 """Part of each gap that no step uses [m]: above the rounding error of a step, below what is visible."""
@@ -35,9 +35,6 @@ ROUNDING = 1e-9
 
 MOST_LINES = 128
 """Capacity of the list of half planes of an agent. An agent with more neighbors and walls in reach stands still."""
-
-STUCK_MOST = 30.0
-"""Upper limit of the time that an agent counts as stuck [s]."""
 
 
 @helper
@@ -334,5 +331,5 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         out.rank = want.rank
         out.key = want.key
         out.opposed = want.opposed
-        out.stuck = min(max(stuck, 0.0), STUCK_MOST)
+        out.stuck = next_stuck(stuck)
     return crowded

@@ -17,8 +17,8 @@ from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import gap_to
 from crowdsim.steering.direction_kernels import NEAR, TURNS, choose_direction
 from crowdsim.steering.look_kernels import MOST_NEAR, take_in
+from crowdsim.steering.stuck_kernels import handed_on, is_wedged, press_or_step_back, push_on, rank_of, way_aside
 from crowdsim.steering.wall_kernels import distance_at, is_in_sight, is_lane, is_lane_behind
-from crowdsim.steering.wedged_kernels import STEP_BACK, has_less_room, is_wedged, steps_back
 
 WANTED = np.dtype(
     [
@@ -83,7 +83,7 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
     goes = mine.gx != 0.0 or mine.gy != 0.0
     # The rank is about the time stuck: yield only to agents that have been stuck for ``yield_after`` and longer than
     # this one.
-    highest = max(mine.rank if goes else 0.0, rules.yield_after)
+    highest = max(mine.rank, want.rank, rules.yield_after) if goes else rules.yield_after
     first = -1
     for n in range(count):
         seen = near[n]
@@ -105,22 +105,11 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
             first = n
     if first < 0:
         return False
-    # Step aside to the left of the other's way (to the agent's own right, as they face each other), or to the right if
-    # it already is 0.25 m to the right; and back, along the other's way.
     seen = near[first]
     other = rows[seen.row]
-    left = -(other.ix * seen.py - other.iy * seen.px)
-    side = 1.0 if left > -0.25 else -1.0
-    # Beside a wall, an agent that has not got out of the way for long tries the other side.
-    if has_less_room(mine, walls, -side * other.iy, side * other.ix):
-        side = -side
-    want.vx = -side * other.iy * rules.yield_aside + other.ix * rules.yield_along
-    want.vy = side * other.ix * rules.yield_aside + other.iy * rules.yield_along
-    pace = math.sqrt(want.vx * want.vx + want.vy * want.vy)
-    want.ix = want.vx / pace
-    want.iy = want.vy / pace
+    want.vx, want.vy, want.ix, want.iy = way_aside(mine, seen, other, walls, rules)
     # Inherit the rank, a little lower, so that agents behind this one yield to it in turn.
-    want.rank = max(want.rank, other.rank - 0.001)
+    want.rank = max(want.rank, handed_on(other.rank))
     # Turn the shoulders parallel to the other's way, so that the body is narrow across it.
     want.facing_x = other.ix
     want.facing_y = other.iy
@@ -305,10 +294,7 @@ def follow_way(rows, mine, near, count, walls, rules, want):
         want.turn_cos = 0.0
         want.turn_sin = 1.0
     speed = choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want)
-    if wedged and steps_back(mine, near, count):
-        speed = -STEP_BACK
-    want.vx = speed * ux
-    want.vy = speed * uy
+    want.vx, want.vy = press_or_step_back(mine, near, count, walls, wedged, want.opposed, speed, ux, uy)
 
 
 @helper
@@ -373,13 +359,13 @@ def decide_rows(rows, near_rows, first, last, order, moved, walls, rules, wanted
         mine = rows[me]
         want = wanted[me]
         goes = mine.gx != 0.0 or mine.gy != 0.0
-        # Default: stay, with the guidance as intent. The rank of right of way is the time stuck, the key the distance
-        # to go.
+        # Default: stay, with the guidance as intent. The rank of right of way is the time stuck at first, the key the
+        # distance to go.
         want.vx = 0.0
         want.vy = 0.0
         want.ix = mine.gx
         want.iy = mine.gy
-        want.rank = mine.stuck + 0.001 * mine.share
+        want.rank = rank_of(mine, walls)
         want.key = mine.togo + rules.identity * mine.share
         want.opposed = 0.0
         want.facing_x = mine.vx
@@ -389,6 +375,7 @@ def decide_rows(rows, near_rows, first, last, order, moved, walls, rules, wanted
         count = take_in(rows, me, near_rows, near)
         if goes:
             want.opposed = hear_opposing(rows, mine, near, count, walls, rules)
+            want.rank = push_on(rows, mine, near, count, walls, rules.yield_reach, want.rank)
 
         # The first rule that applies sets the velocity: yield, let others merge, walk.
         gives_way = yield_to_opposing(rows, mine, near, count, walls, rules, want)

@@ -28,7 +28,7 @@ ROW = np.dtype(
         ("iy", np.float64),
         ("half", np.float64),  # present half length of the capsule's core, shoulder to shoulder [m]
         ("radius", np.float64),  # radius of the capsule [m]
-        ("rank", np.float64),  # right of way among opposing agents: the higher rank goes first [s]
+        ("rank", np.float64),  # right of way among opposing agents: the higher rank goes first; time stuck [s] at first
         ("key", np.float64),  # right of way among agents of one goal: the lower key goes first [m]
         ("opposed", np.float64),  # awareness of opposing traffic, 0 to 1
         ("goal", np.int64),  # number of the goal; agents with the same number queue for it; negative for none

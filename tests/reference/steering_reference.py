@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.steering.rules import Rules
-from tests.reference.steering_room import has_less_room, in_sight
+from tests.reference.steering_room import handed_on, in_sight, is_jammed, rank_of, turned, where_room_is, widest_behind
 
 Lines = NDArray[np.float64]
 
@@ -161,54 +161,6 @@ def smallest_gaps(
     return people, legs, torsos
 
 
-def turned(vector: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    """Return a vector rotated counter-clockwise."""
-    return np.array(
-        [
-            vector[0] * math.cos(angle) - vector[1] * math.sin(angle),
-            vector[1] * math.cos(angle) + vector[0] * math.sin(angle),
-        ]
-    )
-
-
-def sides(segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the room to the nearest walls straight to the left and to the right of a place [m]."""
-    left, right = math.inf, math.inf
-    across = turned(way, math.pi / 2)
-    for ax, ay, bx, by in segments:
-        first, second = np.array([ax, ay]) - place, np.array([bx, by]) - place
-        before, after = float(first @ way), float(second @ way)
-        if before * after <= 0.0 and before != after:
-            off = float((first + before / (before - after) * (second - first)) @ across)
-            left, right = (min(left, off), right) if off > 0.0 else (left, min(right, -off))
-    return left, right
-
-
-def passage_width(segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64]) -> float:
-    """Return the distance between the nearest walls straight to the left and to the right of a place [m]."""
-    return sum(sides(segments, place, way))
-
-
-def widest_behind(
-    segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64], length: float
-) -> float:
-    """Return the greatest width of a passage from a place to ``length`` behind it, along its middle, every 5 cm [m]."""
-    widest = 0.0
-    for _ in range(round(length / 0.05) + 1):
-        left, right = sides(segments, place, way)
-        widest = max(widest, left + right)
-        if math.isinf(widest):
-            break
-        middle = place + 0.5 * (left - right) * turned(way, math.pi / 2)
-        behind = middle - 0.05 * way
-        left, right = sides(segments, behind, way)
-        if math.isinf(left + right):
-            return math.inf
-        place = behind + 0.5 * (left - right) * turned(way, math.pi / 2)
-        way = (middle - place) / np.hypot(*(middle - place))
-    return widest
-
-
 class Decision:
     """The velocity that an agent decides on, rule by rule, see docs/steering.md.
 
@@ -247,6 +199,7 @@ class Decision:
         # Direction across which it turns its narrow side while another agent merges; None if none does.
         self.across: NDArray[np.float64] | None = None
         self.opposed = self.hear() if self.goes else 0.0
+        self.rank = max([rank_of(self.mine, self.walls), *(self.pressing() if self.goes else [])])
         # Rules in the order of priority: give way to higher ranks, let others merge, else follow the own way.
         velocity = self.give_way()
         if velocity is None and self.goes:
@@ -287,9 +240,22 @@ class Decision:
                 news.append(self.rules.news * row["opposed"] - 0.02)
         return max(news)
 
+    def pressing(self) -> list[float]:
+        """Return the lasting ranks that agents of the same goal hand on, which press on behind this one."""
+        ranks = []
+        for other in self.heeded:
+            row, apart, its_way = self.state[other], self.apart(other), self.intent(other)
+            breadth = self.mine["half"] + self.mine["radius"] + row["half"] + row["radius"]
+            in_front = -apart @ its_way > 0.0 and abs(cross(its_way, apart)) < breadth and its_way @ self.way >= 0.3
+            near = np.hypot(*apart) <= self.rules.yield_reach and in_sight(self.walls, self.mine, row)
+            if row["goal"] == self.mine["goal"] and row["rank"] > 31.0 and in_front and near:
+                ranks.append(handed_on(row["rank"]))
+        return ranks
+
     def give_way(self) -> NDArray[np.float64] | None:
         """Return the velocity out of the way of the highest-ranked opposing agent; None if there is none."""
-        highest, first = max(self.mine["rank"] if self.goes else 0.0, self.rules.yield_after), None
+        ranks = [self.mine["rank"], self.rank] if self.goes else []
+        highest, first = max([*ranks, self.rules.yield_after]), None
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
             opposing = not self.goes or self.intent(other) @ self.way <= -0.3
@@ -301,13 +267,12 @@ class Decision:
                 highest, first = row["rank"], other
         if first is None:
             return None
-        its_way = self.intent(first)
+        its_way, self.rank = self.intent(first), max(self.rank, handed_on(highest))
         # Step to the other's left (the own right), unless already clearly on its right.
         left_of_it = -cross(its_way, self.apart(first))
         aside = turned(its_way, math.pi / 2 if left_of_it > -0.25 else -math.pi / 2)
-        if has_less_room(self.mine, self.free_ahead, aside):
-            aside = -aside
-        return self.rules.yield_aside * aside + self.rules.yield_along * its_way
+        velocity = self.rules.yield_aside * aside + self.rules.yield_along * its_way
+        return where_room_is(self.mine, self.free_ahead, velocity, its_way)
 
     def let_merge(self) -> NDArray[np.float64] | None:
         """Return the velocity away from stuck agents with priority that want to merge; None if there is none."""
@@ -372,7 +337,9 @@ class Decision:
             alone = all(gap(self.state, self.me, other) >= 0.3 for other in self.heeded)
             if mine["stuck"] >= 10.0 and mine["stuck"] % 5.0 < 1.0 and alone:
                 speed = -0.3
-        return speed * direction
+        # Jammed: a step back now and then.
+        back = 20.0 <= mine["stuck"] < 22.0 and self.opposed > 0.0 and is_jammed(mine, self.walls)
+        return -0.3 * self.way if back else speed * direction
 
     def best_direction(self, ahead: NDArray[np.float64], turns: list[float]) -> tuple[float, NDArray, float, float]:
         """Return (score, direction, free distance, turn) of the best candidate direction around ``ahead``.

@@ -30,8 +30,10 @@ KEPT_OFF = 0.02
 """Distance from a body at which no movable appears [m]."""
 
 
-WALKING = np.dtype([("x", np.float64), ("y", np.float64), ("goal", np.int64), ("following", np.int32)])
-"""What the renewal of a field reads of an agent: position [m], goal and the field that it follows."""
+WALKING = np.dtype(
+    [("x", np.float64), ("y", np.float64), ("goal", np.int64), ("stuck", np.float64), ("following", np.int32)]
+)
+"""What the renewal of a field reads of an agent: position [m], goal, time stuck [s] and the field that it follows."""
 
 
 class SteeredPlace:
@@ -205,12 +207,9 @@ class SteeredPlace:
         if self.guidance.goal_in_turn(step, self._steps_per_second) is None:
             return
         walking = np.empty(len(state), WALKING)
-        walking["x"], walking["y"], walking["goal"], walking["following"] = (
-            state["x"],
-            state["y"],
-            state["goal"],
-            following,
-        )
+        for name in ("x", "y", "goal", "stuck"):
+            walking[name] = state[name]
+        walking["following"] = following
         everybody, mine = self._ranks.together(walking)
         followed = everybody["following"].copy()
         self.guidance.refresh_in_turn(step, self._steps_per_second, everybody, followed)

@@ -23,11 +23,12 @@ CHAIN = 4096
 
 
 @kernel
-def add_agents(places, left, bottom, cell, weights):
+def add_agents(places, counts, left, bottom, cell, weights):
     """Add the agents at ``places`` (float64[n, 2] [m]) to the density ``weights`` (int64[rows, columns]).
 
-    The unit is GRAIN / m2. Epanechnikov kernel of radius R: 2 / (pi R^2) (1 - d^2 / R^2), whose integral is one agent.
-    ``left`` and ``bottom`` are the corner of the grid, ``cell`` is the side of a cell [m].
+    Each adds as much as ``counts`` (float64[n]) agents. The unit is GRAIN / m2. Epanechnikov kernel of radius R:
+    2 / (pi R^2) (1 - d^2 / R^2), whose integral is one agent. ``left`` and ``bottom`` are the corner of the grid,
+    ``cell`` is the side of a cell [m].
     """
     rows, columns = weights.shape
     height = 2.0 / (math.pi * SMOOTHING * SMOOTHING)
@@ -47,7 +48,7 @@ def add_agents(places, left, bottom, cell, weights):
                 share = 1.0 - (dx * dx + dy * dy) / (SMOOTHING * SMOOTHING)
                 # Round each weight before it is added: integers add up to the same in any order.
                 if share > 0.0:
-                    weights[row, column] += math.floor(height * share * GRAIN + 0.5)
+                    weights[row, column] += math.floor(height * share * counts[agent] * GRAIN + 0.5)
 
 
 @kernel

@@ -162,11 +162,39 @@ def build_ground(
         np.zeros(boxes, np.uint8),
         _of_classes(asked, kinds, wider),
     )
-    everywhere = (0, frame[3], 0, frame[2])
+    _set_everything(ground)
+    return ground
+
+
+def squeezed_ground(ground: Ground, clearance: float) -> Ground:
+    """Return a ground on which the narrowest behavior needs no more than ``clearance`` [m], from walls of any class.
+
+    Its ways lead through gaps, and out of pockets, that no behavior is planned for, but people are pushed into. Walls
+    and boxes are shared with the ground given.
+    """
+    boxes = ground.columns * ground.rows
+    radii, prescribed = ground.radii.copy(), ground.prescribed.copy()
+    radii[0] = np.minimum(radii[0], clearance)
+    prescribed[0] = radii[0]
+    squeezed = ground._replace(
+        radii=radii,
+        prescribed=prescribed,
+        least=min(ground.least, clearance),
+        pins=np.zeros((boxes, 2), np.int8),
+        widest=np.zeros(boxes, np.int8),
+        ways=np.zeros(boxes, np.uint8),
+        pure=np.zeros(boxes, np.uint8),
+    )
+    _set_everything(squeezed)
+    return squeezed
+
+
+def _set_everything(ground: Ground) -> None:
+    """Set the pins of all boxes, what fits there, and the lines between them."""
+    everywhere = (0, ground.rows, 0, ground.columns)
     set_pins(ground, *everywhere)
     mend_pins(ground, NOBODY, ground.pins.copy(), ground.widest.copy(), *everywhere)
     set_ways(ground, NOBODY, *everywhere)
-    return ground
 
 
 def update_ground(

@@ -12,8 +12,9 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.steering.guidance.crowding_kernels import CHAIN, add_agents, change_where_it_pays, set_load
 from crowdsim.steering.guidance.field import BOX_ROW, Field, guide, solve_field, way_end, ways
-from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground
+from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground, squeezed_ground
 from crowdsim.steering.guidance.ground_kernels import BOX
+from crowdsim.steering.guidance.sample_kernels import LOST
 
 Goal: TypeAlias = BaseGeometry | ArrayLike
 """A region, or points (k, 2) [m]."""
@@ -26,6 +27,9 @@ BOXES_A_SECOND = 50_000
 
 PLAIN = -1
 """Number, in ``following``, of the field of the place without a crowd, which all agents follow at first."""
+
+SQUEEZED = 0.145
+"""Clearance of ways out of where no path leads [m]: a body with turned shoulders needs 0.125 m."""
 
 
 class Weighing(NamedTuple):
@@ -42,6 +46,10 @@ class Weighing(NamedTuple):
     door, not around others who wait for the same door."""
     around: float = 0.8
     """The same for a path out of the crowd, which may save less: around an open corner, agents use the free width."""
+    late: float = 0.4
+    """By how much more an agent of another goal counts for each second that it has been stuck beyond ``late_after``."""
+    late_after: float = 5.0
+    """Time stuck from which on agents of other goals count more, so that those who face each other go around [s]."""
     jam: float = 0.2
     """A path leads out of the crowd if the crowd's part of its cost is below this share of that of the present path."""
     kept: int = 3
@@ -53,13 +61,19 @@ USUAL = Weighing()
 """Default values."""
 
 
-def crowding_of(ground: Ground, places: ArrayLike, weighing: Weighing = USUAL) -> Crowding:
-    """Return the factor on costs of agents at positions, float64[n, 2] [m]. It does not depend on their order."""
+def crowding_of(
+    ground: Ground, places: ArrayLike, weighing: Weighing = USUAL, counts: NDArray[np.float64] | None = None
+) -> Crowding:
+    """Return the factor on costs of agents at positions, float64[n, 2] [m]. It does not depend on their order.
+
+    ``counts`` (n,) is the number of agents that each counts for, one by default.
+    """
     at = np.ascontiguousarray(places, np.float64).reshape(-1, 2)
+    counts = np.ones(len(at)) if counts is None else counts
     rows = -int(-ground.rows * BOX // weighing.cell)
     columns = -int(-ground.columns * BOX // weighing.cell)
     weights = np.zeros((rows, columns), np.int64)
-    add_agents(at, ground.left, ground.bottom, weighing.cell, weights)
+    add_agents(at, counts, ground.left, ground.bottom, weighing.cell, weights)
     load = np.empty((rows, columns), np.float32)
     quiet = np.empty((rows, columns), np.uint8)
     dearer = set_load(weights, weighing.gain, weighing.free, load, quiet)
@@ -112,12 +126,15 @@ class Guidance:
         self._threads = threads
         self._made = 0
         self._fields: list[dict[int, Field]] = [{} for _ in self.goals]
+        # Ground and fields, by goal, for agents that were pushed where no path leads; made when one first is.
+        self._squeezed: Ground | None = None
+        self._ways_out: dict[int, Field] = {}
         self.rebuild(ground)
 
     @property
     def memory(self) -> int:
         """Return the bytes of the ground and all fields."""
-        fields = [field for fields in self._fields for field in fields.values()]
+        fields = [field for fields in [*self._fields, self._ways_out] for field in fields.values()]
         # The values of a box are columns of one array, so count that array once.
         shared = len(fields) * len(self.ground.widest) * BOX_ROW.itemsize
         own = sum(each.nbytes for field in fields for each in (field.heads, field.costs, field.points))
@@ -132,6 +149,7 @@ class Guidance:
         field = {self._made: solve_field(self.ground, goal)}
         self._made += 1
         self.goals = (*self.goals[:index], goal, *self.goals[index + 1 :])
+        self._ways_out.pop(index, None)
         self._fields[index : index + 1] = [field]
 
     def lengths(self, goal: int, places: ArrayLike) -> NDArray[np.float64]:
@@ -150,6 +168,8 @@ class Guidance:
     def rebuild(self, ground: Ground, crowding: Crowding = NOBODY) -> None:
         """Use the place as it is now: solve all fields anew, and let all agents follow these."""
         self.ground = ground
+        self._squeezed = None
+        self._ways_out = {}
         fields = solve_fields(ground, self.goals, crowding, threads=self._threads)
         self._fields = [{self._made: field} for field in fields]
         self._made += 1
@@ -182,7 +202,7 @@ class Guidance:
         goal : int
             Number of the goal.
         state : ROW[n]
-            All agents.
+            All agents; of the columns, x, y, goal and stuck are read.
         following : (n,) int32
             Numbers of the fields that they follow, which may change.
 
@@ -192,7 +212,10 @@ class Guidance:
             Number of agents that change to the new field.
         """
         places = np.column_stack((state["x"], state["y"]))
-        crowding = crowding_of(self.ground, places, self.weighing)
+        # Those who are long stuck on their way elsewhere are in the way for long.
+        late = self.weighing.late * np.maximum(state["stuck"] - self.weighing.late_after, 0.0)
+        counts = 1.0 + np.where(state["goal"] != goal, late, 0.0)
+        crowding = crowding_of(self.ground, places, self.weighing, counts)
         # Without a crowd, all follow the field of the empty place again.
         if not crowding.crowded:
             following[state["goal"] == goal] = PLAIN
@@ -233,6 +256,8 @@ class Guidance:
     def write(self, state: NDArray[Any], following: NDArray[np.int32]) -> int:
         """Write gx, gy, togo, turn and held of all agents to their rows; return the number of agents without a path.
 
+        Agents that were pushed where no path leads, as into a gap between chairs, squeeze out of it.
+
         ``state`` (ROW[n]) are the agents. ``following`` (int32[n]) holds the numbers of the fields that they follow;
         PLAIN and those of dropped fields are replaced.
         """
@@ -240,11 +265,25 @@ class Guidance:
         for goal, fields in enumerate(self._fields):
             self._fix_numbers(goal, state, following)
             mine = state["goal"] == goal
+            without = 0
             for number, field in fields.items():
                 agents = np.flatnonzero(mine & (following == number))
                 if len(agents):
-                    lost += guide(self.ground, field, self.asked, agents, state)
+                    without += guide(self.ground, field, self.asked, agents, state)
+            if without:
+                lost += self._lead_out(goal, np.flatnonzero(mine & (state["togo"] >= LOST)), state)
         return lost
+
+    def _lead_out(self, goal: int, agents: NDArray[np.int64], state: NDArray[Any]) -> int:
+        """Guide the rows ``agents`` of ``state``, which have no path, through gaps in which bodies just fit.
+
+        They are guided like this until they come to where a path leads. Return how many have no path even then.
+        """
+        if self._squeezed is None:
+            self._squeezed = squeezed_ground(self.ground, SQUEEZED)
+        if goal not in self._ways_out:
+            self._ways_out[goal] = solve_field(self._squeezed, self.goals[goal])
+        return guide(self._squeezed, self._ways_out[goal], self.asked, agents, state)
 
     def _fix_numbers(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
         """Replace PLAIN by the first field of a goal, and numbers of dropped fields by the newest."""

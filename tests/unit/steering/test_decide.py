@@ -13,8 +13,8 @@ from crowdsim.steering import wall_kernels
 from crowdsim.steering.decide_kernels import WANTED, decide_rows
 from crowdsim.steering.look_kernels import MOST_NEAR
 from crowdsim.steering.rules import Rules
+from crowdsim.steering.stuck_kernels import STEP_BACK, WEDGED_AFTER, to_where_room_is
 from crowdsim.steering.walls import build_walls
-from crowdsim.steering.wedged_kernels import STEP_BACK, WEDGED_AFTER
 from tests.reference import steering_reference as reference
 from tests.support.steered import State, agents, scatter
 
@@ -61,6 +61,38 @@ def _busy(seed: int) -> State:
     stays = rng.random(24) < 0.15
     state["gx"][stays] = state["gy"][stays] = state["ix"][stays] = state["iy"][stays] = 0.0
     return state
+
+
+def _jammed(seed: int) -> tuple[State, np.ndarray]:
+    """A busy crowd of whom half have long been stuck, some of high rank, between walls through the midst of it."""
+    rng = np.random.default_rng(seed)
+    state = _busy(seed)
+    state["stuck"] = np.where(rng.random(24) < 0.5, rng.uniform(10.0, 30.0, 24), state["stuck"])
+    state["rank"] = state["stuck"] + 0.001 * state["share"]
+    lasting = rng.random(24) < 0.3
+    state["rank"][lasting] = 100.0 + 20.0 * rng.random(lasting.sum())
+    ends = rng.uniform(0.0, 4.5, (12, 1, 2)) + rng.normal(0.0, 0.3, (12, 2, 2))
+    return state, ends.reshape(-1, 4)
+
+
+def test_the_right_of_way_in_a_jam_is_that_of_the_slow_twin() -> None:
+    seen = dict.fromkeys(("lasting by itself", "pushed on", "gave way"), 0)
+    for seed in range(8):
+        state, segments = _jammed(seed)
+        heeded, near = _near(state)
+        wanted = _decide(state, near, segments)
+        alike = 0
+        for me in range(len(state)):
+            walls = build_walls(segments)
+            expected = reference.Decision(state, me, heeded[me], Rules(), segments, partial(_free_ahead, walls))
+            # The slow twin measures distances to walls exactly, kernels on a grid.
+            alike += abs(wanted["rank"][me] - expected.rank) < 1e-9
+            by_itself = 100.0 + 20.0 * state["share"][me]
+            seen["lasting by itself"] += wanted["rank"][me] == by_itself
+            seen["pushed on"] += expected.goes and max(expected.pressing(), default=0.0) == wanted["rank"][me]
+            seen["gave way"] += wanted["rank"][me] > 31.0 and expected.give_way() is not None
+        assert alike >= len(state) - 2
+    assert min(seen.values()) > 0, seen
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -255,7 +287,7 @@ def test_people_behind_walls_are_no_opposing_traffic(wall: float, told: bool) ->
 
 @pytest.mark.parametrize("stuck", [3.0, 6.0])
 @pytest.mark.parametrize("wall", [-0.14, 0.14])
-def test_who_is_stuck_for_long_beside_a_wall_steps_aside_to_where_there_is_room(wall: float, stuck: float) -> None:
+def test_who_is_stuck_for_long_beside_a_wall_gives_way_to_where_there_is_room(wall: float, stuck: float) -> None:
     """Beside low things, an agent pressed against them for good while the other one waited for it to step aside."""
     walls = np.array([[-5.0, wall, 5.0, wall]])
     state = agents(np.array([[0.0, 0.0], [0.45, 0.0]]), np.zeros(2), np.array([0, 1]), np.random.default_rng(2))
@@ -267,10 +299,31 @@ def test_who_is_stuck_for_long_beside_a_wall_steps_aside_to_where_there_is_room(
     expected = reference.Decision(state, 0, heeded[0], Rules(), walls, partial(_free_ahead, build_walls(walls)))
     found = _decide(state, near, walls)[0]
     np.testing.assert_allclose([found["vx"], found["vy"]], expected.velocity, atol=1e-9)
-    # Its own right, as ever, is at negative y.
-    to_the_left = wall < 0.0 and stuck > 5.0
-    assert (found["iy"] > 0.0) == to_the_left
     assert found["ix"] < 0.0
+    # Its own right, as ever, is at negative y; after long it goes back along a wall there.
+    assert (found["iy"] < -0.5) == (wall > 0.0 or stuck < 5.0)
+
+
+@kernel
+def _to_where_room_is(row, walls, ux, uy, ix, iy):
+    return to_where_room_is(row, walls, ux, uy, ix, iy)
+
+
+@pytest.mark.parametrize("in_the_way", ["legs", "torso"])
+def test_room_to_give_way_is_that_for_legs_and_torso(in_the_way: str) -> None:
+    """A table beside an agent is no room, nor is a shelf above its legs; to step towards the other is no way out."""
+    state = agents(np.zeros((1, 2)), np.zeros(1), np.zeros(1, int), np.random.default_rng(2))
+    things = np.array([[-5.0, -0.2, 5.0, -0.2]])
+    none = np.empty((0, 4))
+    walls = [build_walls(things if name == in_the_way else none) for name in ("legs", "torso")]
+    for angle in np.linspace(-math.pi, math.pi, 25):
+        way = np.array([math.cos(angle), math.sin(angle)])
+        found = np.array(_to_where_room_is(state[0], (*walls, 0.125), 0.0, -1.0, *way))
+        assert np.hypot(*found) == pytest.approx(1.0)
+        assert found @ way >= -0.5 - 1e-9
+        assert found[1] > -0.1
+    walls = [build_walls(none), build_walls(none)]
+    assert _to_where_room_is(state[0], (*walls, 0.125), 0.0, -1.0, 1.0, 0.0) == (0.0, -1.0)
 
 
 @pytest.mark.parametrize("offset", np.linspace(0.0, 1.0, 5))
@@ -303,7 +356,39 @@ def test_who_stays_wants_nothing():
     assert not wanted["turn"].any()
 
 
-@pytest.mark.parametrize("stuck", [4.0, 6.0, 10.5, 12.0, 30.0])
+@pytest.mark.parametrize("stuck", [9.0, 20.5, 21.5, 22.5])
+@pytest.mark.parametrize("opposed", [0.0, 1.0])
+@pytest.mark.parametrize("width", [0.9, 1.6])
+def test_jammed_agents_step_back_now_and_then(stuck: float, opposed: float, width: float) -> None:
+    """In a narrow passage, from those who come towards them, so that bodies that lean on each other come free."""
+    walls = np.array([(-5.0, 0.5 * width, 5.0, 0.5 * width), (-5.0, -0.5 * width, 5.0, -0.5 * width)])
+    rng = np.random.default_rng(4)
+    state = agents(np.array([(0.0, 0.0), (0.4, 0.0)]), np.zeros(2), np.array([0, 1]), rng)
+    state["gx"] = state["ix"] = 1.0
+    state["gy"] = state["iy"] = 0.0
+    state["stuck"], state["opposed"] = (stuck, 0.0), opposed
+    state["togo"] = state["key"] = 9.0
+    heeded, near = _near(state)
+    wanted = _decide(state, near, walls)
+    expected = reference.Decision(state, 0, heeded[0], Rules(), walls, partial(_free_ahead, build_walls(walls)))
+    np.testing.assert_allclose([wanted["vx"][0], wanted["vy"][0]], expected.velocity, atol=5e-3)
+    assert (wanted["vx"][0] < 0.0) == (20.0 <= stuck < 22.0 and opposed > 0.0 and width < 1.2)
+
+
+def test_the_right_of_way_of_a_jammed_agent_lasts_while_it_goes_on() -> None:
+    """The time stuck falls as soon as an agent makes progress; the right of way would change to another one then."""
+    walls = np.array([(-5.0, 0.45, 5.0, 0.45), (-5.0, -0.45, 5.0, -0.45)])
+    state = agents(np.zeros((1, 2)), np.zeros(1), np.zeros(1, int), np.random.default_rng(4))
+    ranks = []
+    for stuck in (9.9, 10.0, 20.0, 30.0, 12.0):
+        state["stuck"] = stuck
+        ranks.append(float(_decide(state, _near(state)[1], walls)["rank"][0]))
+    assert ranks[0] < 10.0
+    assert ranks[1] >= 100.0
+    assert len(set(ranks[1:])) == 1
+
+
+@pytest.mark.parametrize("stuck", [4.0, 6.0, 10.5, 12.0, 21.5, 25.5])
 @pytest.mark.parametrize("beside", [0.4, 1.2])
 @pytest.mark.parametrize("wall", [0.18, 0.6])
 def test_wedged_agents_turn_and_step_back_as_the_slow_twin(stuck: float, beside: float, wall: float) -> None:
@@ -321,4 +406,4 @@ def test_wedged_agents_turn_and_step_back_as_the_slow_twin(stuck: float, beside:
     np.testing.assert_allclose([wanted["vx"][0], wanted["vy"][0]], expected.velocity, atol=2e-3)
     assert (wanted["turn_sin"][0] == 1.0) == (stuck > WEDGED_AFTER and wall < 0.2)
     assert wanted["vx"][0] >= -STEP_BACK
-    assert (wanted["vx"][0] < 0.0) == (stuck in (10.5, 30.0) and wall < 0.2 and beside > 1.0)
+    assert (wanted["vx"][0] < 0.0) == (stuck in (10.5, 25.5) and wall < 0.2 and beside > 1.0)

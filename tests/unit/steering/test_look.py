@@ -16,6 +16,7 @@ from crowdsim.steering.row_kernels import ROW, gather_rows, measure_rows, sort_r
 from crowdsim.steering.rules import Rules
 from crowdsim.steering.walls import build_walls
 from tests.reference import steering_reference as reference
+from tests.reference.steering_room import passage_width
 from tests.support.steered import agents
 
 
@@ -166,7 +167,7 @@ def test_lanes_are_too_narrow_for_two(seed):
         walls = build_walls(segments)
         for _ in range(40):
             place = rng.uniform(-3.0, 3.0) * way + rng.uniform(-0.5, 0.5) * (width - 0.3) * across
-            room = reference.passage_width(segments, place, way)
+            room = passage_width(segments, place, way)
             assert room == pytest.approx(width)
             assert _is_lane(walls, *place, *way, 0.9) == (room < 0.85)
     one_wall = build_walls([[-9.0, 0.0, 9.0, 0.0]])

@@ -24,9 +24,10 @@ def costs_of(ground, crowding, lines, out):
         out[n] = line_cost(ground, crowding, lines[n, 0], lines[n, 1], lines[n, 2], lines[n, 3], np.inf)
 
 
-def spread(places, cell=0.5, size=20):
+def spread(places, counts=None, cell=0.5, size=20):
     weights = np.zeros((size, size), np.int64)
-    add_agents(np.ascontiguousarray(places, np.float64), 0.0, 0.0, cell, weights)
+    counts = np.ones(len(places)) if counts is None else counts
+    add_agents(np.ascontiguousarray(places, np.float64), counts, 0.0, 0.0, cell, weights)
     return weights
 
 
@@ -37,6 +38,13 @@ def test_density_is_what_pairs_sum_up_to():
     centers = np.stack(np.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
     assert found.ravel() == pytest.approx(guidance_reference.density(places, centers), abs=1e-4)
     assert spread([[5.1, 5.3]]).sum() / GRAIN * 0.25 == pytest.approx(1.0, abs=0.06)
+
+
+def test_who_counts_for_several_adds_as_much_as_they():
+    places = np.random.default_rng(0).uniform(0.0, 10.0, (40, 2))
+    counts = np.arange(40) % 4 + 1.0
+    # Each weight is rounded to a whole number of grains.
+    assert np.abs(spread(places, counts) - spread(places.repeat(counts.astype(int), axis=0))).max() < 100
 
 
 def test_density_does_not_depend_on_the_order():
@@ -121,6 +129,20 @@ def test_only_those_change_whom_it_saves_two_fifths():
     # Nothing has changed since: nobody changes again.
     assert guidance.refresh(0, state, following) == 0
     assert guidance.newest(0) is not guidance.newest(1)
+
+
+@pytest.mark.parametrize(("goal", "stuck", "changes"), [(1, 4.0, 0), (1, 20.0, 1), (0, 20.0, 0)])
+def test_people_go_around_those_who_have_long_been_stuck_on_their_way_elsewhere(goal, stuck, changes):
+    """Ten who stand at a door are not worth the way to the other one, unless they face people who will not let go."""
+    ground = ground_of([TWO_DOORS, TWO_DOORS])
+    guidance = Guidance(ground, [GOAL, [1.0, 5.0]], asked_of(BEHAVIORS))
+    state = rows_at(np.concatenate([[[3.5, 4.4]], JAM[::3]]))
+    state["goal"][1:] = goal
+    state["stuck"][1:] = stuck
+    following = np.full(len(state), PLAIN, np.int32)
+    guidance.write(state, following)
+    guidance.refresh(0, state, following)
+    assert (following[0] == 1) == changes
 
 
 def test_people_go_around_others_at_an_open_corner_but_not_before_a_door():

@@ -1,0 +1,212 @@
+"""Agents that have long been stuck: wedged beside a wall, or jammed among others.
+
+Wedged ones turn their shoulders, and step back to try again; the commit lets them turn past the corners of walls, too
+(:mod:`turn_kernels`). Those that meet opposing traffic are stuck for other reasons, and are not wedged.
+
+A jam in a passage dissolves if one agent goes first for long enough to get out, and those in its way go back until they
+are out of it, one after the other. So the right of way lasts (:func:`rank_of`), is taken over by those in front who go
+the same way (:func:`push_on`), and who gives way goes to where there is room (:func:`way_aside`). Bodies that lean on
+each other so that none can move come apart as each steps back now and then (:func:`press_or_step_back`).
+
+``mine`` is the row of the agent (ROW), ``near`` (NEAR[n]) are its neighbors, of which the first ``count`` count,
+``walls`` those of legs and torso, with the radius of the legs [m], as for the decision.
+"""
+
+import math
+
+from crowdsim.geometry.elementary_kernels import cos_sin
+from crowdsim.jit import helper
+from crowdsim.steering.capsule_kernels import gap_to
+from crowdsim.steering.wall_kernels import LANE_SPARE, distance_at, free_ahead, is_in_sight
+
+WEDGED_AFTER = 5.0
+"""Time stuck after which an agent beside a wall counts as wedged, and one that gives way looks for room [s]."""
+
+HINDERS = 0.3
+"""Gap below which another agent hinders a wedged one, which then waits instead of stepping back [m]."""
+
+JAMMED_AFTER = 10.0
+"""Time stuck after which the right of way lasts, and no longer grows with the time [s]."""
+
+LASTING = 100.0
+"""Lowest lasting rank of an agent by itself: above any time stuck."""
+
+RANKS = 20.0
+"""Range of lasting ranks."""
+
+NARROW = 1.2
+"""Width between walls below which a passage is narrow: two bodies hardly pass [m]."""
+
+HANDED_ON = 0.05
+"""By how much a lasting rank falls when an agent takes it over, so that none lives on when its owner has left."""
+
+CYCLE = 10.0
+"""Period in which the time stuck runs once it has come to STUCK_MOST [s]: jammed agents use it as a clock."""
+
+STUCK_MOST = 30.0
+"""Upper limit of the time that an agent counts as stuck [s]."""
+
+STEPS_OUT = 2.0
+"""Time at the beginning of each CYCLE in which a jammed agent steps back [s]."""
+
+STEP_BACK = 0.3
+"""Speed at which a jammed or wedged agent steps back [m/s]."""
+
+ROOM = 1.0
+"""Distance to which an agent that gives way looks for room [m]."""
+
+_PREFERRED = 0.25
+"""Room that the preferred direction may lack against the opposite one, by half of it at a right angle [m]."""
+
+_DIRECTIONS = 16
+
+
+@helper
+def is_wedged(mine, walls):
+    """Return True if an agent has been stuck for long beside a wall of the torso's layers."""
+    return mine.stuck > WEDGED_AFTER and distance_at(walls[1], mine.x, mine.y) < mine.half + mine.radius
+
+
+@helper
+def steps_back(mine, near, count):
+    """Return True while a wedged agent that nobody hinders steps back to try again: a second in WEDGED_AFTER."""
+    if mine.stuck < 2.0 * WEDGED_AFTER or mine.stuck % WEDGED_AFTER >= 1.0:
+        return False
+    least = math.inf
+    for n in range(count):
+        least = min(least, gap_to(mine, near[n]))
+    return least >= HINDERS
+
+
+@helper
+def is_jammed(mine, walls):
+    """Return True if an agent has been stuck for JAMMED_AFTER, and walls of any layer beside its way are near."""
+    if mine.stuck < JAMMED_AFTER:
+        return False
+    # As in is_lane: a disc as broad as a narrow passage overlaps walls on both sides, wherever it is moved across.
+    legs, torso, _ = walls
+    off = 0.5 * NARROW - min(distance_at(legs, mine.x, mine.y), distance_at(torso, mine.x, mine.y))
+    if off <= 0.0:
+        return False
+    most = 0.0
+    for side in (-off, off):
+        x = mine.x - side * mine.gy
+        y = mine.y + side * mine.gx
+        most = max(most, min(distance_at(legs, x, y), distance_at(torso, x, y)))
+    return most < 0.5 * NARROW - LANE_SPARE
+
+
+@helper
+def rank_of(mine, walls):
+    """Return the right of way of an agent by itself: the time stuck [s], or a lasting one while it is jammed.
+
+    Times of agents in a jam hardly differ, and an agent that moves on is no longer the one that is stuck longest: the
+    right of way would change to and fro. The lasting one depends on the agent alone.
+    """
+    return LASTING + RANKS * mine.share if is_jammed(mine, walls) else mine.stuck + 0.001 * mine.share
+
+
+@helper
+def is_lasting(rank):
+    """Return True if a rank is a lasting one, also after it was handed on many times."""
+    return rank > STUCK_MOST + 1.0
+
+
+@helper
+def handed_on(rank):
+    """Return the rank of an agent that takes over the right of way from one of ``rank``."""
+    return rank - (HANDED_ON if is_lasting(rank) else 0.001)
+
+
+@helper
+def push_on(rows, mine, near, count, walls, reach, rank):
+    """Return ``rank``, or the highest lasting one of agents of the same goal that press on behind this one.
+
+    It is in front of an agent within ``reach`` [m] if that comes towards it, on the same way (less than 73 degrees
+    off), with less than half of both breadths between their lines. ``rows`` (ROW[n]) are all agents.
+    """
+    for n in range(count):
+        seen = near[n]
+        other = rows[seen.row]
+        handed = handed_on(other.rank)
+        if other.goal != mine.goal or not is_lasting(other.rank) or handed <= rank or seen.distance > reach:
+            continue
+        ahead = -(seen.px * other.ix + seen.py * other.iy)
+        aside = abs(seen.px * other.iy - seen.py * other.ix)
+        if ahead <= 0.0 or aside >= mine.half + mine.radius + seen.half + seen.radius:
+            continue
+        along = other.ix * mine.gx + other.iy * mine.gy
+        if along >= 0.3 and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
+            rank = handed
+    return rank
+
+
+@helper
+def to_where_room_is(mine, walls, ux, uy, ix, iy):
+    """Return the unit vector along which walls leave an agent most room, near (ux, uy), and not against (ix, iy).
+
+    Room is the distance that walls leave to the legs and to a torso with turned shoulders, up to ROOM. (ix, iy) is the
+    way of the agent that goes first, to which it may be at 120 degrees at most.
+    """
+    legs, torso, leg_radius = walls
+    best = -math.inf
+    bx = ux
+    by = uy
+    for k in range(_DIRECTIONS):
+        cos, sin = cos_sin(2.0 * math.pi * k / _DIRECTIONS)
+        dx = ux * cos - uy * sin
+        dy = uy * cos + ux * sin
+        if dx * ix + dy * iy < -0.5:
+            continue
+        room = free_ahead(torso, mine.x, mine.y, dx, dy, mine.radius, ROOM)
+        room = min(room, free_ahead(legs, mine.x, mine.y, dx, dy, leg_radius, ROOM))
+        # Of directions alike, the first one stays.
+        if room + _PREFERRED * cos > best + 1e-9:
+            best = room + _PREFERRED * cos
+            bx = dx
+            by = dy
+    return bx, by
+
+
+@helper
+def way_aside(mine, seen, other, walls, rules):
+    """Return the velocity [m/s] with which an agent gets out of the way of ``other`` (ROW), and its unit vector.
+
+    It steps to the left of the other's way (to its own right, as they face each other), or to the right if it already
+    is 0.25 m to the right; and back, along the other's way. ``seen`` (NEAR) is the other as it sees it, ``rules`` the
+    constants of the model (Rules).
+    """
+    left = -(other.ix * seen.py - other.iy * seen.px)
+    side = 1.0 if left > -0.25 else -1.0
+    vx = -side * other.iy * rules.yield_aside + other.ix * rules.yield_along
+    vy = side * other.ix * rules.yield_aside + other.iy * rules.yield_along
+    pace = math.sqrt(vx * vx + vy * vy)
+    ux = vx / pace
+    uy = vy / pace
+    # Walls were not looked at: an agent that has not got out of the way for long goes to where there is room.
+    if mine.stuck > WEDGED_AFTER:
+        ux, uy = to_where_room_is(mine, walls, ux, uy, other.ix, other.iy)
+        vx = pace * ux
+        vy = pace * uy
+    return vx, vy, ux, uy
+
+
+@helper
+def press_or_step_back(mine, near, count, walls, wedged, opposed, speed, ux, uy):
+    """Return the velocity of an agent that walks along (ux, uy) at ``speed`` [m/s], unless it is time to step back.
+
+    A jammed one that meets opposing traffic (``opposed`` > 0) steps back against its guidance at the beginning of each
+    CYCLE, so that others come free; a ``wedged`` one from the wall, if nobody hinders it.
+    """
+    is_time = STUCK_MOST - CYCLE <= mine.stuck < STUCK_MOST - CYCLE + STEPS_OUT
+    if opposed > 0.0 and is_time and is_jammed(mine, walls):
+        return -STEP_BACK * mine.gx, -STEP_BACK * mine.gy
+    if wedged and steps_back(mine, near, count):
+        return -STEP_BACK * ux, -STEP_BACK * uy
+    return speed * ux, speed * uy
+
+
+@helper
+def next_stuck(stuck):
+    """Return the time stuck [s] within its limits, from one that a step has made longer or shorter."""
+    return max(stuck, 0.0) if stuck < STUCK_MOST else STUCK_MOST - CYCLE
