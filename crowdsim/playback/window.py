@@ -46,6 +46,19 @@ def window(
 
     Space plays and pauses, the arrow keys go a second back and forth, the slider anywhere; the mouse turns the camera.
 
+    Parameters
+    ----------
+    recording : Recording
+        What is shown; it stays open.
+    view : str
+        ``overview``, ``top``, or ``follow``, which needs an ``agent``.
+    agent : int or None
+        Number of the agent that the camera follows.
+    size : (int, int)
+        Width and height in pixels.
+    color_by : str
+        ``behavior``, ``agent``, ``level`` (captured or steered), or the name of an attribute.
+
     Raises
     ------
     DrawingUnavailable

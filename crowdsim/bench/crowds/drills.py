@@ -137,7 +137,10 @@ def run_drill(drill: Drill, seed: int, *, rules: Rules | None = None, threads: i
 
 
 def run_from(drill: Drill, state: State, *, rules: Rules | None = None, threads: int = 1) -> DrillResult:
-    """Run a drill from a state, in which a row's goal is the index of its group and its id the index of the row."""
+    """Run a drill from a state, in which a row's goal is the index of its group and its id the index of the row.
+
+    ``state`` is changed.
+    """
     need, asked = _needs()
     segments = outline_segments(drill.area)
     guidance = Guidance(build_ground([segments], need), [group.goal for group in drill.groups], asked)
@@ -179,7 +182,11 @@ def walk(
     rules: Rules | None = None,
     threads: int = 1,
 ) -> DrillResult:
-    """Step agents until all have arrived; an agent that has arrived leaves."""
+    """Step agents until all have arrived, for at most ``seconds``; an agent that has arrived leaves.
+
+    ``guide`` is called before each step: it sets ``gx``, ``gy`` and ``togo`` of all rows, the latter to 0 for those
+    that have arrived. The ``id`` of a row is its index in ``state``, which is changed.
+    """
     arrived = np.full(len(state), np.nan)
     changes = []
     with Steering(walls, walls, leg_radius=LEG_RADIUS, rules=rules, threads=threads) as steering:
@@ -223,7 +230,10 @@ def draw_agents(drill: Drill, seed: int) -> State:
 def make_agents(
     rng: np.random.Generator, places: NDArray[np.float64], goals: NDArray[np.int64], facing: NDArray[np.float64]
 ) -> State:
-    """Return agents of usual breadth and speed at ``places`` (n, 2) [m], facing along ``facing`` (n, 2)."""
+    """Return agents of usual breadth and speed at ``places`` (n, 2) [m], facing along ``facing`` (n, 2), of any length.
+
+    They stand, with ids 0 to n - 1; where they are guided (``gx``, ``gy``, ``togo``) is left to the caller.
+    """
     count = len(places)
     state = np.zeros(count, ROW)
     state["x"], state["y"] = places.T
@@ -242,7 +252,10 @@ def make_agents(
 def scatter(
     rng: np.random.Generator, count: int, within: tuple[float, float, float, float], apart: float = 0.52
 ) -> NDArray[np.float64]:
-    """Return random places (count, 2) in a rectangle, at least ``apart`` from each other [m]."""
+    """Return random places (count, 2) in a rectangle (x0, y0, x1, y1), at least ``apart`` from each other [m].
+
+    Raise ValueError if they find no room. Cells are 1 m wide, so ``apart`` is at most that.
+    """
     cells: dict[tuple[int, int], list[NDArray[np.float64]]] = {}
     found: list[NDArray[np.float64]] = []
     for _ in range(2000 * count):

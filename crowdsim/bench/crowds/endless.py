@@ -65,7 +65,10 @@ def run_endless(density: float, seed: int, *, both_ways: bool = False, rules: Ru
 
 
 def walk_endless(state: NDArray[Any], length: float, width: float, rules: Rules | None = None) -> EndlessResult:
-    """Step agents in an endless corridor, ``length`` long and ``width`` wide [m], and measure after SETTLING."""
+    """Step agents in an endless corridor, ``length`` long and ``width`` wide [m], and measure after SETTLING.
+
+    ``state`` is left as it is.
+    """
     walls = build_walls(np.array([[-9.0, 0.0, length + 9.0, 0.0], [-9.0, width, length + 9.0, width]]))
     speeds, changes = [], []
     gone = np.zeros(len(state))
@@ -87,7 +90,8 @@ def walk_endless(state: NDArray[Any], length: float, width: float, rules: Rules 
 def with_copies(state: NDArray[Any], length: float = LENGTH) -> NDArray[Any]:
     """Return all agents, then copies of those within AHEAD of an end, placed beyond the other end.
 
-    ``state`` is ROW[n], ``length`` that of the corridor [m].
+    ``state`` is ROW[n] and left as it is, ``length`` that of the corridor [m]. Ids number the rows returned; ``togo``
+    is the distance to a goal far ahead, which none reaches.
     """
     right, left = state[state["x"] < AHEAD], state[state["x"] >= length - AHEAD]
     shift(right, length)
@@ -99,13 +103,13 @@ def with_copies(state: NDArray[Any], length: float = LENGTH) -> NDArray[Any]:
 
 
 def shift(state: NDArray[Any], by: float | NDArray[np.float64]) -> None:
-    """Move agents (ROW[n]) ``by`` meters along the corridor, with their keys: those farther along have priority."""
+    """Move agents (ROW[n]) in place, ``by`` meters along +x, with their keys: those farther along have priority."""
     state["x"] += by
     state["key"] -= state["gx"] * by
 
 
 def draw_endless(density: float, seed: int, both_ways: bool) -> NDArray[Any]:
-    """Return people at different places of three rows, each displaced a little.
+    """Return people at a ``density`` [1/m2], at different places of three rows, each displaced a little.
 
     Their speeds are quantiles of the usual distribution in random order, so that the mean free speed is the same for
     all seeds: that of 26 random draws would vary by 0.05 m/s, as much as the lowest band is wide.

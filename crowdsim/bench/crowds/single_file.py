@@ -59,7 +59,7 @@ def run_single_file(density: float, width: float, seed: int, rules: Rules | None
 
 
 def draw_file(density: float, width: float, seed: int) -> State:
-    """Return people in the order of their rows, evenly spaced, each displaced a little."""
+    """Return people at a ``density`` [1/m] in the order of their rows, evenly spaced, each displaced a little."""
     rng = np.random.default_rng(seed)
     count = round(density * LENGTH)
     spacing = LENGTH / count

@@ -102,7 +102,10 @@ class Samples:
         """CPU time of a step, of all threads, mean of each window: on a machine shared with others the steadier one."""
 
     def add(self, step: int, steps: int, simulation: Simulation) -> None:
-        """Add the step that has just ended; callback of ``Simulation.run``."""
+        """Add the step that has just ended; callback of ``Simulation.run``, whose arguments are not needed.
+
+        Memory and times are noted once a window.
+        """
         now = time.perf_counter()
         self._steps.append(now - self._ended)
         if len(self._steps) == self._each:
@@ -123,7 +126,7 @@ class Samples:
 
 
 def growth(values: NDArray[np.float64]) -> float:
-    """Return how much evenly spaced values grow from first to last, as a share of their median.
+    """Return how much evenly spaced ``values`` (n,) grow from first to last, as a share of their median; 0 of one.
 
     The slope is the median over all pairs (Theil-Sen estimator), which outliers do not affect.
     """

@@ -25,7 +25,10 @@ _STAGES = ("sort", "look", "decide", "commit")
 
 
 def step_row(agents: int, density: float, rvo2: Rvo2 | None) -> dict[str, Any]:
-    """Return microseconds per agent and step by stage, with one and two threads, and those of RVO2 if given."""
+    """Return microseconds per agent and step by stage, with one and two threads, and those of RVO2 if given.
+
+    Agents have a ``density`` [1/m2].
+    """
     steps = min(max(AGENT_STEPS // agents, 12), 200)
     stages = _stage_times(agents, density, steps)
     one, two = (_step_times(agents, density, steps, threads) for threads in (1, 2))
@@ -40,7 +43,10 @@ def step_row(agents: int, density: float, rvo2: Rvo2 | None) -> dict[str, Any]:
 
 
 def open_square(agents: int, density: float, seed: int = 1) -> tuple[State, float]:
-    """Return agents in rows on an open square, walking in sixteen directions, and the side of the square [m]."""
+    """Return agents in rows on an open square, walking in sixteen directions, and the side of the square [m].
+
+    ``density`` [1/m2] is that of the square. Goals are the numbers of the directions, 0 to 15; none is ever reached.
+    """
     rng = np.random.default_rng(seed)
     side = math.sqrt(agents / density)
     across = math.ceil(math.sqrt(agents))
@@ -56,7 +62,10 @@ def open_square(agents: int, density: float, seed: int = 1) -> tuple[State, floa
 
 
 def turn_back(state: State, side: float, margin: float = 0.0) -> None:
-    """Let agents of a square that are nearer than ``margin`` to its edge, or outside, head for its middle [m]."""
+    """Let agents of a square that are nearer than ``margin`` to its edge, or outside, head for its middle.
+
+    Sets ``gx`` and ``gy`` of their rows. ``side`` is that of the square [m], ``margin`` is in meters.
+    """
     low, high = margin, side - margin
     out = (state["x"] < low) | (state["x"] > high) | (state["y"] < low) | (state["y"] > high)
     dx, dy = side / 2 - state["x"][out], side / 2 - state["y"][out]

@@ -38,7 +38,10 @@ _GROUP = """\
 
 
 def square_scenario(agents: int, density: float, seed: int = 1) -> str:
-    """Return agents all over a square at ``density`` [1/m2], a quarter per quadrant, walking to and fro endlessly."""
+    """Return the text of a scenario: agents on a square at ``density`` [1/m2], who walk to and fro endlessly.
+
+    A quarter of them starts in each quadrant.
+    """
     side = math.sqrt(agents / density)
     deep, far = max(0.05 * side, 2.0), side - 0.5
     west, east = [0.5, 0.5, deep, far], [side - deep, 0.5, far, far]

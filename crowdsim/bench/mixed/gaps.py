@@ -106,7 +106,10 @@ class LeastGaps:
 
 
 def between(before: NDArray[Any] | None, rows: NDArray[Any], part: float) -> NDArray[Any]:
-    """Return bodies interpolated from one step to the next, with the later step's shapes; without new ones."""
+    """Return bodies (ROW) interpolated from the rows ``before`` to those one step later; without new ones.
+
+    ``part`` is the share of the step, 0 to 1. Radii are those of the later step.
+    """
     if before is None:
         return rows[:0]
     _, old, new = np.intersect1d(before["id"], rows["id"], return_indices=True)
@@ -124,7 +127,7 @@ def between(before: NDArray[Any] | None, rows: NDArray[Any], part: float) -> NDA
 
 
 def near_pairs(places: Floats) -> NDArray[np.int64]:
-    """Return the pairs of places that are near each other."""
+    """Return (k, 2) the pairs of rows of ``places`` (n, 2) [m] that are within FAR of each other."""
     return cKDTree(places).query_pairs(FAR, output_type="ndarray").astype(np.int64) if len(places) else _NO_PAIRS
 
 
@@ -132,7 +135,7 @@ _NO_PAIRS = np.zeros((0, 2), np.int64)
 
 
 def cores(rows: NDArray[Any]) -> tuple[Floats, Floats]:
-    """Return both ends of the core segments of capsules, which lie across their headings."""
+    """Return both ends (n, 2) of the core segments of capsules (ROW[n]), which lie across their headings [m]."""
     middles = np.column_stack((rows["x"], rows["y"]))
     across = np.column_stack((-rows["hy"], rows["hx"])) * rows["half"][:, None]
     return middles - across, middles + across

@@ -93,7 +93,7 @@ def cast_of(scenario: Scenario, state: State) -> CrowdPlacement:
 def walk_mixed(
     scenario: Scenario, cast: CrowdPlacement | None = None, watch: Watch | None = None, seconds: float | None = None
 ) -> MixedResult:
-    """Run a scenario to its end, or to ``seconds``."""
+    """Run a scenario to its end, or to ``seconds``; call ``watch`` after each step with the time [s] and the crowd."""
     crowd = MixedCrowd(scenario, 2, None, cast)
     slow = present = 0
     try:

@@ -105,7 +105,7 @@ def measure(worlds: Path | None = None) -> Measurement:
 
 
 def prepare(world: Path, seconds: dict[str, float]) -> Prepared:
-    """Turn a world, with the floor in the .wkt beside it, into layers and meshes; ``seconds`` gets step times."""
+    """Turn a world, with the floor in the .wkt beside it, into layers and meshes; note times in ``seconds``."""
 
     def timed(step: str, call: Callable[[], Any]) -> Any:
         begin = time.perf_counter()
@@ -180,7 +180,7 @@ def measure_reach(table: _Table, name: str, prepared: Prepared) -> None:
 
 
 def pieces_reached(floor: BaseGeometry, obstacles: BaseGeometry, radius: float) -> list[BaseGeometry]:
-    """Return where the center of a disc can be, largest piece first."""
+    """Return the pieces of the floor at least ``radius`` [m] from obstacles, largest first, without tiny ones."""
     reached = polygons_only(floor.difference(obstacles.buffer(radius)))
     pieces = [piece for piece in reached.geoms if piece.area >= LEAST_PIECE]
     return sorted(pieces, key=lambda piece: -piece.area)

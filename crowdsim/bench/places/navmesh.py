@@ -51,7 +51,7 @@ class _Table:
         self.figures: dict[str, float] = {}
 
     def add(self, where: BenchMap, what: str, seconds: Floats, **more: float) -> None:
-        """Add a row for the times ``seconds`` of single queries."""
+        """Add a row for the times ``seconds`` (n,) of single queries [s], and figures; ``more`` are columns besides."""
         figures = {"median_us": float(np.median(seconds) * 1e6)}
         if len(seconds) > PASSES:
             figures["p95_us"] = float(np.quantile(seconds, 0.95) * 1e6)

@@ -179,7 +179,10 @@ class Switches:
     # From steered to captured
 
     def to_captured(self, view: View) -> None:
-        """Let agents whose search has found a motion become captured, if they can reserve its beginning."""
+        """Let agents whose search has found a motion become captured, if they can reserve its beginning.
+
+        ``view`` is that of the steered agents. Requests hold for one step: agents that do not change lose their plan.
+        """
         captured = self._captured
         asked, self._asked = self._asked, {}
         if not asked:
@@ -193,7 +196,10 @@ class Switches:
             captured.plans.forget(agent)
 
     def _enter(self, view: View, row: int, agent: int, asked: _Asked) -> bool:
-        """Let a steered agent play the node with which its search begins; return False if it cannot be reserved."""
+        """Let a steered agent play the node with which its search begins; return False if it cannot be reserved.
+
+        On success the agent, ``row`` of ``view``, leaves the steered world and appears in the captured one.
+        """
         captured, state = self._captured, view.row[row]
         node, frame = int(self.entries.node[asked.entry]), int(self.entries.frame[asked.entry])
         itineraries, assets = captured.itineraries, captured.assets

@@ -1,4 +1,9 @@
-"""Test of a timeline against the bodies of steered agents as they stand now."""
+"""Test of a timeline against the bodies of steered agents as they stand now.
+
+``timeline`` (K, 13) has the columns of :data:`crowdsim.crowd.state.components.SAMPLE`, ``k`` is one of its samples.
+``body`` is a record ROW of :mod:`crowdsim.steering.row_kernels`: a capsule around (x, y) that faces (hx, hy), with its
+core across that, to ``half`` meters either side.
+"""
 
 import math
 
@@ -14,7 +19,11 @@ BODY_ROOM = 0.01
 
 @helper
 def _bent_gap(timeline, k, body):
-    """Return the gap between a body and a track as it bends from sample ``k`` to the next one [m]."""
+    """Return the gap between a body and a track as it bends from sample ``k`` to the next one [m].
+
+    The track runs straight between the places at each quarter of the time, which the sample keeps, but for at most
+    REST, which is taken off. The breadth of the body on the track is not: the caller compares with it.
+    """
     gap = math.inf
     ax, ay = timeline[k, 0], timeline[k, 1]
     ux, uy = timeline[k + 1, 0] - ax, timeline[k + 1, 1] - ay

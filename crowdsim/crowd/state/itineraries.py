@@ -55,7 +55,7 @@ class Itineraries:
         self._aimed_at[agent] = NONE
 
     def aim(self, agent: int, place: NDArray[np.float64]) -> None:
-        """Let an agent go to ``place`` (2,) this time, instead of its own spot in the region that it goes to."""
+        """Let an agent go to ``place`` (2,) [m] this time, instead of its own spot in the region that it goes to."""
         self._aims[agent], self._aimed_at[agent] = place, self.reached[agent]
 
     def goal(self, agent: int, ahead: int = 0) -> NDArray[np.float64]:
@@ -64,7 +64,7 @@ class Itineraries:
         return self._aims[agent].copy() if self._aimed_at[agent] == reached else self.cast.goal(agent, reached)
 
     def stands(self, agent: int, ahead: int = 0) -> bool:
-        """Return True if it stands at that place, for a while or for good."""
+        """Return True if an agent stands at the place it goes to, or ``ahead`` places later, awhile or for good."""
         return self.cast.stands(agent, int(self.reached[agent]) + ahead)
 
     def request(
@@ -103,11 +103,11 @@ class Itineraries:
         return True
 
     def is_last(self, agent: int, ahead: int = 0) -> bool:
-        """Return True if it goes nowhere after that place."""
+        """Return True if an agent goes nowhere after the place that it goes to, or the one ``ahead`` places later."""
         return self.cast.is_last(agent, int(self.reached[agent]) + ahead)
 
     def reach(self, agent: int) -> float:
-        """Count the place as reached; return the time to stand there [s], 0 to go on at once."""
+        """Count the place as reached; return the time to stand there [s], 0 to go on at once, and at the last place."""
         last = self.is_last(agent)
         self._tries[agent] = 0
         self.reached[agent] += 1

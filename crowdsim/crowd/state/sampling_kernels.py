@@ -64,7 +64,7 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
 
 @helper
 def sample_places(graph, chain, count, breadths, frame, playback, out):
-    """Do as :func:`sample_chain`, but for the bends, which take as long and count only between samples."""
+    """Sample as :func:`sample_chain` does, with the same result, but leave the bends at 0, which take as long again."""
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     clock, slot_frames = playback.clock, playback.slot_frames
     k = 0

@@ -107,6 +107,7 @@ class AffectedAgents:
                 self._give_way(row, agent, edit.taken)
             if edit.freed is not None:
                 self._take_chance(row, agent, edit.freed)
+        # Agents that have a plan but do not walk it yet: they are about to enter, or still steered.
         for agent in sorted(self.plans.motions.keys() - present):
             plan = self.plans.motions[agent]
             position = plan.departure[:2]

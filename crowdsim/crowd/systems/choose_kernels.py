@@ -3,9 +3,11 @@
 Rows are processed in order, and each reads the timelines that earlier ones reserved in the same step.
 
 Arguments of all helpers: ``rows`` (columns of all rows), ``progress`` and ``scratch`` as of
-:mod:`crowdsim.crowd.systems.going_on`; ``table`` (PlanTable), the plans of all agents; ``obstacles``, ``everyone`` (the
+:mod:`crowdsim.crowd.systems.going_on`; ``row``, one of the rows, and ``agent``, the number of its agent; ``table``
+(:class:`crowdsim.crowd.search.plan_table.PlanTable`), the plans of all agents; ``obstacles``, ``everyone`` (the
 timelines of all rows) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of its node from
-which a row goes on. ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`).
+which a row goes on. ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`). Rates are in
+ticks per step, FRAME_TICKS of which are a frame.
 """
 
 import math
@@ -69,7 +71,7 @@ EXTENDED, REFUSED = 0, 1
 
 @helper
 def plan_of(table, agent):
-    """Return nodes (n,) int32, origins and blend offsets (n, 3) of an agent's plan."""
+    """Return nodes (n,) int32, origins and blend offsets (n, 3) [m, rad] of the plan of an agent, which has one."""
     # The table holds the addresses of arrays that the plan keeps alive.
     places, count = table.places[agent], np.int64(table.nodes[agent])
     return (
@@ -81,7 +83,7 @@ def plan_of(table, agent):
 
 @helper
 def rates_of(table, agent):
-    """Return the rates (n,) of the nodes of an agent's plan while nothing is in its way [ticks/step]."""
+    """Return the rates (n,) int64 of the nodes of an agent's plan while nothing is in its way [ticks/step]."""
     return array_at(table.places[agent][3], (np.int64(table.nodes[agent]),), np.int64)
 
 
@@ -105,7 +107,10 @@ def frame_of(graph, rows, row, playback):
 
 @kernel
 def playback_of(graph, rows, row, playback, wanted):
-    """Return the playback of a row from now on, at a rate that approaches ``wanted``; a standing row starts at it."""
+    """Return the playback of a row from now on, at a rate that approaches ``wanted`` [ticks/step].
+
+    A standing row starts at that rate, and at a whole frame. Clock and ramp are those of ``playback``.
+    """
     stands = graph.node_idle[rows.node[row]]
     return Playback(
         playback.clock,
@@ -132,14 +137,14 @@ def walks_through(table, progress, agent):
 
 @helper
 def is_last(table, progress, agent):
-    """Return True if the goal of its plan is the last one of an agent."""
+    """Return True if the goal of an agent's plan is its last one; never for endless rounds."""
     reached = progress.reached[agent] + table.passes[agent] + 1
     return reached == progress.rounds[agent] * progress.goals[agent]
 
 
 @helper
 def note_standing(graph, rows, scratch):
-    """Note, once a step, which rows stand and may be asked to give way.
+    """Note in ``scratch.may_move``, once a step, which rows stand and may be asked to give way.
 
     It is done when a row may ask for the first time, and holds for all later ones.
     """
@@ -151,7 +156,10 @@ def note_standing(graph, rows, scratch):
 
 @helper
 def own(obstacles, rows, row, ways):
-    """Return the obstacles of a row's body, from those of a body with a radius of 1 m; ``ways`` are to be kept free."""
+    """Return the obstacles of a row's body, from those of a body with a radius of 1 m.
+
+    ``ways`` (W, P, 2) are those of others that its stops keep free [m].
+    """
     radius = rows.body_radius[row]
     return Obstacles(
         obstacles.layers,
@@ -171,9 +179,10 @@ def own(obstacles, rows, row, ways):
 
 @helper
 def own_timeline(rows, row, timeline, gone, playback, everyone):
-    """Reserve a timeline (k, 13) for a row from the present slot on, and play its nodes as ``playback`` says.
+    """Reserve a timeline (K, 13) for a row from the present slot on, and play its nodes as ``playback`` says.
 
-    ``gone`` is the slot from which the row takes no room. The neighbor search gets the row's new circle.
+    ``gone`` is the slot from which the row takes no room. Sets the row's timeline, circle, slots and rates. The
+    neighbor search ``everyone.near`` gets the new circle.
     """
     # Circle around the first sample that contains all others; rounding must not leave any of them outside.
     circle = rows.timeline_circle[row]
@@ -199,6 +208,7 @@ def reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, 
     Arguments are those of :func:`go_on`; ``frame`` is that of the present node from which the row goes on.
 
     If it cannot at its natural rate, it tries the slowest one: then it need not stop behind others that walk ahead.
+    Its way and rank are set in any case; its timeline, rates and ``reserved`` (last reserved node) on success only.
     """
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
@@ -280,7 +290,7 @@ def slow_down(graph, rows, row, obstacles, everyone, scratch, playback, frame):
 
 @helper
 def follow(graph, rows, row, table, progress, frame):
-    """Enter the next node of a row's plan, which is reserved.
+    """Let a row enter the next node of its plan, which is reserved, when its present one ends.
 
     Return True if a search for a plan ends or begins with that.
     """

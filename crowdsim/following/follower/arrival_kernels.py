@@ -59,7 +59,8 @@ def _read_chain(graph, search, chain, count, bent):
 def _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
     """Turn the last ``bent`` transitions to the goal; return True if they end there, with the heading unless it is nan.
 
-    within: largest distance from the goal [m]. heading, tolerance: [rad].
+    within: largest distance from the goal [m]. heading, tolerance: [rad]. ``chain`` is filled and bent; the heading of
+    ``goal`` is scratch.
     """
     _read_chain(graph, search, chain, count, bent)
     # First to the place, with any heading.

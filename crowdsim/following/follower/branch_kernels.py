@@ -66,6 +66,7 @@ def _fit_heading(maps, guide, rules, node, heading, arc, window):
 
     The heading fits if it is a facing of the node's behavior, or of a behavior that may follow it here. The path's
     direction counts anywhere within ``window`` meters, as a body may round a corner sooner or later than its path.
+    ``node`` is one of the motion graph, ``heading`` [rad] the body's in the world. Pi if no behavior is allowed.
     """
     best = math.pi
     here = sample_index(guide, arc)
@@ -76,6 +77,7 @@ def _fit_heading(maps, guide, rules, node, heading, arc, window):
             continue
         for f in range(rules.facings.shape[1]):
             facing = rules.facings[b, f]
+            # Behaviors with fewer facings than others have nan in their place.
             if math.isnan(facing):
                 continue
             for i in range(begin, end + 1):
@@ -130,8 +132,9 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
 def _place_entry(graph, maps, guide, rules, laid, root, entry, x, y, heading, arc):
     """Lay an entry after the pose (x, y, heading) at ``arc``, steered to the path.
 
-    Write its node, edge, twist, origin and end to ``laid``. Without a root (-1), the entry is a node that begins at the
-    pose itself. Return False if its behavior is not allowed here.
+    The pose is the end of the parent [m, rad]. Write node, edge, twist, origin and end to row ``entry`` of ``laid``.
+    Without a root (-1), ``entry`` is a node of the motion graph that begins at the pose itself, with no edge and no
+    twist. Return False, and write nothing, if its behavior is not allowed at ``arc``.
     """
     node = entry
     edge = np.int64(NONE)
@@ -297,7 +300,7 @@ def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, jo
     A node of a wider behavior than planned needs the whole planned clearance (radius + margin), as the plan is narrow
     for lack of that space. ``depth`` is the number of nodes; ``hints`` are the triangles found last on each layer.
     ``stage_end`` (3,) is the pose before the branch. ``joined``: the branch follows the stage's end with a blend
-    offset, which fades out over a node's first frames.
+    offset, which fades out over a node's first frames. ``laid.free`` keeps what was found, as branches share nodes.
     """
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     for d in range(depth):

@@ -118,7 +118,7 @@ def _first_row(keys, begin, end, low):
 
 @helper
 def _facing_bins(rules, along):
-    """Return the map's heading bins, as bits, in or next to which a body moving in direction ``along`` may be."""
+    """Return, as bits, the heading bins of the map in or next to which a body moving along ``along`` [rad] faces."""
     bins = np.int64(0)
     for b in range(rules.facings.shape[0]):
         for f in range(rules.facings.shape[1]):

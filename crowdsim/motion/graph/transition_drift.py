@@ -85,9 +85,11 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
     standing = {name: _Standing.of(_clip_feet(names[name])) for name in sorted({place[0] for place in places})}
     heading = np.array([_heading(graph, node, names[place[0]], place[1]) for node, place in enumerate(places)])
     source, target = np.repeat(np.arange(graph.report.nodes), np.diff(arrays.edge_start)), arrays.edge_target
+    # Edges that leave a clip or its order; all others go on with the very next frame.
     joins = [places[a][0] != places[b][0] or places[a][2] != places[b][1] for a, b in zip(source, target, strict=True)]
     edges = np.flatnonzero(joins)
     like = _clip_feet(clips[0])
+    # Which points stand in the first steps of each node: those that fade after a transition into it.
     opening = np.zeros((len(places), BLEND_FRAMES, *like.lowest.shape), bool)
     for node, (name, first, last) in enumerate(places):
         planted = standing[name].planted[first : min(first + BLEND_FRAMES, last)]
@@ -96,6 +98,7 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
     for begin in range(0, len(edges), _EDGES):
         chosen = edges[begin : begin + _EDGES]
         a, b = source[chosen], target[chosen]
+        # Angles from each clip, as captured, to where it is played, in the frame in which the first node starts.
         ahead = arrays.node_motion[a, 2] + arrays.edge_transform[chosen, 2]
         turns = np.stack([-heading[a], ahead - heading[b]], axis=1)
         faded = standing_moves(_faded_steps(graph, a, chosen, like), opening[b])

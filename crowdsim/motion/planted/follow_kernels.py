@@ -52,7 +52,7 @@ def _pose(work, a, node, previous, frame, share):
 
 @helper
 def _place(work, foot):
-    """Return ball and heading of a foot of the body posed last."""
+    """Return ball x, y [m] and heading [rad] of a foot of the body posed last."""
     return place_of_foot(work.feet, foot, work.positions, work.rotations, 0)
 
 

@@ -4,10 +4,11 @@ A foot that stands keeps its place from touch-down until it lifts, through all n
 rolls and turns in the clip that is played moves it. While it swings, its displacement from the clip fades out.
 
 Arguments of all helpers: ``table`` (PoseTable) and ``feet`` (FootTable); ``foot``, 0 for the left and 1 for the right;
-``positions`` and ``rotations`` of the joints of all bodies, of which row ``a`` is one body; hip, knee, ankle and other
-points are triples [m], rotations are quaternions (w, x, y, z). ``a`` and ``b`` are vectors in products; ``turn`` is a
-rotation, ``target`` the ankle's place to be reached [m], ``most`` the share of its length to which the leg may stretch;
-``spans`` are the lengths of a periodic floor along x and y, 0 without ends [m].
+``positions`` (A, J, 3) and ``rotations`` (A, J, 4) of the joints of all bodies, which are bent in place and of which
+row ``a`` is one body; hip, knee, ankle and other points are triples [m], rotations are quaternions (w, x, y, z). ``a``
+and ``b`` are vectors in products; ``turn`` is a rotation, ``target`` the ankle's place to be reached [m], ``most`` the
+share of its length to which the leg may stretch; ``spans`` are the lengths of a periodic floor along x and y, 0 without
+ends [m].
 """
 
 import math
@@ -40,7 +41,7 @@ def shorter_way(way, span):
 
 @helper
 def place_in_clip(feet, first, last, foot, frame):
-    """Return ball and heading of a foot in a frame of the node with rows ``first`` to ``last``."""
+    """Return ball x, y [m] and heading [rad] of a foot in a frame of the node with rows ``first`` to ``last``."""
     row = first + int(frame)
     after = min(row + 1, last)
     part = frame - int(frame)
@@ -50,7 +51,7 @@ def place_in_clip(feet, first, last, foot, frame):
 
 @helper
 def place_of_foot(feet, foot, positions, rotations, a):
-    """Return ball and heading of a foot of posed body ``a``."""
+    """Return ball x, y [m] and heading [rad] of a foot of posed body ``a``."""
     ankle, ball = feet.legs[foot, 2], feet.legs[foot, 3]
     left = feet.across[foot]
     x, y, _ = rotate(quaternion(rotations[a], ankle), left[0], left[1], left[2])
@@ -123,7 +124,7 @@ def _shortest(a, b):
 
 @helper
 def _joint(positions, a, joint):
-    """Return the place of a joint of body ``a``."""
+    """Return the place of a joint of body ``a`` [m], as float64."""
     return float(positions[a, joint, 0]), float(positions[a, joint, 1]), float(positions[a, joint, 2])
 
 
@@ -153,7 +154,7 @@ def bent_leg(hip, knee, ankle, left, target, most):
 
 @helper
 def _move(positions, rotations, a, joint, turn, old, new):
-    """Turn a joint about ``old``, which moves to ``new``."""
+    """Turn a joint of body ``a`` by ``turn`` about the point ``old``, which moves to ``new`` [m]."""
     x, y, z = rotate(
         turn, positions[a, joint, 0] - old[0], positions[a, joint, 1] - old[1], positions[a, joint, 2] - old[2]
     )

@@ -191,6 +191,7 @@ def _join_four(m, w, h0):
         _push(w, middle, end)
     link(sides, h0, h2)
     _push(w, a, c)
+    # Both are corners of both triangles.
     touch(w, a)
     touch(w, c)
     return h1 // 3, h3 // 3
@@ -221,6 +222,7 @@ def _join_three(m, w, h0):
     _push(w, a, b)
     _push(w, b, c)
     _push(w, c, a)
+    # The walks around these find the changed triangle and touch b, see settle_kernels.
     touch(w, a)
     touch(w, c)
     return h1 // 3, h2 // 3

@@ -111,7 +111,7 @@ def triangle_of(m, x, y, hint):
 
 @helper
 def triangle_near(m, x, y, hint):
-    """Return the triangle that holds the point of the box nearest to (x, y), searched from triangle ``hint``."""
+    """Return the triangle that holds the point of the mesh's box nearest to (x, y), searched from triangle ``hint``."""
     frame = m.frame[0]
     x = min(max(snapped(frame.cell, x), frame.x0), frame.x1)
     y = min(max(snapped(frame.cell, y), frame.y0), frame.y1)

@@ -120,7 +120,7 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
 
     Return (points, their number, node, inside, vertex, edge, distance, x0, y0, x1, y1). ``node`` is -1 if nothing is
     too close. Otherwise the piece (x0, y0) -> (x1, y1) runs around node ``node`` (``inside``) or from there to the
-    next, and comes too close to a vertex or an edge.
+    next, and comes as near as ``distance`` to ``vertex`` or to the half-edge ``edge``; the other one is -1.
     """
     sides = m.sides
     vertices = m.vertices
@@ -154,7 +154,7 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
             cx, cy = c * cx - s * cy, s * cx + c * cy
             if k == 1 and abs(angle) < 3.0:
                 # The tangents stay clear of all that is not between the ends of the arc. So if the fan of triangles
-                # between these is open, the arc is free.
+                # between these is open, the arc is free. Wider turns are swept piece by piece.
                 room = abs(node.q) + math.sqrt(cx * cx + cy * cy)
                 if node.q < 0.0:
                     is_open, fan = arc_is_open(sides, vertices, node.vertex, -by, bx, -ay, ax, room)

@@ -98,7 +98,10 @@ def _lost_beside(graph, goals, stamp, goal, disc, n, cost, turned, label):
 
 @helper
 def _settle(graph, goals, stamp, goal, disc, n, label, cost, turned, straight, before):
-    """Make a better arrival the label of node n; return the bound of :func:`_least_lost` for the one it replaces."""
+    """Make a better arrival the label of node n; return the bound of :func:`_least_lost` for the one it replaces.
+
+    The bound is infinite if it replaces none.
+    """
     lost = np.inf
     if label.stamp == stamp:
         lost = _least_lost(graph, goals, stamp, goal, disc, n, label.cost, label.turned, cost, turned, straight)

@@ -58,7 +58,8 @@ def set_sight(sight, side, rx, ry, lx, ly):
 def _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
     """Return True if a foot seen from vertex v between x and y may lie at least ``least`` along q.
 
-    All are relative to v; xx, xy, yx and yy are the coordinates of x and y.
+    All are relative to v; xx, xy, yx and yy are the coordinates of x and y, which is to the left of x. q need not be of
+    unit length: a foot f counts if f . q >= ``least`` [m2].
 
     The foot is in the hull of v, x, y and the point opposite of v on their circle, so one of these must be far enough.
     """

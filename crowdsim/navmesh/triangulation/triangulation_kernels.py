@@ -310,7 +310,10 @@ def split_is_robust(sides, vertices, h, x, y):
 
 @helper
 def inside_circle(m, t, ax, ay, bx, by, lo, hi):
-    """Return the part of lo..hi of segment ab (0 at a, 1 at b) inside the circle of triangle t, slightly widened."""
+    """Return the part of lo..hi of segment ab (0 at a, 1 at b) inside the circle of triangle t, slightly widened.
+
+    It is empty if the first number is greater than the second.
+    """
     sides = m.sides
     vertices = m.vertices
     p = vertices[sides[3 * t].org]

@@ -21,7 +21,7 @@ SAME_PLACE = 1e-6
 
 @helper
 def _point_along(points, arc):
-    """Return the point (x, y) at ``arc`` meters along the polyline; beyond the end, its last point."""
+    """Return the point (x, y) at ``arc`` meters along a polyline ``points`` (n, 2); beyond the end, its last point."""
     last = points.shape[0] - 1
     for i in range(last):
         ux = points[i + 1, 0] - points[i, 0]
@@ -35,10 +35,11 @@ def _point_along(points, arc):
 
 @helper
 def _add_conflicts(points, sections, away, places, count):
-    """Append the new conflict points of a path to ``places`` (an array that grows); return (places, count).
+    """Append the new conflict points of a path to ``places`` (k, 2), filled up to ``count``; return both anew.
 
+    ``points`` (n, 2) is the path [m], ``sections`` (k, 3) its rows (behavior, start, end), 0 the narrowest behavior.
     Conflict points lie every ``MIN_SECTION`` along the sections of the narrowest behavior, or along the whole path if
-    no behavior fits it, and farther than ``away`` from both ends.
+    no behavior fits it, and farther than ``away`` meters from both ends.
     """
     last = points.shape[0] - 1
     for k in range(max(sections.shape[0], 1)):

@@ -146,6 +146,7 @@ def price_places(layers, hints, radii, costs, stations, spread, prices):
                     level -= 1
                 if level < 0:
                     break
+            # The widest behavior that fits, but none wider than pays here.
             prices[s, k] = costs[min(level, station.label)] if level >= 0 else math.inf
             # The path passes its own place, however narrow: there is always a choice.
             if level < 0 and k == SHIFTS // 2:

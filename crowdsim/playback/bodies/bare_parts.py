@@ -54,12 +54,12 @@ class BodyParts:
         self.fullness: list[Floats] = []
 
     def at(self, role: str) -> Floats:
-        """Return the position of the joint with ``role``."""
+        """Return the position (3,) of the joint with ``role`` in the modeled pose [m]."""
         place: Floats = self.places[self.skeleton.joint(role)]
         return place
 
     def end_of(self, role: str) -> Floats | None:
-        """Return the position of the end site at the joint with ``role``, if any."""
+        """Return the position (3,) [m] of the end site at the joint with ``role``, posed the same; None without one."""
         joint = self.skeleton.joint(role)
         rows = np.flatnonzero(self.skeleton.end_parents == joint)
         if not rows.size:
@@ -76,7 +76,23 @@ class BodyParts:
         fullness: Floats | float = 0.0,
         normals: Floats | None = None,
     ) -> None:
-        """Add a surface with its tissue, and the joints and weights that its vertices follow."""
+        """Add a surface of V vertices.
+
+        Parameters
+        ----------
+        surface : Surface
+            Points of the modeled pose [m].
+        tissue : Tissue
+            What all vertices are part of.
+        joints : (V, 2) int32 or int
+            The two joints that each vertex follows, or one that all follow.
+        weights : (V, 2) float64, optional
+            Their weights; by default all is due to the first.
+        fullness : (V,) float64 or float
+            Shares of a build's girth, see :class:`~crowdsim.playback.body_mesh.BodyMesh`.
+        normals : (V, 3) float64, optional
+            Unit normals; those of the surface by default.
+        """
         count = len(surface.points)
         self.triangles.append(surface.triangles + sum(len(points) for points in self.points))
         self.points.append(surface.points)
@@ -87,7 +103,7 @@ class BodyParts:
         self.fullness.append(np.broadcast_to(fullness, count))
 
     def head(self) -> None:
-        """Add neck, skull, hair down to the nape, and what a face needs to be one from afar."""
+        """Add neck, skull, hair down to the nape, and, unless the body is coarse, nose, ears, eyes and brows."""
         k = self.scale
         skull, neck = self.at("head"), self.at("neck")
         top = self.end_of("head")
@@ -130,7 +146,8 @@ class BodyParts:
     def hair(self, skull: Surface, local: Floats, head: int) -> None:
         """Add hair: the skull, thicker above the hairline and hidden below it, so that the hairline is smooth.
 
-        ``local`` (V, 3) are the places of its vertices ahead, to the left and up, in half axes of the skull.
+        ``local`` (V, 3) are the places of its vertices ahead, to the left and up, in half axes of the skull. ``head``
+        is the number of the joint that it moves with.
         """
         above = local[:, 2] - np.interp(local[:, 0], *_HAIRLINE)
         thick = self.scale * np.clip(_HAIR_SLOPE * above, -_HAIR_DEEP, _HAIR_THICK)
@@ -162,7 +179,7 @@ class BodyParts:
         self.add(ellipsoid(center + local @ axes, shape, 6), Tissue.HAIR, head)
 
     def hand(self, side: str) -> None:
-        """Add a hand: palm, bent fingers and thumb."""
+        """Add the hand of ``side``, left or right: palm, bent fingers, thumb; one ellipsoid if the body is coarse."""
         k = self.scale
         elbow, wrist = self.at(f"{side}_elbow"), self.at(f"{side}_wrist")
         hand = self.skeleton.joint(f"{side}_wrist")
@@ -183,7 +200,7 @@ class BodyParts:
         self.add(limb(thumb, thumb + (0.055 * along + 0.020 * wide) * k, [0.013 * k, 0.010 * k], 8), Tissue.SKIN, hand)
 
     def foot(self, side: str) -> None:
-        """Add a shoe with a flat sole that bends at the ball."""
+        """Add the shoe of ``side``, left or right, with a flat sole that bends at the ball."""
         k = self.scale
         ankle, ball = self.at(f"{side}_ankle"), self.at(f"{side}_toe")
         tip = self.end_of(f"{side}_toe")

@@ -94,7 +94,7 @@ class _Sculptor(BodyParts):
         )
 
     def trunk(self, rings: Floats) -> tuple[Trunk, Surface]:
-        """Return rings around the spine, see _SHIRT, as a distance and as a surface."""
+        """Return ``rings`` (K, 4) around the spine, see _SHIRT, as a distance and as a surface [m]."""
         k = self.scale
         hips = (self.at("left_hip") + self.at("right_hip")) / 2.0
         height = (self.at("left_shoulder") + self.at("right_shoulder")) / 2.0 - hips
@@ -107,7 +107,7 @@ class _Sculptor(BodyParts):
         return Trunk(centers[:, 2], centers[:, :2], depth, breadth, 2.3), surface
 
     def tube(self, points: Floats, radii: Floats) -> Surface:
-        """Return a tube along ``points`` (K, 3), bent in planes that hold X, with round ends."""
+        """Return a tube of ``radii`` (K,) along ``points`` (K, 3) [m], bent in planes that hold X, with round ends."""
         ways = np.diff(points, axis=0)
         along = unit(np.concatenate([ways[:1], unit(ways[:-1]) + unit(ways[1:]), ways[-1:]]))
         bulge = np.radians([75.0, 45.0, 20.0] if self.sides > COARSE else [50.0])
@@ -124,7 +124,10 @@ class _Sculptor(BodyParts):
         return loft(centers, width * u, width * np.cross(along, u), self.sides)
 
     def dress(self, trunk: tuple[Trunk, Surface], limbs: list[tuple[Floats, Floats]]) -> tuple[Skin, list[Surface]]:
-        """Return the skin over a trunk and limbs of points and radii, and their surfaces on it."""
+        """Return the skin over a trunk and limbs, and their surfaces, which are not moved to it yet: the trunk's first.
+
+        Each of the ``limbs`` is given by points (K, 3) and radii (K,) [m].
+        """
         tubes = [self.tube(points, radii) for points, radii in limbs]
         skin = Skin([trunk[0], *(Tube(points, radii) for points, radii in limbs)], _BLEND * self.scale)
         return skin, [trunk[1], *tubes]
@@ -138,7 +141,10 @@ class _Sculptor(BodyParts):
         weights: Floats,
         fullness: Floats,
     ) -> None:
-        """Add a part of clothes, moved to the skin."""
+        """Add a part of clothes, moved to the skin unless the body is coarse.
+
+        ``joints``, ``weights`` and ``fullness`` of its vertices are as of :meth:`BodyParts.add`.
+        """
         if self.sides <= COARSE:
             self.add(surface, tissue, joints, weights, fullness)
             return
@@ -187,7 +193,7 @@ class _Sculptor(BodyParts):
         self.wear(skin, body, Tissue.SHIRT, joints, weights, rings)
 
     def at_shoulder(self, trunk: Trunk, sleeve: Tube, points: Floats) -> Floats:
-        """Return by how much points near a shoulder follow the arm, the same on trunk and sleeve (V,)."""
+        """Return by how much, 0 to 1, points near a shoulder follow the arm, the same on trunk and sleeve (V,)."""
         return smoothstep(-0.05 * self.scale, 0.05 * self.scale, trunk(points) - sleeve(points))
 
     def trousers(self) -> None:

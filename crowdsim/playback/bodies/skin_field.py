@@ -35,7 +35,7 @@ class Trunk:
     power: float
 
     def __call__(self, points: Floats) -> Floats:
-        """Return signed distances."""
+        """Return signed distances (V,) of ``points`` (V, 3) [m], negative inside, from the last ring beyond an end."""
         z = np.clip(points[:, 2], self.heights[0], self.heights[-1])
         center, depth, breadth = (
             np.interp(z, self.heights, values) for values in (self.centers[:, 0], self.half_depths, self.half_breadths)
@@ -45,6 +45,7 @@ class Trunk:
         size = (np.abs(x / depth) ** self.power + np.abs(y / breadth) ** self.power) ** (1.0 / self.power)
         # Along the ray from the center, the surface is at 1 / size of the way.
         across = np.sqrt(x * x + y * y) * (1.0 - 1.0 / np.maximum(size, 1e-6))
+        # At the center no ray leads anywhere: the surface is a half axis away.
         across = np.where(size > 1e-3, across, -np.minimum(depth, breadth))
         above = np.abs(points[:, 2] - z)
         return np.where(above > 0.0, np.sqrt(above * above + np.maximum(across, 0.0) ** 2), across)
@@ -58,7 +59,7 @@ class Tube:
     radii: Floats
 
     def __call__(self, points: Floats) -> Floats:
-        """Return signed distances."""
+        """Return signed distances (V,) of ``points`` (V, 3) [m], negative inside."""
         nearest = np.full(len(points), np.inf)
         for a, b, first, last in zip(self.points, self.points[1:], self.radii, self.radii[1:], strict=False):
             along = b - a
@@ -76,7 +77,7 @@ class Skin:
     blend: float
 
     def distance(self, points: Floats) -> Floats:
-        """Return signed distances (V,) from the skin [m]."""
+        """Return signed distances (V,) of ``points`` (V, 3) from the skin [m], negative inside."""
         each = np.stack([part(points) for part in self.parts])
         least = each.min(axis=0)
         smooth: Floats = least - self.blend * np.log(np.exp((least - each) / self.blend).sum(axis=0))
@@ -90,7 +91,8 @@ class Skin:
     def shrink(self, points: Floats, reach: float) -> tuple[Floats, Floats]:
         """Return points (V, 3) moved to the skin, and by how much of 0 to 1 each of them lies on it (V,).
 
-        Points deeper than ``reach`` [m] below the skin are inside another part: they stay there.
+        Points deeper than ``reach`` [m] below the skin are inside another part: they stay there (0). Those down to half
+        of that are moved all the way (1), those between by a share. ``points`` itself is not changed.
         """
         deep = -self.distance(points)
         share = np.clip(2.0 - deep / (0.5 * reach), 0.0, 1.0)
@@ -101,7 +103,7 @@ class Skin:
 
 
 def smoothstep(low: float, high: float, values: Floats) -> Floats:
-    """Return 0 up to ``low``, 1 from ``high`` on, and a smooth step between."""
+    """Return 0 for ``values`` up to ``low``, 1 from ``high`` on, and a smooth step between."""
     u = np.clip((values - low) / (high - low), 0.0, 1.0)
     step: Floats = u * u * (3.0 - 2.0 * u)
     return step

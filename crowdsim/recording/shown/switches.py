@@ -34,7 +34,9 @@ class Switches(NamedTuple):
     steered: NDArray[np.bool_]
 
     def last(self, agents: Ints, step: int | Ints) -> Ints:
-        """Return (n,) the latest switch of each of ``agents`` that is shown by ``step``; NONE if there is none."""
+        """Return (n,) the row of the latest switch of each of ``agents`` shown by ``step``; NONE if there is none."""
+        # Agent and step in one sorted number, the step limited to stay within its agent; NONE in front is found if
+        # nothing else is.
         most = int(self.shown.max(initial=0)) + 2
         numbers = np.append(NONE, self.agents * most + self.shown)
         found = np.searchsorted(numbers, agents * most + np.minimum(step, most - 1), side="right") - 1
@@ -42,7 +44,7 @@ class Switches(NamedTuple):
         return last
 
     def at(self, agents: Ints, steps: Ints) -> Ints:
-        """Return (n,) the switch of each of ``agents`` in ``steps`` (n,), NONE if there is none."""
+        """Return (n,) the row of the switch of each of ``agents`` in ``steps`` (n,), NONE if there is none."""
         most = int(max(self.steps.max(initial=0), np.max(steps, initial=0))) + 1
         numbers = np.append(self.agents * most + self.steps, -1)
         wanted = agents * most + steps
@@ -51,7 +53,7 @@ class Switches(NamedTuple):
         return at
 
     def steer_in_playback(self, step: int) -> Ints:
-        """Return the agents, captured at ``step``, that playback shows as steered."""
+        """Return the agents (k,), captured at ``step``, that playback shows as steered."""
         first, end = np.minimum(self.steps, self.shown), np.maximum(self.steps, self.shown)
         agents: Ints = self.agents[(first <= step) & (step < end)]
         return agents

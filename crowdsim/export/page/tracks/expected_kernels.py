@@ -1,7 +1,7 @@
 """What a page expects of steered people: turns towards their direction, and phases that follow the track.
 
 Arguments of all helpers: ``x``, ``y`` and ``heading`` (T,) integers, the track of one person in the units of a page;
-``t`` a step; ``units`` (UNITS,) int64:
+``t`` a step; ``phase`` an integer, with ``cycle`` units to a cycle; ``units`` (UNITS,) int64:
 
 - PLACE, TURN, RATE, CYCLE: units of places per meter, of headings per turn, steps per second, and of phases per cycle;
 - MOST: the largest turn of a steered agent in a step, in units of turn;
@@ -62,10 +62,10 @@ def way_of(dx, dy, units):
 
 @helper
 def expected_turn(ahead, heading, units):
-    """Return the turn from ``heading`` to the direction ``ahead``, what is expected of it, and how near that is.
+    """Return the turn from ``heading`` to the direction ``ahead``, the expected turn, and the steps ``near`` it.
 
-    A turn that is off by no more steps than the third from the expected one is coded by that. A limited turn is met, or
-    not.
+    The expected turn is the first one, limited to MOST. A turn that is off from it by at most ``near`` steps is coded
+    by these steps. ``near`` is 0 for a limited turn, which is met exactly or not at all.
     """
     turn = units[TURN]
     most = units[MOST]
@@ -106,10 +106,11 @@ def cadence(speed, angle, turn):
     :func:`crowdsim.motion.deformed.phase_kernels.phase_rate` for the motion relative to the hips.
     """
     off = abs(angle)
-    # The hips turn along with the motion, the less so the slower it is, and the farther it is aside.
+    # The hips turn along with the motion, the less so the slower it is, and the farther it is aside; as of hip_turn.
     follows = min(speed / 0.4, 1.0)
     hip = 0.0 if off >= 1.4 else min(off, 1.4 - off)
     rest = off - hip * follows * follows
+    # Cosine by its series: a library's differs between machines, and the viewer must find the same.
     s = rest * rest
     c = 1.0 - s * (0.5 - s * (1.0 / 24.0 - s * (1.0 / 720.0 - s * (1.0 / 40320.0 - s / 3628800.0))))
     c = min(max(c, -1.0), 1.0)
@@ -148,7 +149,8 @@ def expected_phase(phase, x, y, heading, t, away, left, units):
     """Return the phase after step ``t``, which rule gives it (0 to 6), and the speed of the step [m/s].
 
     As :func:`crowdsim.motion.deformed.phase_kernels.advance_phases` has it, for a body that is ``away`` [m] from where
-    its rear foot belongs, whose heading was ``left`` [units of turn] there.
+    its rear foot belongs, whose heading was ``left`` [units of turn] there. Rules: 0 to 2 as of :func:`cadence`, 3
+    comes to a stand, 4 finishes a step, 5 sets off, 6 ends a step at the next stand.
     """
     turn = units[TURN]
     rate = units[RATE]
@@ -174,6 +176,7 @@ def expected_phase(phase, x, y, heading, t, away, left, units):
         steady = max(steady, min(6.0 * speed, 1.5))
         kind = 5
     after = phase + math.floor(steady / rate * cycle + 0.5)
+    # A body that hardly moves ends its step at the next stand.
     if after > stand + half and steady <= 0.75 and speed <= 0.1:
         return stand + half, 6, speed
     return after, kind, speed

@@ -7,9 +7,9 @@ Compression Conference, 2012). All numbers are integers, so that the viewer's tw
 same.
 
 Arguments of all helpers: ``state``, ``out`` and ``models`` of the coder, as of
-:mod:`crowdsim.export.page.tracks.range_kernels`; ``mixer`` (MIXER) models and weights; ``at`` (INPUTS integers) the
-first model of each context; ``row`` the first row of weights; ``bits`` the number of decisions. A number takes 2**bits
-models of each context, and as many rows.
+:mod:`crowdsim.export.page.tracks.range_kernels`; ``mixer`` (:class:`Mixer`) models and weights; ``at`` (INPUTS
+integers) the first model of each context; ``row`` the first row of weights; ``bits`` the number of decisions. A number
+takes 2**bits models of each context, and as many rows.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def new_mixer(models: int, rows: int) -> Mixer:
 
 @helper
 def _learn(mixer, model, bit):
-    """Adapt a model to an outcome, ``bit``."""
+    """Adapt a model, of which ``model`` is the number, to an outcome, ``bit``."""
     count = mixer.counts[model]
     chance = np.int64(mixer.chances[model])
     mixer.chances[model] = chance + (((65535 if bit else 0) - chance) * _SHARE[count] >> 15)
@@ -115,7 +115,7 @@ def put_leaf(state, out, mixer, at, row, bits, leaf):
 
 @helper
 def put_mixed(state, out, models, mixer, at, row, bits, value):
-    """Code ``value``, an integer near 0, from 1 - 2**(bits - 1) to 2**(bits - 1) - 1; others after an escape."""
+    """Code ``value`` near 0, from 1 - 2**(bits - 1) to 2**(bits - 1) - 1; other integers after leaf 0, an escape."""
     half = 1 << (bits - 1)
     near = -half < value < half
     put_leaf(state, out, mixer, at, row, bits, value + half if near else 0)

@@ -129,7 +129,8 @@ def put_whole(state, out, models, first, value):
 def put_number(state, out, models, first, bits, value):
     """Code an integer near 0 by ``bits`` decisions, the models of which begin at ``first``; others after an escape.
 
-    Integers from 1 - 2**(bits - 1) to 2**(bits - 1) - 1 are near. The first WHOLE models are those of all escapes.
+    Integers from 1 - 2**(bits - 1) to 2**(bits - 1) - 1 are near; leaf 0 is the escape. The first WHOLE models are
+    those of all escapes.
     """
     half = 1 << (bits - 1)
     near = -half < value < half

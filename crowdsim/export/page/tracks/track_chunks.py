@@ -84,24 +84,24 @@ class Events(NamedTuple):
 
 
 def place_units(chosen: Chosen) -> int:
-    """Return the integer units of places per meter."""
+    """Return the integer units of places per meter: fine ones if the agents have few positions in all."""
     return FINE_PLACES if len(chosen.agents) * chosen.steps <= _FEW else PLACES
 
 
 def turn_step(motion: MotionRecord, places: int) -> int:
-    """Return by how many units turns are corrected in a page with so many units of place per meter."""
+    """Return the step by which turns are coded [units of turn], for so many units of place per meter."""
     if len(motion.node_names):
         return _TURN_STEP
     return _FINE_TURN_STEP if places == FINE_PLACES else _COARSE_TURN_STEP
 
 
 def phase_step(places: int) -> int:
-    """Return by how many units phases are corrected in a page with so many units of place per meter."""
+    """Return the step by which phases are coded [units of phase], for so many units of place per meter."""
     return _FINE_PHASE_STEP if places == FINE_PLACES else _PHASE_STEP
 
 
 def plan_chunks(agents: int) -> ChunkPlan:
-    """Return chunks of as many steps as a browser decodes at once."""
+    """Return chunks of as many steps of ``agents`` agents as a browser decodes at once."""
     steps = int(np.clip(_SAMPLES // max(agents, 1), _SHORTEST, _LONGEST))
     return ChunkPlan(steps, 1)
 
@@ -126,7 +126,7 @@ class PackedStretches(NamedTuple):
     phases: NDArray[np.float64]
 
     def within(self, low: int, high: int) -> Ints:
-        """Return (S', 4) what of the stretches lies in steps ``low`` to before ``high``, counted from ``low``.
+        """Return (S', 4) the parts of stretches in steps ``low`` to before ``high``, counted from ``low``.
 
         Columns: agent, first step, step after the last, index in ``phases``.
         """
@@ -245,7 +245,8 @@ class _Ends:
     def take(self, rows: _Rows, headings: Ints, low: int, own: range) -> None:
         """Take those of the stretches whose last step is one of ``own``.
 
-        ``rows`` and ``headings`` (N, steps), which a decoder finds, begin at step ``low``.
+        ``rows`` and ``headings`` (N, steps), which a decoder finds, begin at step ``low``. The column of ``headings``
+        before ``own`` is set to what the chunk before ended with.
         """
         known, turn_step = self._stretches, float(self._units[TURN_STEP])
         if self._edge is not None:
@@ -276,7 +277,7 @@ class _Changes:
         self._parts: list[Ints] = []
 
     def take(self, rows: _Rows, first: int, span: slice) -> None:
-        """Record the changes in some steps, the first of which is step ``first`` of the page."""
+        """Record the changes in the steps ``span`` of ``rows``, the first of which is step ``first`` of the page."""
         state = rows.state[span].astype(np.int64)
         here = state != AgentState.ABSENT
         captured = here & (rows.node[span] >= 0)

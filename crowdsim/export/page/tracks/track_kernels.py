@@ -52,7 +52,7 @@ PLAIN_BITS, ON_BITS, FRAME_BITS = 7, 8, 6
 """The same of captured people: differences of places, turns, frames."""
 
 _CLASSES = 9
-"""Classes of the size of a difference, :func:`size_class`, and of a difference with its sign, :func:`coarse`."""
+"""Classes of the size of a difference, :func:`size_class`, and of a difference with its sign, :func:`_coarse`."""
 _SIGNED = 2 * _CLASSES
 _MOST_ACROSS = 29
 """Difference on the first axis beyond which contexts of the second one no longer differ."""
@@ -142,8 +142,12 @@ def _coarse(value):
 
 @helper
 def _put_places(state, out, models, mixer, x, y, steered, first, end, units):
-    """Code places (T,) x and y from step ``first`` to before ``end``."""
-    # Accelerations of the last step and of the one before, and the size of the latter.
+    """Code places (T,) x and y from step ``first`` to before ``end``.
+
+    The first place is coded as it is and the second one by its difference from the first; all later ones by their
+    acceleration, the second difference: that along x first, then that along y, which it helps to expect.
+    """
+    # Accelerations (ax, ay) of the last step and (bx, by) of the one before, and the size of the latter.
     ax = 0
     ay = 0
     bx = 0
@@ -199,9 +203,10 @@ def _turn_class(turn, most):
 
 @helper
 def _put_headings(state, out, models, mixer, x, y, exact, heading, steered, first, end, units, slack):
-    """Code headings (T,) near the ``exact`` ones [units of turn] from step ``first`` to before ``end``.
+    """Code headings (T,) near the ``exact`` ones (T,) float64 [units of turn] from step ``first`` to before ``end``.
 
-    ``heading`` becomes what a decoder finds.
+    ``heading`` becomes what a decoder finds. Turns of steered agents are coded as :func:`choose_turn` says, within
+    ``slack`` (2,); those of captured ones by their difference from the last turn, in steps of TURN_STEP.
     """
     turn = units[TURN]
     step = units[TURN_STEP]
@@ -245,6 +250,7 @@ def _put_headings(state, out, models, mixer, x, y, exact, heading, steered, firs
             _IS_NEAR[2] + (_SPEEDS * (_SPEEDS * lately + next_pace) + pace << 1),
         )
         put_leaf(state, out, mixer, at, _IS_NEAR_ROW + (lately << 1), 1, way)
+        # If a limited turn is met, near is 0 and nothing is left to code.
         if way == 0 and near > 0:
             at = (
                 _NEAR[0] + (pace << NEAR_BITS),
