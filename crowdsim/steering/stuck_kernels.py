@@ -31,14 +31,14 @@ JAMMED_AFTER = 10.0
 LASTING = 100.0
 """Lowest lasting rank of an agent by itself: above any time stuck."""
 
-RANKS = 20.0
+RANK_RANGE = 20.0
 """Range of lasting ranks."""
 
 NARROW = 1.2
-"""Width between walls below which a passage is narrow: two bodies hardly pass [m]."""
+"""Width between walls below which, less LANE_SPARE, a passage is narrow: two bodies hardly pass [m]."""
 
 HANDED_ON = 0.05
-"""By how much a lasting rank falls when an agent takes it over, so that none lives on when its owner has left."""
+"""By how much a lasting rank falls when an agent takes it over, so that it does not live on when its owner has left."""
 
 CYCLE = 10.0
 """Period in which the time stuck runs once it has come to STUCK_MOST [s]: jammed agents use it as a clock."""
@@ -46,17 +46,18 @@ CYCLE = 10.0
 STUCK_MOST = 30.0
 """Upper limit of the time that an agent counts as stuck [s]."""
 
-STEPS_OUT = 2.0
+STEPS_BACK_FOR = 2.0
 """Time at the beginning of each CYCLE in which a jammed agent steps back [s]."""
 
 STEP_BACK = 0.3
 """Speed at which a jammed or wedged agent steps back [m/s]."""
 
-ROOM = 1.0
+LOOKED_FOR = 1.0
 """Distance to which an agent that gives way looks for room [m]."""
 
 _PREFERRED = 0.25
-"""Room that the preferred direction may lack against the opposite one, by half of it at a right angle [m]."""
+"""Room that the preferred direction may lack against one at a right angle; twice as much against the opposite one [m].
+"""
 
 _DIRECTIONS = 16
 
@@ -80,10 +81,14 @@ def steps_back(mine, near, count):
 
 @helper
 def is_jammed(mine, walls):
-    """Return True if an agent has been stuck for JAMMED_AFTER, and walls of any layer beside its way are near."""
+    """Return True if an agent has been stuck for JAMMED_AFTER, and walls of any layer leave no room across its way.
+
+    Test by a disc as broad as a narrow passage, as :func:`is_lane` does: it is moved across the way, off the nearest
+    wall by as much as makes it touch that one if it is beside the agent. A single wall that stands obliquely ahead
+    counts, too: who is pressed against the corner of a mouth has to get in.
+    """
     if mine.stuck < JAMMED_AFTER:
         return False
-    # As in is_lane: a disc as broad as a narrow passage overlaps walls on both sides, wherever it is moved across.
     legs, torso, _ = walls
     off = 0.5 * NARROW - min(distance_at(legs, mine.x, mine.y), distance_at(torso, mine.x, mine.y))
     if off <= 0.0:
@@ -101,9 +106,10 @@ def rank_of(mine, walls):
     """Return the right of way of an agent by itself: the time stuck [s], or a lasting one while it is jammed.
 
     Times of agents in a jam hardly differ, and an agent that moves on is no longer the one that is stuck longest: the
-    right of way would change to and fro. The lasting one depends on the agent alone.
+    right of way would change to and fro. The lasting one depends on the agent alone, and stays until it has made
+    progress for half the time that it was stuck beyond JAMMED_AFTER, or is out of the narrow place.
     """
-    return LASTING + RANKS * mine.share if is_jammed(mine, walls) else mine.stuck + 0.001 * mine.share
+    return LASTING + RANK_RANGE * mine.share if is_jammed(mine, walls) else mine.stuck + 0.001 * mine.share
 
 
 @helper
@@ -120,20 +126,29 @@ def handed_on(rank):
 
 @helper
 def push_on(rows, mine, near, count, walls, reach, rank):
-    """Return ``rank``, or the highest lasting one of agents of the same goal that press on behind this one.
+    """Return ``rank``, or the highest lasting one of agents of the same goal that press on from behind.
 
-    It is in front of an agent within ``reach`` [m] if that comes towards it, on the same way (less than 73 degrees
-    off), with less than half of both breadths between their lines. ``rows`` (ROW[n]) are all agents.
+    Those are within ``reach`` [m], go the same way (less than 73 degrees off), and would walk into this agent: it is
+    ahead of them, beside their line by less than half of both breadths. One that is itself ahead of this agent does not
+    press it; two such agents would hand a rank to and fro. ``rows`` (ROW[n]) are all agents.
     """
     for n in range(count):
         seen = near[n]
         other = rows[seen.row]
         handed = handed_on(other.rank)
-        if other.goal != mine.goal or not is_lasting(other.rank) or handed <= rank or seen.distance > reach:
+        if (
+            other.goal != mine.goal
+            or mine.goal < 0
+            or not is_lasting(other.rank)
+            or handed <= rank
+            or seen.distance > reach
+        ):
             continue
         ahead = -(seen.px * other.ix + seen.py * other.iy)
         aside = abs(seen.px * other.iy - seen.py * other.ix)
-        if ahead <= 0.0 or aside >= mine.half + mine.radius + seen.half + seen.radius:
+        if ahead <= 0.0 or seen.px * mine.gx + seen.py * mine.gy > 0.0:
+            continue
+        if aside >= mine.half + mine.radius + seen.half + seen.radius:
             continue
         along = other.ix * mine.gx + other.iy * mine.gy
         if along >= 0.3 and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
@@ -145,8 +160,8 @@ def push_on(rows, mine, near, count, walls, reach, rank):
 def to_where_room_is(mine, walls, ux, uy, ix, iy):
     """Return the unit vector along which walls leave an agent most room, near (ux, uy), and not against (ix, iy).
 
-    Room is the distance that walls leave to the legs and to a torso with turned shoulders, up to ROOM. (ix, iy) is the
-    way of the agent that goes first, to which it may be at 120 degrees at most.
+    Room is the distance that walls leave to the legs and to a torso with turned shoulders, up to LOOKED_FOR. (ix, iy)
+    is the way of the agent that goes first, to which it may be at 120 degrees at most.
     """
     legs, torso, leg_radius = walls
     best = -math.inf
@@ -158,8 +173,8 @@ def to_where_room_is(mine, walls, ux, uy, ix, iy):
         dy = uy * cos + ux * sin
         if dx * ix + dy * iy < -0.5:
             continue
-        room = free_ahead(torso, mine.x, mine.y, dx, dy, mine.radius, ROOM)
-        room = min(room, free_ahead(legs, mine.x, mine.y, dx, dy, leg_radius, ROOM))
+        room = free_ahead(torso, mine.x, mine.y, dx, dy, mine.radius, LOOKED_FOR)
+        room = min(room, free_ahead(legs, mine.x, mine.y, dx, dy, leg_radius, LOOKED_FOR))
         # Of directions alike, the first one stays.
         if room + _PREFERRED * cos > best + 1e-9:
             best = room + _PREFERRED * cos
@@ -198,7 +213,7 @@ def press_or_step_back(mine, near, count, walls, wedged, opposed, speed, ux, uy)
     A jammed one that meets opposing traffic (``opposed`` > 0) steps back against its guidance at the beginning of each
     CYCLE, so that others come free; a ``wedged`` one from the wall, if nobody hinders it.
     """
-    is_time = STUCK_MOST - CYCLE <= mine.stuck < STUCK_MOST - CYCLE + STEPS_OUT
+    is_time = STUCK_MOST - CYCLE <= mine.stuck < STUCK_MOST - CYCLE + STEPS_BACK_FOR
     if opposed > 0.0 and is_time and is_jammed(mine, walls):
         return -STEP_BACK * mine.gx, -STEP_BACK * mine.gy
     if wedged and steps_back(mine, near, count):

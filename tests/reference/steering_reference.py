@@ -246,9 +246,10 @@ class Decision:
         for other in self.heeded:
             row, apart, its_way = self.state[other], self.apart(other), self.intent(other)
             breadth = self.mine["half"] + self.mine["radius"] + row["half"] + row["radius"]
-            in_front = -apart @ its_way > 0.0 and abs(cross(its_way, apart)) < breadth and its_way @ self.way >= 0.3
+            in_front = -apart @ its_way > 0.0 and apart @ self.way <= 0.0 and abs(cross(its_way, apart)) < breadth
+            same_way = its_way @ self.way >= 0.3 and row["goal"] == self.mine["goal"] >= 0
             near = np.hypot(*apart) <= self.rules.yield_reach and in_sight(self.walls, self.mine, row)
-            if row["goal"] == self.mine["goal"] and row["rank"] > 31.0 and in_front and near:
+            if row["rank"] > 31.0 and same_way and in_front and near:
                 ranks.append(handed_on(row["rank"]))
         return ranks
 

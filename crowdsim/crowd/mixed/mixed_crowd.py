@@ -266,7 +266,7 @@ class MixedCrowd:
         return {str(agent): self.captured.plans.unreachable[agent] for agent in outside.tolist()}
 
     def _has_no_way(self) -> NDArray[np.bool_]:
-        """Return True (n,) for agents to whose goals no path was found, which steering would not find either."""
+        """Return True (n,) for agents to whose goals no path was found; steered they would have to squeeze."""
         lost = np.zeros(self.count, np.bool_)
         for agent, reason in self.captured.plans.unreachable.items():
             lost[agent] = reason != NO_MOTION or not self.levels.may_steer[agent]

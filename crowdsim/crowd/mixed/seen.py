@@ -17,6 +17,7 @@ from crowdsim.scenario.people.walkers import Walkers
 from crowdsim.steering.guidance.guidance import PLAIN, Guidance
 from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.rules import Rules
+from crowdsim.steering.stuck_kernels import LASTING, RANK_RANGE
 from crowdsim.steering.ways import Others
 
 TRACK_ROOM = 0.015
@@ -26,7 +27,7 @@ more, the pieces between their quarters are reserved, too."""
 PUSHES_AFTER = 0.5
 """Time for which a captured agent is refused before steered ones in its way step aside [s]."""
 
-_PUSHING = 100.0
+_PUSHING = LASTING + RANK_RANGE
 """Rank of such an agent (plus the time), above that of any steered one."""
 
 
@@ -68,7 +69,7 @@ def seen(
     rows["share"] = walkers.shares[agents]
     rows["id"] = agents
     rows["turn"] = rows["held"] = -1.0
-    guidance.write(rows, np.full(len(agents), PLAIN, np.int32))
+    guidance.write(rows, np.full(len(agents), PLAIN, np.int32), lead_out=False)
     pace = hypot(rows["vx"], rows["vy"])
     rows["speed"] = pace
     # Intent: the direction of guidance, as tracks sway; without guidance, that of the velocity.

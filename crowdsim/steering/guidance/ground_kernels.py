@@ -22,7 +22,7 @@ from crowdsim.jit import helper, kernel
 
 BOX = 0.25
 """Side of a box [m]. Clearances are 0.2 m and more, so a box never holds free points on both sides of a thin wall; a
-larger box would."""
+larger box would, and so does a squeezed ground at an oblique wall less than 6 cm thick."""
 
 CORNER = BOX * math.sqrt(0.5)
 """Distance from the center of a box to its corners [m]."""

@@ -15,6 +15,7 @@ from crowdsim.steering.guidance.field import BOX_ROW, Field, guide, solve_field,
 from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground, squeezed_ground
 from crowdsim.steering.guidance.ground_kernels import BOX
 from crowdsim.steering.guidance.sample_kernels import LOST
+from crowdsim.steering.stuck_kernels import CYCLE, STUCK_MOST
 
 Goal: TypeAlias = BaseGeometry | ArrayLike
 """A region, or points (k, 2) [m]."""
@@ -46,7 +47,7 @@ class Weighing(NamedTuple):
     door, not around others who wait for the same door."""
     around: float = 0.8
     """The same for a path out of the crowd, which may save less: around an open corner, agents use the free width."""
-    late: float = 0.4
+    late: float = 0.5
     """By how much more an agent of another goal counts for each second that it has been stuck beyond ``late_after``."""
     late_after: float = 5.0
     """Time stuck from which on agents of other goals count more, so that those who face each other go around [s]."""
@@ -138,7 +139,12 @@ class Guidance:
         # The values of a box are columns of one array, so count that array once.
         shared = len(fields) * len(self.ground.widest) * BOX_ROW.itemsize
         own = sum(each.nbytes for field in fields for each in (field.heads, field.costs, field.points))
-        return shared + own + sum(each.nbytes for each in self.ground if isinstance(each, np.ndarray))
+        ground = sum(each.nbytes for each in self.ground if isinstance(each, np.ndarray))
+        if self._squeezed is not None:
+            # Walls and lists are those of the ground.
+            of_boxes = (self._squeezed.pins, self._squeezed.widest, self._squeezed.ways, self._squeezed.pure)
+            ground += sum(each.nbytes for each in of_boxes)
+        return shared + own + ground
 
     def newest(self, goal: int) -> Field:
         """Return the newest field of a goal."""
@@ -212,8 +218,9 @@ class Guidance:
             Number of agents that change to the new field.
         """
         places = np.column_stack((state["x"], state["y"]))
-        # Those who are long stuck on their way elsewhere are in the way for long.
-        late = self.weighing.late * np.maximum(state["stuck"] - self.weighing.late_after, 0.0)
+        # Those who are long stuck on their way elsewhere are in the way for long. The time stuck of jammed ones cycles.
+        stuck = np.minimum(state["stuck"], STUCK_MOST - CYCLE)
+        late = self.weighing.late * np.maximum(stuck - self.weighing.late_after, 0.0)
         counts = 1.0 + np.where(state["goal"] != goal, late, 0.0)
         crowding = crowding_of(self.ground, places, self.weighing, counts)
         # Without a crowd, all follow the field of the empty place again.
@@ -253,10 +260,11 @@ class Guidance:
         self._drop(goal, state, following)
         return changed
 
-    def write(self, state: NDArray[Any], following: NDArray[np.int32]) -> int:
+    def write(self, state: NDArray[Any], following: NDArray[np.int32], *, lead_out: bool = True) -> int:
         """Write gx, gy, togo, turn and held of all agents to their rows; return the number of agents without a path.
 
-        Agents that were pushed where no path leads, as into a gap between chairs, squeeze out of it.
+        Agents without a path, such as those who were pushed into a gap between chairs, squeeze through gaps in which
+        bodies just fit, unless ``lead_out`` is False.
 
         ``state`` (ROW[n]) are the agents. ``following`` (int32[n]) holds the numbers of the fields that they follow;
         PLAIN and those of dropped fields are replaced.
@@ -270,7 +278,9 @@ class Guidance:
                 agents = np.flatnonzero(mine & (following == number))
                 if len(agents):
                     without += guide(self.ground, field, self.asked, agents, state)
-            if without:
+            if without and not lead_out:
+                lost += without
+            elif without:
                 lost += self._lead_out(goal, np.flatnonzero(mine & (state["togo"] >= LOST)), state)
         return lost
 

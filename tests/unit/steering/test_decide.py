@@ -77,21 +77,21 @@ def _jammed(seed: int) -> tuple[State, np.ndarray]:
 
 def test_the_right_of_way_in_a_jam_is_that_of_the_slow_twin() -> None:
     seen = dict.fromkeys(("lasting by itself", "pushed on", "gave way"), 0)
+    alike = 0
     for seed in range(8):
         state, segments = _jammed(seed)
         heeded, near = _near(state)
         wanted = _decide(state, near, segments)
-        alike = 0
         for me in range(len(state)):
             walls = build_walls(segments)
             expected = reference.Decision(state, me, heeded[me], Rules(), segments, partial(_free_ahead, walls))
-            # The slow twin measures distances to walls exactly, kernels on a grid.
+            # The slow twin measures distances to walls exactly, kernels on a grid: some places are narrow for one only.
             alike += abs(wanted["rank"][me] - expected.rank) < 1e-9
             by_itself = 100.0 + 20.0 * state["share"][me]
             seen["lasting by itself"] += wanted["rank"][me] == by_itself
             seen["pushed on"] += expected.goes and max(expected.pressing(), default=0.0) == wanted["rank"][me]
             seen["gave way"] += wanted["rank"][me] > 31.0 and expected.give_way() is not None
-        assert alike >= len(state) - 2
+    assert alike >= 0.93 * 8 * 24
     assert min(seen.values()) > 0, seen
 
 
@@ -386,6 +386,33 @@ def test_the_right_of_way_of_a_jammed_agent_lasts_while_it_goes_on() -> None:
     assert ranks[0] < 10.0
     assert ranks[1] >= 100.0
     assert len(set(ranks[1:])) == 1
+
+
+@pytest.mark.parametrize("off", [0.15, 0.3, 0.5])
+@pytest.mark.parametrize("layer", [0, 1])
+def test_who_walks_along_a_single_wall_is_not_jammed(off: float, layer: int) -> None:
+    state = agents(np.zeros((1, 2)), np.zeros(1), np.zeros(1, int), np.random.default_rng(4))
+    state["stuck"] = 20.0
+    for sides in (1, 2):
+        segments = np.array([(-9.0, off, 9.0, off), (-9.0, -0.4, 9.0, -0.4)])[:sides]
+        walls = [np.empty((0, 4))] * 2
+        walls[layer] = segments
+        wanted = np.zeros(1, WANTED)
+        order, near = np.zeros(1, np.int32), np.full((1, MOST_NEAR), -1, np.int32)
+        decide_rows(state, near, 0, 1, order, 1, (*map(build_walls, walls), 0.1), Rules(), wanted)
+        # A passage is narrow, too, if its walls are in the legs' layer only.
+        assert (wanted["rank"][0] >= 100.0) == (sides == 2)
+
+
+def test_a_right_of_way_ends_with_its_owner() -> None:
+    """Two of one goal whose ways meet, each beside the other's, once handed a rank to and fro for three minutes."""
+    state = agents(np.array([(0.0, 0.0), (0.45, 0.0)]), np.zeros(2), np.zeros(2, int), np.random.default_rng(4))
+    ways = np.radians([60.0, 120.0])
+    state["gx"], state["gy"] = np.cos(ways), np.sin(ways)
+    state["ix"], state["iy"], state["rank"] = state["gx"], state["gy"], 119.0
+    wanted = _decide(state, _near(state)[1])
+    state["rank"] = wanted["rank"]
+    assert (_decide(state, _near(state)[1])["rank"] < 31.0).all()
 
 
 @pytest.mark.parametrize("stuck", [4.0, 6.0, 10.5, 12.0, 21.5, 25.5])
