@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from crowdsim.motion.captures.bvh_writer import write_bvh
 from crowdsim.motion.captures.reader import read_clip
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.graph import motion_graph
+from crowdsim.recording.shown.foot_drift import shown_stances
 from tests.support.capture_conventions import CONVENTIONS, VARIANTS, rewritten
 
 CORRIDOR = """\
@@ -163,13 +166,20 @@ agents:
 """
 
 
+def all_left_out(candidates: Any, leave: Any, enter: Any, _: float) -> Any:
+    """Candidates without the transitions that skate, also where an agent could rest only by one of them."""
+    needed = candidates.needed.copy()
+    needed[leave, enter] = np.inf
+    return replace(candidates, needed=needed)
+
+
 @pytest.mark.parametrize("is_kept", [True, False], ids=["rests are kept", "rests are left out"])
 def test_those_who_have_stopped_before_a_gap_go_on(
     shared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_kept: bool
 ) -> None:
     """Also if no idle clip may follow the stop. Two of three once stood for good, as transitions to rest skated."""
     if not is_kept:
-        monkeypatch.setattr(motion_graph, "_without", lambda *_: np.inf)
+        monkeypatch.setattr(motion_graph, "_without", all_left_out)
     folder = tmp_path / "captures"
     folder.mkdir()
     copied(shared / "mocap", folder, "16_47*", "16_58*")
@@ -181,6 +191,24 @@ def test_those_who_have_stopped_before_a_gap_go_on(
     assert all(assets.idle_after(int(node)) >= 0 for node in ends) == is_kept
     with simulation.run(tmp_path / "queue.h5") as recording:
         assert recording.summary["arrived"] == 6
+
+
+@pytest.mark.parametrize("patterns", [("16_*slow*",), ("16_47*", "16_58*")], ids=["slow walks", "two normal walks"])
+def test_those_who_stop_before_a_gap_drag_no_foot(shared: Path, tmp_path: Path, patterns: tuple[str, ...]) -> None:
+    """A made stop comes to a moment of rest in a stride before it draws up the other foot: that is no place to stay.
+
+    Agents that stayed there dragged a foot by up to 8.7 cm to the stand, which has both feet side by side.
+    """
+    folder = tmp_path / "captures"
+    folder.mkdir()
+    copied(shared / "mocap", folder, *patterns)
+    file = tmp_path / "queue.yaml"
+    file.write_text(QUEUE.format(folder=folder))
+    with crowdsim.Simulation(crowdsim.load_scenario(file)).run(tmp_path / "queue.h5") as recording:
+        assert recording.summary["arrived"] == 6
+        drift = shown_stances(recording)
+    assert len(drift.shown) > 60
+    assert (drift.shown - drift.own).max() <= 0.005
 
 
 SUBJECTS = {

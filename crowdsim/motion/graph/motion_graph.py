@@ -110,7 +110,7 @@ def build_motion_graph(
     leave, enter = np.flatnonzero(keep)[skating_edges(graph, [source.clip for source in sources], most_drift)]
     if not len(leave):
         return graph
-    candidates.needed[leave, enter] = _without(candidates, leave, enter, threshold)
+    candidates = _without(candidates, leave, enter, threshold)
     if whole and _edges(candidates, threshold)[2].sum() < keep.sum():
         return graph
     graph, _ = _joined(candidates, threshold)
@@ -120,18 +120,29 @@ def build_motion_graph(
 
 def _without(
     candidates: _Candidates, leave: NDArray[np.int64], enter: NDArray[np.int64], threshold: float
-) -> NDArray[np.float64]:
-    """Return the thresholds (n,) of transitions that are left out: infinite, but for those that let a node rest."""
+) -> _Candidates:
+    """Return the candidates without the transitions from nodes ``leave`` (n,) to ``enter`` (n,), as far as agents rest.
+
+    A node that ends standing in a stride, before the other foot is drawn up, is no stand if its capture goes on to one
+    from which an idle clip follows. From other nodes without any, the nearest idle clip does nevertheless.
+    """
     idle = np.array([candidates.prepared[node.source].source.idle for node in candidates.nodes])
-    needed = candidates.needed.copy()
+    stands = np.array([node.segment.ends_standing for node in candidates.nodes])
+    needed, nodes = candidates.needed.copy(), list(candidates.nodes)
     needed[leave, enter] = np.inf
-    for node in np.unique(leave[idle[enter]]).tolist():
-        rests = np.flatnonzero(idle & (candidates.needed[node] <= threshold))
-        if not (needed[node, rests] <= threshold).any():
-            nearest = rests[np.argmin(candidates.needed[node, rests])]
-            needed[node, nearest] = candidates.needed[node, nearest]
-    kept: NDArray[np.float64] = needed[leave, enter]
-    return kept
+    rests: NDArray[np.bool_] = (needed[:, idle] <= threshold).any(axis=1)
+    for number in np.unique(leave[idle[enter]]).tolist():
+        if rests[number]:
+            continue
+        # 0: the segment that followed in the capture.
+        if (stands & rests & ~idle & (needed[number] == 0.0)).any():
+            node = nodes[number]
+            nodes[number] = replace(node, segment=replace(node.segment, ends_standing=False))
+            continue
+        near = np.flatnonzero(idle & (candidates.needed[number] <= threshold))
+        nearest = near[np.argmin(candidates.needed[number, near])]
+        needed[number, nearest] = candidates.needed[number, nearest]
+    return replace(candidates, nodes=nodes, needed=needed)
 
 
 def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDArray[np.bool_]]:
