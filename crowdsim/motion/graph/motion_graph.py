@@ -130,7 +130,7 @@ def _without(
     stands = np.array([node.segment.ends_standing for node in candidates.nodes])
     needed, nodes = candidates.needed.copy(), list(candidates.nodes)
     needed[leave, enter] = np.inf
-    rests: NDArray[np.bool_] = (needed[:, idle] <= threshold).any(axis=1)
+    rests = np.any(needed[:, idle] <= threshold, axis=1)
     for number in np.unique(leave[idle[enter]]).tolist():
         if rests[number]:
             continue
