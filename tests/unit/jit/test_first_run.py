@@ -41,12 +41,13 @@ print(json.dumps({
 
 PART = """
 from crowdsim import first_run
-kernels = [each for each in first_run.read_kernels() if each.seconds < 0.13 and each.arguments is not None]
+listed = [each for each in first_run.read_kernels() if each.arguments is not None]
+kernels = sorted(listed, key=lambda each: each.seconds)[:8]
 first_run.read_kernels = lambda: kernels
 for part in range(2):
     first_run.compile_last_first(part, 2)
 kept = first_run.compiled_kernels()
-print(len(kernels), all(each.name in kept for each in kernels))
+print(len({each.name for each in kernels}), all(each.name in kept for each in kernels))
 """
 
 PARENT = """
