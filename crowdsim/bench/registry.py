@@ -63,6 +63,10 @@ _BENCHES = {
         "crowdsim.bench.mixed.hall",
         "a steered crowd between pillars, benches and boards: least gaps to people and walls in a million steps",
     ),
+    "strewn-halls": (
+        "crowdsim.bench.mixed.strewn",
+        "halls strewn with things, crossed by thirty people each way, steered and auto: who does not arrive",
+    ),
     "auto-drills": (
         "crowdsim.bench.mixed.cases",
         "the same drills walked by auto agents, beside steered ones and their bars",

@@ -277,6 +277,7 @@ def test_bench_lists_its_names(crowdsim):
         "studies",
         "drills",
         "hall",
+        "strewn-halls",
         "auto-drills",
         "auto-square",
         "auto-shares",

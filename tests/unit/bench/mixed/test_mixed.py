@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from crowdsim.bench.crowds import drills
-from crowdsim.bench.mixed import cases, shares, square, switch_poses
+from crowdsim.bench.mixed import cases, shares, square, strewn, switch_poses
 from crowdsim.bench.mixed.gaps import FAR, KINDS, LeastGaps, core_gaps
 from crowdsim.bench.mixed.jupedsim_crowd import RADIUS, walk_anticipating
 from crowdsim.bench.mixed.walks import cast_of, scenario_of, walk_mixed
@@ -179,3 +179,22 @@ def test_switches_of_a_run_are_measured_as_shown(tmp_path):
             assert 0.0 <= row[f"{key}_median"] <= row[f"{key}_p90"] <= row[f"{key}_worst"] < most
             assert (row[f"{key}_over"] > 0) == (row[f"{key}_worst"] > getattr(switch_poses, f"MOST_{key.upper()}"))
         assert row["jump_worst"] > 0.0
+
+
+def test_halls_count_those_who_do_not_arrive(monkeypatch):
+    found = strewn.measure(dense=(1, 2), normal=(1,), each=3)
+    assert [(row["locomotion"], row["density"], row["halls"]) for row in found.rows] == [
+        ("steered", "dense", 2),
+        ("steered", "normal", 1),
+        ("auto", "dense", 2),
+        ("auto", "normal", 1),
+    ]
+    for row in found.rows:
+        assert row["people"] == 6 * row["halls"]
+        assert row["missing"] == 0
+        assert row["all_arrive"] == row["halls"]
+        assert 8.0 < row["mean_s"] < 60.0
+    # Nobody crosses a hall in four seconds.
+    monkeypatch.setattr(strewn, "SECONDS", 4.0)
+    [row, *_] = strewn.measure(dense=(1,), normal=(1,), each=2).rows
+    assert (row["all_arrive"], row["missing"], row["most_missing"]) == (0, 4, 4)
