@@ -27,6 +27,7 @@ from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, ticks_played
 from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance.clearance_kernels import capsule_clearance, disc_clearance
 
@@ -318,6 +319,22 @@ def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tole
     return ended
 
 
+@helper
+def _fixed_until(graph, chain, taken, frame, playback, most):
+    """Return the slot before which a timeline of ``taken`` nodes is the same if more nodes are taken; ``most`` at most.
+
+    The piece that begins in a slot depends on what is played until the slot after the next one.
+    """
+    ticks = np.int64(0)
+    for c in range(taken + 1):
+        ticks += np.int64(graph.node_frames[chain.nodes[c]]) * FRAME_TICKS
+    first = np.int64(frame) * FRAME_TICKS
+    slot = playback.clock // playback.slot_frames
+    while slot < most and first + ticks_played(playback, (slot + 2) * playback.slot_frames - playback.clock) < ticks:
+        slot += 1
+    return slot
+
+
 @kernel
 def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, first, available, ends_plan, timeline):
     """Find the shortest continuation that ends standing, touches no obstacle and meets no timeline.
@@ -344,7 +361,10 @@ def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, firs
             gone = found if leaves else forever
             if not meets_anyone(row, timeline, start, gone, start, obstacles.body_radius, everyone):
                 return taken, gone
-            # It meets another timeline, but may not if it goes on.
+            # It meets another timeline, but may not if it goes on; unless it meets it before the stop sets in.
+            fixed = _fixed_until(graph, chain, taken, frame, playback, start + len(timeline))
+            if meets_anyone(row, timeline, start, fixed, start, obstacles.body_radius, everyone):
+                break
         if stands:
             break
     return 0, forever
