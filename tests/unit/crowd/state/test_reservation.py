@@ -298,8 +298,10 @@ def test_advancing_plays_a_chain_frame_by_frame(frames: int, wanted: float) -> N
     assert rows.frame[0] == GRAPH.node_frames[3]
 
 
-def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, kept_free: np.ndarray = NOTHING):
-    """What a walker that starts at START along three strides may reserve where ``other`` stands.
+def reserved(
+    other: tuple[float, float] | np.ndarray, room: shapely.Polygon | None = None, kept_free: np.ndarray = NOTHING
+):
+    """What a walker that starts at START along three strides may reserve where ``other`` stands, or walks (48, 2).
 
     Returns (nodes taken, gone slot, timeline).
     """
@@ -333,6 +335,23 @@ def test_one_stride_is_reserved_with_the_stop_behind_it() -> None:
     taken, gone, timeline = reserved((50.0, 50.0))
     assert (taken, gone) == (1, FOREVER)
     assert timeline == pytest.approx(walked(1)[0], abs=1e-12)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10_000))
+def test_as_few_strides_are_reserved_as_meet_nobody(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    steps = rng.normal(0.0, 0.3, (48, 2)) * (rng.random((48, 1)) < rng.choice([0.0, 0.3]))
+    other = discs_along(START[:2] + rng.uniform(-2.5, 2.5, 2) + np.cumsum(steps, axis=0), 0.3)
+    free = []
+    for count in (1, 2, 3):
+        nodes = [1, *[2] * count, 3]
+        mine = np.zeros((48, SAMPLE))
+        chain = Chain(np.array(nodes, np.int32), *chain_of(GRAPH, nodes, START))
+        sample_chain(GRAPH, chain, count + 2, np.array([[0.3, 0.0]]), 0, natural(0), mine)
+        if not pair_meets(mine, 0, FOREVER, other, 0, FOREVER, 0, 0.6, True):
+            free.append(count)
+    assert reserved(other[:, :2])[0] == min(free, default=0)
 
 
 def test_more_strides_are_reserved_where_someone_stands_in_the_place_to_stop() -> None:
