@@ -140,7 +140,10 @@ class CapturedCrowd:
 
     @property
     def expected(self) -> NDArray[np.bool_]:
-        """Return which agents (n,) have arrived, are in the world, or come without a command."""
+        """Return which agents (n,) have come, or will come without a command of the live interface.
+
+        The others have no start step (NEVER), unless they have arrived before.
+        """
         return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
 
     @property

@@ -136,10 +136,15 @@ class World:
         return found
 
     def take_out(self, rows: NDArray[np.int64]) -> None:
-        """Remove rows (k,) at once; the last rows fill the gaps, so that the order of the others changes."""
+        """Remove rows (k,), each given once, at once and not with :meth:`apply_changes`.
+
+        The last rows fill the gaps, so that the order of the others changes: only for worlds whose results do not
+        depend on it.
+        """
         kept = self.count - len(rows)
         gaps = rows[rows < kept]
         last = np.setdiff1d(np.arange(kept, self.count), rows)
+        # Records are copied as plain bytes (`opaque`).
         for array in map(opaque, self._arrays.values()):
             array[gaps] = array[last]
         self.count = kept

@@ -52,6 +52,7 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
     legs, wide = query.areas[-1], query.areas[0]
     most = below
     points, length, sections, cost = _labelled(query, legs, below, fitting)
+    # Not found, though no limit was set: there is no path.
     if min(length, below) == math.inf:
         return Uniform(None, True)
     best = (points, sections, cost) if cost < below else None
@@ -59,12 +60,15 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
     # Lower bounds of the length for each worst behavior. If a search found nothing, its limit is the bound.
     lengths = [min(length, most / preferred)] * count
     ways_out = [0.0] * count
+    # What the longest path allowed costs; start and goal at one place have no multiple.
     dearest = farthest * length * preferred if length > 0.0 else math.inf
     is_cheapest = _is_cheapest(query, below, lengths, ways_out)
     for area in query.areas[:-1]:
         if is_cheapest:
             break
         k = area.behavior
+        # A path of worst behavior k costs its length at the preferred cost and `extra` at least, so that only what is
+        # below the rest is searched. An area of several behaviors (None) bounds none of them.
         extra = 0.0 if k is None else least_extra(query, k, lengths[k], ways_out[k])
         most = min(below - extra, dearest)
         points, length, sections, cost = _labelled(query, area, most, fitting)
@@ -73,6 +77,7 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
         if k is not None:
             lengths[k] = max(lengths[k], min(length, most / preferred))
         is_cheapest = _is_cheapest(query, below, lengths, ways_out)
+        # How far k must be kept at the ends tightens the bounds, but takes searches of its own.
         if area is wide and not is_cheapest:
             ways_out = [way_out(query, k) for k in range(count)]
             is_cheapest = _is_cheapest(query, below, lengths, ways_out)

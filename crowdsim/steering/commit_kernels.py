@@ -120,7 +120,8 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
     walls : Walls
         Wall segments of the layer, with a list of those near each cell.
     x, y, ux, uy, half, radius : float
-        Body: center, unit vector and half length of its core, radius [m]. The disc of the legs has half length 0.
+        Body: center, unit vector along its core (the segment in the middle of a capsule) and half length of that,
+        radius [m]. The disc of the legs has half length 0.
     most : float
         Upper bound of the growth of its support in this step [m].
     lines : (k, 4) float64
@@ -136,7 +137,7 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
     """
     column = math.floor((x - walls.left) / WALL_CELL)
     row = math.floor((y - walls.bottom) / WALL_CELL)
-    # Outside of the grid no wall is near.
+    # The grid reaches more than WALL_REACH beyond all walls, so outside of it no wall is near.
     if count < 0 or not (0 <= column < walls.columns and 0 <= row < walls.rows):
         return count
     # The lists are complete only up to WALL_REACH.
@@ -156,7 +157,7 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
             walls.segments[number, 2],
             walls.segments[number, 3],
         )
-        # A wall stands still: the whole gap is the agent's.
+        # A wall stands still: the whole gap is the agent's. Less than the margin counts as no room, see `set_line`.
         room = distance - radius - MARGIN
         if room < most:
             # The core cuts the wall, or there are too many lines.
@@ -247,7 +248,7 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
     moved : int
         Number of agents that move. Further steered ones are copies of agents that are moved elsewhere.
     wanted : WANTED[n]
-        Wanted velocity, turn and half length of each row.
+        Velocity [m/s], turn [rad] and half length of the core [m] of each row; ``opposed``: awareness, as in ROW.
     walls : tuple
         Walls of the legs' layer, walls of the torso's layers, radius of the legs [m].
     ways : ListedWays
@@ -285,13 +286,12 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         most = math.sqrt(dx * dx + dy * dy) + growth
         count = add_neighbors(crowd, me, most, broadest, order, len(state), lines)
         people = count
-        # The capsule keeps off the walls of the torso's layers, a disc of the legs' radius off those of the legs'
-        # layer.
+        # The capsule keeps off the walls of the torso's layers, a disc off those of the legs' layer.
         count = add_walls(torso, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius, most, lines, count)
         count = add_walls(legs, mine.x, mine.y, 1.0, 0.0, 0.0, leg_radius, most, lines, count)
         fixed = count
         count = add_ways(ways, crowd[3], mine, most, lines, count)
-        # The half planes are incomplete: no displacement and no turn is safe by itself. A core may still get shorter.
+        # Half planes are missing: no displacement and no turn is safe by itself. A core may still get shorter.
         if count < 0:
             crowded += 1
             count = 0
@@ -301,7 +301,8 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         if count > 0:
             dx, dy = nearest_feasible(dx, dy, lines, count)
         heading, hx, hy, half = fitting_turn(mine, turn, half, dx, dy, lines, count)
-        # Wedged: neither a move nor a turn is left. Turn on the spot past the corners of walls, if others allow it.
+        # Wedged: neither a move nor a turn is left. Turn on the spot past the corners of walls, if others allow it;
+        # not in opposing traffic, where waiting helps. Half the margin stays: no contact to begin with.
         stuck_alone = mine.stuck > WEDGED_AFTER and want.opposed <= 0.0
         if count > 0 and stuck_alone and stands_still(mine, dx, dy, heading):
             spans = (people, fixed, count)

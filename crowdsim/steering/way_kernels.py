@@ -50,7 +50,10 @@ def list_ways(segments, frame, reach, starts, lists):
 
 @helper
 def gap_to_way(ways, number, x, y, ux, uy, half, radius):
-    """Return the shortest vector from a core to a reserved segment, its length, and the gap of body and disc [m]."""
+    """Return the shortest vector from a core to a reserved segment, its length, and the gap of body and disc [m].
+
+    (x, y) is the middle of the core, (ux, uy) the unit vector along it. A gap below 0 is an overlap.
+    """
     # The gap is less by both radii: of the capsule, and of the disc that moves along the segment.
     ax, ay, bx, by, disc = ways.segments[number]
     dx, dy, distance = core_to_segment(x, y, ux, uy, half, ax, ay, bx, by)

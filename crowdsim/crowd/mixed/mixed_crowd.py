@@ -208,7 +208,11 @@ class MixedCrowd:
         return self.captured.new_routes()
 
     def header(self, scenario: Scenario) -> RecordingHeader:
-        """Return the constant part of a recording."""
+        """Return the constant part of a recording: all agents, nodes that captured ones play, gaits of steered ones.
+
+        ``pool_phases`` are the gait phases [cycles] of all frames of the nodes, which playback needs at switches.
+        """
+        # Any agent may come to steer, so all are listed with what steered ones need: the middles of their goals [m].
         assets, steered = self.captured.assets, self.steered
         agents = steered_agents(self.cast, steered.errands.middles, STEERING_RATE)
         nodes = captured_motion(assets)

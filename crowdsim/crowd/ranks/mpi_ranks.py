@@ -135,8 +135,9 @@ class MpiRanks:
     ) -> Ghosts:
         """Hand over the agents that have left the region, take in others, and return those near the region.
 
-        The arguments are those of :meth:`crowdsim.crowd.ranks.protocol.Ranks.exchange`; ``exits`` gets those of the
-        agents taken in.
+        ``exits`` (n,) are the exits of all agents of the run, by their numbers; it gets those of the agents taken in.
+        ``came`` and ``leaves`` mark the rows of ``world`` that have entered in this step, and that leave in it. Ghosts
+        are copies of agents near the region that another process moves.
         """
         from mpi4py import MPI
 

@@ -78,7 +78,11 @@ def way_left(route: AnnotatedPath, position: NDArray[np.float64]) -> float:
 
 
 def could_shorten(route: AnnotatedPath, position: NDArray[np.float64], freed: BaseGeometry) -> bool:
-    """Return True if a straight way through ``freed`` would be shorter than the rest of a route by WORTH."""
+    """Return True if a way through ``freed`` could be shorter than the rest of a route by WORTH, or more.
+
+    The way there and the way on to the goal are taken as straight, and the way within ``freed`` is left out: this is a
+    lower bound, so no shorter way is missed. ``position`` (2,) is in meters.
+    """
     straight = shapely.Point(position).distance(freed) + shapely.Point(route.points[-1]).distance(freed)
     return bool(straight < way_left(route, position) - WORTH)
 

@@ -162,14 +162,19 @@ class Errands:
         view.row["speed"][go] = view.pace[go]
 
     def update(self, view: View, step: int) -> NDArray[np.int64]:
-        """Update the errands after guidance was written; return the rows that have arrived and leave."""
+        """Go on with all errands by one step; return the rows (k,) that have reached their last goal and leave.
+
+        Guidance must have been written before: it tells how far each agent has to go (``togo`` [m]).
+        """
         rows = view.row
         walks = view.errand == Errand.WALKS
+        # Only those whose way is nearly over are tested exactly.
         near = np.flatnonzero(walks & (rows["togo"] < NEAR_GOAL))
         leaves = self._reach(view, step, near[self._within_goals(view, near)])
         self._take_places(view, step, np.flatnonzero(view.errand == Errand.TAKES_PLACE))
         self._turn_and_stand(view, step, np.flatnonzero(view.errand == Errand.TURNS))
         self._stand(view, np.flatnonzero((view.errand == Errand.STANDS) | (view.errand == Errand.STAYS)))
+        # The field writes LOST where no way leads to the goal. Remember the step since which an agent has none.
         lost = walks & (rows["togo"] >= LOST)
         view.lost_since[~lost] = NONE
         view.lost_since[lost & (view.lost_since == NONE)] = step

@@ -45,6 +45,8 @@ def edit_arms(clip: Clip, weight: Floats) -> Clip:
         )
     skeleton = clip.skeleton
     held = clip.rotations.copy()
+    # Turn the upper arm first, as the forearm hangs on it. The hanging directions are those about which arms swing: a
+    # share of the swing is kept. All directions are in the frame of the shoulders.
     for side in ("left", "right"):
         shoulder, elbow, wrist = (skeleton.joint(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist"))
         held[:, shoulder] = _pointed(clip, held, shoulder, elbow, _HANGING_UPPER, _HELD_UPPER[side])

@@ -166,7 +166,8 @@ def _spoke_to_join(m, h, fixed):
 def _join_four(m, w, h0):
     """Make two triangles of the four around a vertex; spoke h0 and the second one after it become one side.
 
-    The spokes lead to a, b, c and d; a and c are joined. Return the two triangles that are free then.
+    The spokes lead to a, b, c and d; a and c are joined, so (a, b, c) and (c, d, a) must be counter-clockwise. Return
+    the two triangles that are free then.
     """
     sides = m.sides
     vertices = m.vertices
@@ -191,7 +192,7 @@ def _join_four(m, w, h0):
         _push(w, middle, end)
     link(sides, h0, h2)
     _push(w, a, c)
-    # Both are corners of both triangles.
+    # Both are corners of both triangles, so that these count as changed.
     touch(w, a)
     touch(w, c)
     return h1 // 3, h3 // 3

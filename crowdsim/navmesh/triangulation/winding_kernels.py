@@ -46,7 +46,8 @@ def follow(m, w, count, begin):
 
     Return False if they contradict each other and are now wrong.
 
-    Numbers that fit each other are right if the outside of the area has 1.
+    Numbers may fit each other and still all be wrong by the same amount; they are right if the outside of the area,
+    which counts as covered once, has 1.
 
     Parameters
     ----------
@@ -62,8 +63,8 @@ def follow(m, w, count, begin):
     Returns
     -------
     bool
-        False if the half-edges contradict each other (an outline that snapping folded over), or if triangles on their
-        right changed as well.
+        False if the half-edges contradict each other (an outline that snapping folded over), if triangles on their
+        right changed as well, or if ``stack`` is full. Numbers are then to be computed anew.
     """
     sides = m.sides
     cover = m.cover
@@ -85,6 +86,7 @@ def follow(m, w, count, begin):
                 if budget < 0:
                     return False
                 cover[t] = value
+                # Its clearances are measured again, and the edit reports it as changed.
                 soil(sides, t)
                 touch_triangle(sides, w, t)
                 for e in range(3 * t, 3 * t + 3):
@@ -105,6 +107,7 @@ def follow(m, w, count, begin):
         h = w.pairs[i, 0]
         if cover[h // 3] != cover[sides[h].twin // 3] + sides[h].winding:
             return False
+    # Vertex 0 is a corner of the box around everything, so its triangles are outside.
     return cover[m.vertices[0].vhe // 3] == 1
 
 

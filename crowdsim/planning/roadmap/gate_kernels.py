@@ -5,7 +5,7 @@ the gate's first side meet in front of the gate: a path can be walked with the w
 last side meet behind the gate: from there on it can again. ``m`` is the legs' mesh, ``around`` (nv, n) the distance
 that each behavior keeps from each of its vertices [m].
 
-``sign`` is 1 for the left of a direction, -1 for the right; a and b are centers of circles [m].
+``sign`` is 1 for the left of the way from a to b, -1 for the right; a and b are the centers of two circles [m].
 """
 
 import math
@@ -58,13 +58,17 @@ def circles_meet(ax, ay, bx, by, one, other, sign):
 
 @helper
 def _meeting(m, around, h, sign):
-    """Apply `circles_meet` to the widest behavior's circles around the ends of half-edge h."""
-    a = m.sides[h].org
-    b = m.sides[nxt(h)].org
+    """Return (True, x, y) [m] where the widest behavior's circles around the ends of half-edge h meet.
+
+    Of the two points it is the one left (``sign`` 1) or right (-1) of the half-edge; (False, 0, 0) if they do not meet.
+    """
+    first = m.sides[h].org
+    last = m.sides[nxt(h)].org
+    # The last column is the widest behavior's; a little more radius keeps the point off both circles, despite rounding.
     top = around.shape[1] - 1
-    p = m.vertices[a]
-    q = m.vertices[b]
-    return circles_meet(p.x, p.y, q.x, q.y, around[a, top] + _OFF, around[b, top] + _OFF, sign)
+    p = m.vertices[first]
+    q = m.vertices[last]
+    return circles_meet(p.x, p.y, q.x, q.y, around[first, top] + _OFF, around[last, top] + _OFF, sign)
 
 
 @helper

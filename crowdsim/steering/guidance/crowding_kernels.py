@@ -152,13 +152,16 @@ def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, c
     Both paths are priced in the present crowd: the old path as it leads, the new one as its field has it. An agent
     changes if the new path costs less than ``weighing.share`` of the old one; or less than ``weighing.around`` of it,
     if the crowd's part of its cost is below ``weighing.jam`` of that of the old one; or if only the new field has a
-    path. ``prices`` and ``chain`` are those of :func:`price_of`.
+    path. ``prices`` (float64[boxes]) keeps what boxes of the old field cost, negative if unknown; ``chain``
+    (int64[CHAIN]) is scratch; see :func:`price_of`. Places are in meters.
     """
     for n in range(len(places)):
         changes[n] = False
         box = nearest_way(ground, new, places[n, 0], places[n, 1])
+        # The new field has no path: stay.
         if box < 0:
             continue
+        # The old field has none here, as it asks for no behavior.
         if old.asks[box] < 0:
             changes[n] = True
             continue

@@ -304,10 +304,14 @@ def way_at(ground, nobody, field, x, y):
 
 @kernel
 def end_of_way(ground, nobody, field, x, y):
-    """Return where the path from a position enters the goal (x, y) [m]: the position if in the goal, NaN if no path."""
+    """Return the point [m] where the path from a position (x, y) [m] enters the goal.
+
+    It is the position itself in a box of the goal, and NaN if there is no path.
+    """
     box = box_at(ground, x, y)
     if box < 0:
         return math.nan, math.nan
+    # Only boxes in the goal cost nothing.
     if field.cost[box] == 0.0:
         return x, y
     head, _, _, _ = first_head(ground, nobody, field, box, x, y)
