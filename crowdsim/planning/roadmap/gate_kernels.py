@@ -3,9 +3,10 @@
 A gate is a stretch of the channel that the widest behavior does not pass. The circles that it keeps around both ends of
 the gate's first side meet in front of the gate: a path can be walked with the widest behavior up to there. Those of the
 last side meet behind the gate: from there on it can again. ``m`` is the legs' mesh, ``around`` (nv, n) the distance
-that each behavior keeps from each of its vertices [m].
+that each of n behaviors, the widest last, keeps from each of the mesh's nv vertices [m].
 
-``sign`` is 1 for the left of a direction, -1 for the right; a and b are centers of circles [m].
+``sign`` is 1 for the left of a direction, -1 for the right; a and b are centers of circles [m]. A half-edge has the
+triangle that the path leaves across it on its left, so left is in front of a gate and right behind it.
 """
 
 import math
@@ -31,7 +32,8 @@ fits: 1 if a taut path may be pinned there, as both places are clear enough for 
 """
 
 _OFF = 2e-6
-"""Distance that pins stay off the circles [m], so that a tangent exists."""
+"""Distance that pins stay off the circles [m], so that a tangent exists: rounding could put a pin on a circle inside of
+it."""
 
 
 @helper
@@ -58,13 +60,17 @@ def circles_meet(ax, ay, bx, by, one, other, sign):
 
 @helper
 def _meeting(m, around, h, sign):
-    """Apply `circles_meet` to the widest behavior's circles around the ends of half-edge h."""
-    a = m.sides[h].org
-    b = m.sides[nxt(h)].org
+    """Return (True, x, y) if the widest behavior's circles around both ends of half-edge h meet, else (False, 0, 0).
+
+    Of the two points [m] it is the one to the left of h for a ``sign`` of 1, to the right for -1.
+    """
+    start = m.sides[h].org
+    end = m.sides[nxt(h)].org
+    # The last column is the widest behavior.
     top = around.shape[1] - 1
-    p = m.vertices[a]
-    q = m.vertices[b]
-    return circles_meet(p.x, p.y, q.x, q.y, around[a, top] + _OFF, around[b, top] + _OFF, sign)
+    p = m.vertices[start]
+    q = m.vertices[end]
+    return circles_meet(p.x, p.y, q.x, q.y, around[start, top] + _OFF, around[end, top] + _OFF, sign)
 
 
 @helper
