@@ -141,6 +141,8 @@ class CapturedCrowd:
     @property
     def expected(self) -> NDArray[np.bool_]:
         """Return which agents (n,) have arrived, are in the world, or come without a command."""
+        # The start step is NEVER for agents on call until `add` brings them, and for removed ones; of these, those who
+        # had arrived before still count.
         return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
 
     @property
@@ -181,6 +183,7 @@ class CapturedCrowd:
 
     def add(self, agents: NDArray[np.int64], starts: NDArray[np.float64] | None) -> None:
         """Let ``agents`` (k,) on call come as soon as their places are free: ``starts`` (k, 2) [m] if given."""
+        # On call: the scenario says that they come only if a command adds them.
         self.cast.start_steps[agents] = self.step_count
         if starts is not None:
             self.cast.starts[agents] = starts

@@ -208,9 +208,12 @@ class MixedCrowd:
         return self.captured.new_routes()
 
     def header(self, scenario: Scenario) -> RecordingHeader:
-        """Return the constant part of a recording."""
+        """Return the constant part of a recording: all agents, with the motion of both levels."""
+        # The cast holds all agents, whatever their level, and ``middles`` (m, 2) a point in each goal's region [m].
         assets, steered = self.captured.assets, self.steered
         agents = steered_agents(self.cast, steered.errands.middles, STEERING_RATE)
+        # Frames of all nodes (the pool) for captured agents; for steered ones a gait for each behavior, on the same
+        # skeleton. ``pool_phases`` are the gait phases of the frames, so that a body can be shown across a switch.
         nodes = captured_motion(assets)
         gaits = steered_motion(nodes.skeleton, steered.gaits).gaits
         return record_header(

@@ -133,10 +133,23 @@ class MpiRanks:
     def exchange(
         self, world: World, exits: NDArray[np.int32], came: NDArray[np.bool_], leaves: NDArray[np.bool_]
     ) -> Ghosts:
-        """Hand over the agents that have left the region, take in others, and return those near the region.
+        """Hand over the agents that have left the region, take in others, and return those near it as ghosts.
 
-        The arguments are those of :meth:`crowdsim.crowd.ranks.protocol.Ranks.exchange`; ``exits`` gets those of the
-        agents taken in.
+        Parameters
+        ----------
+        world : World
+            Rows of the agents in the region; gets the rows of others, and loses those handed over.
+        exits : (n,) int32
+            Number of the goal that is the exit of each agent of the run, NONE for none; gets those of agents taken in.
+        came : (rows,) bool
+            Rows of ``world`` that have entered in this step.
+        leaves : (rows,) bool
+            Rows that leave the world in this step; they are not handed over.
+
+        Returns
+        -------
+        Ghosts
+            Agents of other ranks near the region, those just handed over among them.
         """
         from mpi4py import MPI
 

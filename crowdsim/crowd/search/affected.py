@@ -17,7 +17,8 @@ from crowdsim.planning.labels.annotated_path import AnnotatedPath, points_at
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 WORTH = 0.5
-"""Length by which the straight way through a freed outline must be shorter than the rest of the route [m]."""
+"""Length by which the straight way through a freed outline must be shorter than the rest of the route [m]. For less, no
+path is searched again; a larger value saves searches, and agents keep longer routes."""
 
 _STRIDE = 4
 """Frames between two positions of a motion that are joined by a straight segment: at most a decimeter, so that the body
@@ -78,7 +79,12 @@ def way_left(route: AnnotatedPath, position: NDArray[np.float64]) -> float:
 
 
 def could_shorten(route: AnnotatedPath, position: NDArray[np.float64], freed: BaseGeometry) -> bool:
-    """Return True if a straight way through ``freed`` would be shorter than the rest of a route by WORTH."""
+    """Return True if a way through ``freed`` could be shorter than the rest of a route by WORTH.
+
+    Such a way is at least as long as both straight lines, from ``position`` (2,) [m] to ``freed`` and from there to the
+    end of the route. Other obstacles, and the way within ``freed``, are left out: so a shorter route is never missed,
+    but a search may find none.
+    """
     straight = shapely.Point(position).distance(freed) + shapely.Point(route.points[-1]).distance(freed)
     return bool(straight < way_left(route, position) - WORTH)
 

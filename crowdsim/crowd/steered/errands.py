@@ -162,13 +162,21 @@ class Errands:
         view.row["speed"][go] = view.pace[go]
 
     def update(self, view: View, step: int) -> NDArray[np.int64]:
-        """Update the errands after guidance was written; return the rows that have arrived and leave."""
+        """Update the errands in this step, after guidance has written the ways of all; return the rows that leave.
+
+        Agents that walk and are in the region of their goal leave, go on, or take their spot; others take their spot,
+        turn, or stand. Guidance gives the length to go (``togo`` [m]), which is LOST without a path; ``lost_since`` is
+        the step since which that is so, NONE with a path. The crowd reads it, as a run does not wait for agents that
+        have long been without a path.
+        """
+        # Test the regions of goals only for agents near the end of their path.
         rows = view.row
         walks = view.errand == Errand.WALKS
         near = np.flatnonzero(walks & (rows["togo"] < NEAR_GOAL))
         leaves = self._reach(view, step, near[self._within_goals(view, near)])
         self._take_places(view, step, np.flatnonzero(view.errand == Errand.TAKES_PLACE))
         self._turn_and_stand(view, step, np.flatnonzero(view.errand == Errand.TURNS))
+        # Agents that stand for a while (STANDS) and those that stand for good (STAYS).
         self._stand(view, np.flatnonzero((view.errand == Errand.STANDS) | (view.errand == Errand.STAYS)))
         lost = walks & (rows["togo"] >= LOST)
         view.lost_since[~lost] = NONE
@@ -190,7 +198,10 @@ class Errands:
         np.maximum(self._visits, visits, out=self._visits)
 
     def laps(self, ranks: Ranks = ONE_RANK) -> dict[str, int]:
-        """Return the number of rounds completed by the agents of each group that repeats its round."""
+        """Return the number of rounds completed by each group that repeats its round, all its agents together.
+
+        Groups are those with more than one round, or with rounds for as long as the run lasts (``rounds`` is NONE).
+        """
         laps, reached = {}, ranks.sum(self._visits)
         for number, itinerary in enumerate(self._cast.itineraries):
             if itinerary.rounds != 1:
