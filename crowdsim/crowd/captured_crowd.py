@@ -161,7 +161,10 @@ class CapturedCrowd:
         self.environment.timetable = self.events.agenda.timetable = timetable
 
     def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
-        """Send agents (k,) to ``places`` (k, 2) [m] instead of all their goals."""
+        """Send agents (k,) to ``places`` (k, 2) [m] instead of all their goals.
+
+        ``region`` does not matter: each captured agent goes to a place of its own.
+        """
         view = self.world.view()
         affected = AffectedAgents(self.plans, view)
         rows = {int(agent): row for row, agent in enumerate(view.agent.tolist())}

@@ -132,7 +132,7 @@ class World:
         return np.dtype([(c.name, c.dtype, c.shape) for c in self._columns])
 
     def records(self, rows: NDArray[np.int64]) -> NDArray[Any]:
-        """Return all columns of some rows as records."""
+        """Return all columns of the rows with numbers ``rows`` (k,) as records (k,)."""
         found = np.zeros(len(rows), self.dtype)
         for column in self._columns:
             found[column.name] = self._arrays[column.name][rows]

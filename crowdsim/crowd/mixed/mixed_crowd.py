@@ -358,6 +358,7 @@ class MixedCrowd:
         return self._others(self.captured.world.view())
 
     def _with_steered(self, others: Others) -> NDArray[Any]:
+        """Return the rows (ROW) of steered agents, and behind them those of ``others``."""
         return np.concatenate((self.steered.world.column("row"), others.rows))
 
     def _bodies(self) -> StandingBodies:
@@ -367,4 +368,5 @@ class MixedCrowd:
 
 
 def _places(rows: Any) -> NDArray[np.float64]:
+    """Return the positions (k, 2) of rows ROW[k] [m]."""
     return np.column_stack((rows["x"], rows["y"]))

@@ -117,6 +117,7 @@ class MpiRanks:
 
     def around(self, rows: NDArray[Any], places: NDArray[np.float64], reach: float) -> NDArray[Any]:
         """Return ROW of all agents within ``reach`` [m] of one of ``places`` (k, 2), and maybe of more."""
+        # Mark the cells within reach of a place, in a grid of the cells around all places; then take the agents there.
         cells = int(np.ceil(reach / CELL))
         columns, lines = cells_of(*places.T)
         left, bottom = int(columns.min()) - cells, int(lines.min()) - cells

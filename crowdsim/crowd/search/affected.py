@@ -104,9 +104,11 @@ def outdated(assets: Assets, plan: MotionPlan | None, position: NDArray[np.float
 
 
 def _arc_near(route: AnnotatedPath, position: NDArray[np.float64]) -> float:
+    """Return the arc length [m] of the point of a route nearest to ``position`` (2,) [m]."""
     return float(shapely.line_locate_point(shapely.LineString(route.points), shapely.Point(position)))
 
 
 def _piece(route: AnnotatedPath, start: float, end: float) -> shapely.LineString:
+    """Return the part of a route from arc length ``start`` to ``end`` [m]."""
     inner = route.arc[(route.arc > start) & (route.arc < end)]
     return shapely.LineString(points_at(route.points, route.arc, np.concatenate([[start], inner, [end]])))

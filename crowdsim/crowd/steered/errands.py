@@ -135,7 +135,7 @@ class Errands:
         self._itinerary[agents] = self._cast.group[agents]
 
     def goal(self, agents: NDArray[np.int64], reached: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Return the goals of agents ``agents`` that have reached so many places."""
+        """Return the goals (k,) to which agents (k,) go after they have reached ``reached`` (k,) places."""
         group = self._itinerary[agents]
         place = reached % self._places[group]
         goals = self._goals[group, place]
@@ -246,7 +246,7 @@ class Errands:
         return off, np.abs(wrap_angle(state["heading"][rows] - self._asked(view, rows, reached)))
 
     def _go_on(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Count a place as reached and turn to the next one."""
+        """Count a place as reached by ``rows`` (k,), and make the next one their goal; those who walk set out."""
         view.reached[rows] += 1
         self._visits[view.agent[rows]] += 1
         group = self._itinerary[view.agent[rows]]

@@ -116,7 +116,9 @@ class StandingDetector:
     name = "standing"
     standing = True
     speed = 0.15
+    """Speed below which an ankle rests [m/s]."""
     hold_frames = 3
+    """Least length of a stretch at rest that is cut [frames]."""
 
     def cuts(self, clip: Clip) -> Frames:
         """Return the frames (k,) int64 of ``clip`` in which it may be cut standing, ascending."""

@@ -77,7 +77,8 @@ def _meeting(m, around, h, sign):
 def find_gates(m, channel, levels, count, around, least, gates):
     """Fill ``gates`` with the stretches of the channel that the widest behavior does not pass; return their number.
 
-    Only sides walked with a narrower behavior count (levels). least: clearance that pins must have [m].
+    channel: half-edges that the path crosses, ``count`` of them. levels: behavior with which each is crossed; only
+    sides crossed with a narrower behavior than the widest count. least: clearance that pins must have [m].
     """
     top = around.shape[1] - 1
     found = 0
