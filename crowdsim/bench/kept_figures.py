@@ -14,7 +14,8 @@ from crowdsim.whole_files import whole_file
 
 COLUMNS = ("benchmark", "figure", "date", "commit", "value", "python", "numba", "load")
 """Columns of the file. ``date`` is that of the commit; units are in the names of figures. ``load`` is the load average
-of the machine in the minute before, empty if it is not known: times taken on a busy machine are too long."""
+of the machine in the minute before, a number of processes that ran or waited, empty if it is not known: times taken on
+a busy machine are too long."""
 
 
 def keep_figures(result: BenchResult, folder: Path) -> Path:
@@ -45,6 +46,7 @@ def keep_figures(result: BenchResult, folder: Path) -> Path:
     kept = [row for row in _rows(file) if (row["benchmark"], row["commit"]) != (result.name, commit)]
     load = "" if math.isnan(result.load) else f"{result.load:.1f}"
     same = {"benchmark": result.name, "date": date, "commit": commit, "load": load}
+    # The file has columns for these two versions only; a result knows those of other libraries, too.
     versions = {name: result.versions[name] for name in ("python", "numba")}
     kept += [{**same, "figure": name, "value": f"{value:.6g}", **versions} for name, value in result.figures.items()]
     kept.sort(key=lambda row: (row["benchmark"], row["figure"], row["date"], row["commit"]))

@@ -140,10 +140,9 @@ class CapturedCrowd:
 
     @property
     def expected(self) -> NDArray[np.bool_]:
-        """Return which agents (n,) have come, or will come without a command of the live interface.
-
-        The others have no start step (NEVER), unless they have arrived before.
-        """
+        """Return which agents (n,) have arrived, are in the world, or come without a command."""
+        # The start step is NEVER for agents on call until `add` brings them, and for removed ones; of these, those who
+        # had arrived before still count.
         return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
 
     @property
@@ -162,7 +161,10 @@ class CapturedCrowd:
         self.environment.timetable = self.events.agenda.timetable = timetable
 
     def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
-        """Send agents (k,) to ``places`` (k, 2) [m] instead of all their goals."""
+        """Send agents (k,) to ``places`` (k, 2) [m] instead of all their goals.
+
+        ``region`` does not matter: each captured agent goes to a place of its own.
+        """
         view = self.world.view()
         affected = AffectedAgents(self.plans, view)
         rows = {int(agent): row for row, agent in enumerate(view.agent.tolist())}
@@ -184,6 +186,7 @@ class CapturedCrowd:
 
     def add(self, agents: NDArray[np.int64], starts: NDArray[np.float64] | None) -> None:
         """Let ``agents`` (k,) on call come as soon as their places are free: ``starts`` (k, 2) [m] if given."""
+        # On call: the scenario says that they come only if a command adds them.
         self.cast.start_steps[agents] = self.step_count
         if starts is not None:
             self.cast.starts[agents] = starts

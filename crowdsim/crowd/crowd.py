@@ -51,7 +51,11 @@ class Crowd(Protocol):
 
     @property
     def expected(self) -> NDArray[np.bool_]:
-        """Return which agents (n,) are in the world, came through it, or come without a command."""
+        """Return which agents (n,) are in the world, came through it, or come without a command.
+
+        Commands are given while the run goes on. Not expected are those on call whom no command has added, and those
+        whom a command has removed before they arrived.
+        """
 
     @property
     def finished(self) -> bool:

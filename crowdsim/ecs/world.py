@@ -42,6 +42,9 @@ class World:
     its slot changes when earlier entities are removed. Spawning and removing take effect with :meth:`apply_changes`, so
     that rows do not change during a stage of a step.
 
+    Exceptions are :meth:`take_out` and :meth:`put_in`, with which the processes of one run hand agents over: they take
+    effect at once, and change the order of rows. Call them between two stages, and get new views afterwards.
+
     Parameters
     ----------
     columns : sequence of Column
@@ -129,28 +132,28 @@ class World:
         return np.dtype([(c.name, c.dtype, c.shape) for c in self._columns])
 
     def records(self, rows: NDArray[np.int64]) -> NDArray[Any]:
-        """Return all columns of some rows as records."""
+        """Return all columns of the rows with numbers ``rows`` (k,) as records (k,)."""
         found = np.zeros(len(rows), self.dtype)
         for column in self._columns:
             found[column.name] = self._arrays[column.name][rows]
         return found
 
     def take_out(self, rows: NDArray[np.int64]) -> None:
-        """Remove rows (k,), each given once, at once and not with :meth:`apply_changes`.
+        """Remove rows (k,) at once; the last rows fill the gaps, so that the order of the others changes.
 
-        The last rows fill the gaps, so that the order of the others changes: only for worlds whose results do not
-        depend on it.
+        ``rows`` are numbers of live rows, each once. Views taken before are no longer valid.
         """
+        # As many of the rows behind ``kept`` stay as rows before it go.
         kept = self.count - len(rows)
         gaps = rows[rows < kept]
         last = np.setdiff1d(np.arange(kept, self.count), rows)
-        # Records are copied as plain bytes (`opaque`).
+        # Records are copied as plain bytes (`opaque`), which is faster.
         for array in map(opaque, self._arrays.values()):
             array[gaps] = array[last]
         self.count = kept
 
     def put_in(self, records: NDArray[Any]) -> None:
-        """Append rows at once, with the ids that they have."""
+        """Append rows at once, with the ids that they have: ``records`` (k,) as :meth:`records` returns them."""
         end = self.count + len(records)
         while end > self._capacity:
             self._grow()

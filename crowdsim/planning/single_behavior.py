@@ -24,14 +24,13 @@ _ROUNDING = 1e-6
 
 
 class Uniform(NamedTuple):
-    """The cheapest of the shortest paths for single behaviors, None if none is cheaper than the cost known before.
-
-    is_cheapest: True if no path costs less than this one, or than the cost known before. This is no proof: areas are
-    slightly too narrow, and fast searches find paths that are a little too long (docs/planning.md).
-    """
+    """Result of :func:`cheapest_uniform`."""
 
     path: AnnotatedPath | None
+    """The cheapest of the shortest paths for single behaviors; None if none is cheaper than the cost known before."""
     is_cheapest: bool
+    """True if no path costs less than this one, or than the cost known before. This is no proof: areas are slightly too
+    narrow, and fast searches find paths that are a little too long (docs/planning.md)."""
 
 
 def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = math.inf) -> Uniform:
@@ -39,10 +38,12 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
 
     The paths for the legs and for the widest behavior come first; if one of them is the cheapest of all paths, no
     others are searched. The test is that of :func:`crowdsim.planning.query.lower_bound.lower_bound`: a path whose worst
-    behavior is k is at least as long as the shortest path for k, and has a section of k.
+    behavior is k is at least as long as the shortest path for k, and has a section of k. The worst behavior of a path
+    is the narrowest and least preferred one that it uses.
 
     Parameters
     ----------
+    query: start, goal, behavior areas (widest first, that of the legs last) and requirements.
     below: cost that a path must undercut.
     farthest: skip paths longer than this multiple of the legs' path.
     """
@@ -52,23 +53,25 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
     legs, wide = query.areas[-1], query.areas[0]
     most = below
     points, length, sections, cost = _labelled(query, legs, below, fitting)
-    # Not found, though no limit was set: there is no path.
+    # Without a limit, no path was found for the legs, so there is none for any behavior.
     if min(length, below) == math.inf:
         return Uniform(None, True)
     best = (points, sections, cost) if cost < below else None
     below = min(below, cost)
     # Lower bounds of the length for each worst behavior. If a search found nothing, its limit is the bound.
     lengths = [min(length, most / preferred)] * count
+    # Least length of a section of each behavior at an end of a path (see `way_out`). It is measured only if the first
+    # two searches do not suffice; 0 is a weaker bound.
     ways_out = [0.0] * count
-    # What the longest path allowed costs; start and goal at one place have no multiple.
+    # Limit of ``farthest`` as a cost; none if start and goal are one place.
     dearest = farthest * length * preferred if length > 0.0 else math.inf
     is_cheapest = _is_cheapest(query, below, lengths, ways_out)
     for area in query.areas[:-1]:
         if is_cheapest:
             break
+        # A path with worst behavior k costs ``extra`` more than its length with the preferred one, so its length alone
+        # must cost less than the rest. A layer as an area (k is None) belongs to no behavior and gives no such bound.
         k = area.behavior
-        # A path of worst behavior k costs its length at the preferred cost and `extra` at least, so that only what is
-        # below the rest is searched. An area of several behaviors (None) bounds none of them.
         extra = 0.0 if k is None else least_extra(query, k, lengths[k], ways_out[k])
         most = min(below - extra, dearest)
         points, length, sections, cost = _labelled(query, area, most, fitting)
@@ -77,7 +80,6 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
         if k is not None:
             lengths[k] = max(lengths[k], min(length, most / preferred))
         is_cheapest = _is_cheapest(query, below, lengths, ways_out)
-        # How far k must be kept at the ends tightens the bounds, but takes searches of its own.
         if area is wide and not is_cheapest:
             ways_out = [way_out(query, k) for k in range(count)]
             is_cheapest = _is_cheapest(query, below, lengths, ways_out)
@@ -97,9 +99,10 @@ def _is_cheapest(query: Query, cost: float, lengths: list[float], ways_out: list
 
 
 def _labelled(query: Query, area: BehaviorArea, most: float, fitting: Fitting) -> tuple[Floats, float, Floats, float]:
-    """Return points (n, 2), length, sections (k, 3) and cost of the area's shortest path; infinite if there is none.
+    """Return points (n, 2) [m], length [m], sections (k, 3) and cost of the area's shortest path.
 
-    No sections and infinite cost if no behavior fits, or if the length alone costs ``most`` or more.
+    Length and cost are infinite if there is no path, or if the search gave it up as too long for ``most``. There are no
+    sections and the cost is infinite if no behavior fits, or if the length alone costs ``most`` or more.
     """
     mesh = area.mesh
     least = area.radius - mesh.tolerance(area.radius)

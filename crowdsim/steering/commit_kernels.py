@@ -10,6 +10,9 @@ Each neighbor so adds one half plane n . d <= room for the displacement d. Stand
 so a feasible step always exists; the one nearest to the wanted displacement is taken. All agents read the positions
 before the step only, so the result depends neither on their order nor on the number of threads.
 
+The body is a capsule: all points within a radius of its core, the segment from shoulder to shoulder (see
+capsule_kernels). Its support along n is the largest n . x of its points x.
+
 ``lines`` (MOST_LINES, 4) are the half planes, the first ``count`` of them in use: normal n, room [m], tolerance for
 rounding [m]; ``mine`` (ROW) is the agent; e is the unit vector of its heading, d its displacement [m].
 """
@@ -28,10 +31,18 @@ from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
 from crowdsim.steering.way_kernels import gap_to_way
 
 MARGIN = 1e-6
-"""Part of each gap that no step uses [m]: above the rounding error of a step, below what is visible."""
+"""Part of each gap that no step uses [m]: above the rounding error of a step, below what is visible.
+
+A wedged agent that turns past the corners of walls keeps half of it off them. A body pressed against a wall is just a
+margin away, so that with the whole margin its turn would end at once (see turn_between_walls).
+"""
 
 ROUNDING = 1e-9
 """Tolerance for violating a half plane by rounding [m]; granted only while at least half of the margin is left."""
+
+_NO_PROGRESS = 0.15
+"""Progress along guidance, as a share of the free speed, below which an agent counts as stuck. A larger share counts
+slow agents as stuck, too."""
 
 MOST_LINES = 128
 """Capacity of the list of half planes of an agent. An agent with more neighbors and walls in reach stands still."""
@@ -39,9 +50,10 @@ MOST_LINES = 128
 
 @helper
 def set_line(line, nx, ny, room):
-    """Set a half plane: unit normal (nx, ny), displacement allowed along it and rounding tolerance (both [m]).
+    """Set a half plane ``line`` (4,): unit normal (nx, ny), displacement ``room`` allowed along it, tolerance [m].
 
-    A room below 0 (the gap is smaller than the margin) counts as 0, so that standing still stays feasible.
+    A room below 0 (the gap is smaller than the margin) counts as 0, so that standing still stays feasible. There is no
+    tolerance for rounding if less than half of the margin is left.
     """
     line[0] = nx
     line[1] = ny
@@ -115,13 +127,15 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
 def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
     """Add a half plane for each wall segment of one layer that a body could meet.
 
+    The room to a segment is the whole gap less the margin. It is below 0 if the body is nearer than the margin, or
+    overlaps the segment; :func:`set_line` makes it 0, so that the body comes no nearer.
+
     Parameters
     ----------
     walls : Walls
         Wall segments of the layer, with a list of those near each cell.
     x, y, ux, uy, half, radius : float
-        Body: center, unit vector along its core (the segment in the middle of a capsule) and half length of that,
-        radius [m]. The disc of the legs has half length 0.
+        Body: center, unit vector and half length of its core, radius [m]. The disc of the legs has half length 0.
     most : float
         Upper bound of the growth of its support in this step [m].
     lines : (k, 4) float64
@@ -137,10 +151,11 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
     """
     column = math.floor((x - walls.left) / WALL_CELL)
     row = math.floor((y - walls.bottom) / WALL_CELL)
-    # The grid reaches more than WALL_REACH beyond all walls, so outside of it no wall is near.
+    # The grid reaches WALL_REACH and two cells beyond all walls (build_walls), 1.8 m: more than a body and its step. So
+    # no wall is near a body outside of it.
     if count < 0 or not (0 <= column < walls.columns and 0 <= row < walls.rows):
         return count
-    # The lists are complete only up to WALL_REACH.
+    # The lists are complete only up to WALL_REACH: a body that could reach farther stands still.
     if half + radius + most > WALL_REACH:
         return -1
     cell = row * walls.columns + column
@@ -157,7 +172,7 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
             walls.segments[number, 2],
             walls.segments[number, 3],
         )
-        # A wall stands still: the whole gap is the agent's. Less than the margin counts as no room, see `set_line`.
+        # A wall stands still: the whole gap is the agent's.
         room = distance - radius - MARGIN
         if room < most:
             # The core cuts the wall, or there are too many lines.
@@ -248,7 +263,7 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
     moved : int
         Number of agents that move. Further steered ones are copies of agents that are moved elsewhere.
     wanted : WANTED[n]
-        Velocity [m/s], turn [rad] and half length of the core [m] of each row; ``opposed``: awareness, as in ROW.
+        Wanted velocity [m/s], turn in this step [rad], half length of the core [m] and other fields of each row.
     walls : tuple
         Walls of the legs' layer, walls of the torso's layers, radius of the legs [m].
     ways : ListedWays
@@ -286,12 +301,12 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         most = math.sqrt(dx * dx + dy * dy) + growth
         count = add_neighbors(crowd, me, most, broadest, order, len(state), lines)
         people = count
-        # The capsule keeps off the walls of the torso's layers, a disc off those of the legs' layer.
+        # The capsule keeps off the walls of the torso's layers, a disc of the legs' radius off those of the legs.
         count = add_walls(torso, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius, most, lines, count)
         count = add_walls(legs, mine.x, mine.y, 1.0, 0.0, 0.0, leg_radius, most, lines, count)
         fixed = count
         count = add_ways(ways, crowd[3], mine, most, lines, count)
-        # Half planes are missing: no displacement and no turn is safe by itself. A core may still get shorter.
+        # The half planes are incomplete: no displacement and no turn is safe by itself. A core may still get shorter.
         if count < 0:
             crowded += 1
             count = 0
@@ -301,8 +316,8 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         if count > 0:
             dx, dy = nearest_feasible(dx, dy, lines, count)
         heading, hx, hy, half = fitting_turn(mine, turn, half, dx, dy, lines, count)
-        # Wedged: neither a move nor a turn is left. Turn on the spot past the corners of walls, if others allow it;
-        # not in opposing traffic, where waiting helps. Half the margin stays: no contact to begin with.
+        # Wedged: long stuck without opposing traffic (``opposed`` is 0), and neither a move nor a turn is left. Turn on
+        # the spot past the corners of walls, if others allow it. For half the margin see MARGIN.
         stuck_alone = mine.stuck > WEDGED_AFTER and want.opposed <= 0.0
         if count > 0 and stuck_alone and stands_still(mine, dx, dy, heading):
             spans = (people, fixed, count)
@@ -310,11 +325,10 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
             if heading != mine.heading:
                 dx, dy = 0.0, 0.0
 
-        # The time stuck grows while the progress along guidance is below 15 % of the free speed, and shrinks twice as
-        # fast otherwise.
+        # The time stuck grows while there is hardly any progress along guidance, else it shrinks twice as fast.
         progress = (dx * mine.gx + dy * mine.gy) / step
         stuck = mine.stuck - 2.0 * step
-        if (mine.gx != 0.0 or mine.gy != 0.0) and progress < 0.15 * mine.speed:
+        if (mine.gx != 0.0 or mine.gy != 0.0) and progress < _NO_PROGRESS * mine.speed:
             stuck = mine.stuck + step
 
         # Write back by agent. The velocity is the one carried out, which neighbors will extrapolate.
@@ -332,5 +346,5 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         out.rank = want.rank
         out.key = want.key
         out.opposed = want.opposed
-        out.stuck = next_stuck(stuck)
+        out.stuck = next_stuck(stuck)  # not below 0; at the upper limit, back by CYCLE
     return crowded

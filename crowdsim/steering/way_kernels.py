@@ -1,7 +1,8 @@
 """Reserved segments of captured agents as steered agents meet them: each is kept clear along its whole length.
 
-``ways`` is a :class:`crowdsim.steering.ways.ListedWays`, ``number`` one of its segments; a body has its core along or
-across u = (ux, uy), ``half`` meters to either side, and ``radius`` around it [m].
+``ways`` is a :class:`crowdsim.steering.ways.ListedWays`, ``number`` one of its segments. A body is a capsule, as of
+:mod:`crowdsim.steering.capsule_kernels`: (x, y) is the middle of its core [m], u = (ux, uy) the unit vector along the
+core (across the heading), ``half`` half the length of the core, and ``radius`` the radius around it [m].
 """
 
 from crowdsim.geometry.cell_kernels import cells_between, count_or_list, counts_to_starts
@@ -50,11 +51,12 @@ def list_ways(segments, frame, reach, starts, lists):
 
 @helper
 def gap_to_way(ways, number, x, y, ux, uy, half, radius):
-    """Return the shortest vector from a core to a reserved segment, its length, and the gap of body and disc [m].
+    """Return the shortest vector (dx, dy) from a core to a reserved segment, its length, and the gap [m].
 
-    (x, y) is the middle of the core, (ux, uy) the unit vector along it. A gap below 0 is an overlap.
+    The gap is that between the body and the disc that moves along the segment, wherever on the segment the disc is. It
+    is below 0 if they overlap.
     """
-    # The gap is less by both radii: of the capsule, and of the disc that moves along the segment.
+    # The gap is less than the length by both radii: of the capsule, and of the disc.
     ax, ay, bx, by, disc = ways.segments[number]
     dx, dy, distance = core_to_segment(x, y, ux, uy, half, ax, ay, bx, by)
     return dx, dy, distance, distance - radius - disc

@@ -22,7 +22,20 @@ _COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#0
 
 
 def draw_sweep(rows: Sequence[Row], figures: Sequence[str]) -> Figure:
-    """Draw a panel for each figure, over the values of the first key; each combination of the others is a curve."""
+    """Draw a panel for each figure, over the values of the first key; each combination of the others is a curve.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        Each point of the sweep with its outcome; at least one.
+    figures : sequence of str
+        Names of the figures to draw. Without any, the picture says that no run gave a figure.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The picture. The legend is in the first panel only.
+    """
     from matplotlib.figure import Figure
 
     count = max(len(figures), 1)

@@ -14,6 +14,7 @@ from crowdsim.sweeps.points import Point
 from crowdsim.sweeps.running import Outcome, Value
 
 Row = tuple[Point, Outcome]
+"""A point of the sweep and what came of it."""
 
 
 def table_of(rows: Sequence[Row]) -> str:

@@ -84,12 +84,12 @@ def run_around(seed: int, count: int = COUNT, rules: Rules | None = None) -> Aro
 
 
 def straight(length: float) -> Drill:
-    """Return a straight corridor that ends at ``length`` [m]."""
+    """Return a straight corridor of ``length`` [m], with the goal region, GOAL deep, behind its end."""
     return _drill(f"straight, {length:.1f} m", [box(0, 0, length + GOAL, WIDTH)], box(length, 0, length + GOAL, WIDTH))
 
 
 def around_corner() -> Drill:
-    """Return a corridor that turns left by a right angle around (BEFORE, WIDTH)."""
+    """Return a corridor that turns left by a right angle around (BEFORE, WIDTH) [m], with the goal behind its end."""
     far = BEFORE + WIDTH
     disc = Point(BEFORE, WIDTH).buffer(WIDTH, quad_segs=ARC_PARTS)
     turn = intersection(disc, box(BEFORE, 0, far, WIDTH))
@@ -103,7 +103,10 @@ def _drill(name: str, parts: list[Polygon], goal: Polygon) -> Drill:
 
 
 def draw_crowd(seed: int, count: int) -> State:
-    """Return people in random slots of the start region, each displaced a little, facing along the corridor."""
+    """Return ``count`` people in random slots of the start region, each displaced a little, facing along the corridor.
+
+    A slot is one of SLOTS_ACROSS times SLOTS_ALONG places of equal size; there must be at least ``count`` of them.
+    """
     rng = np.random.default_rng(seed)
     slots = rng.permutation(SLOTS_ACROSS * SLOTS_ALONG)[:count]
     places: NDArray[np.float64] = np.column_stack(

@@ -208,13 +208,12 @@ class MixedCrowd:
         return self.captured.new_routes()
 
     def header(self, scenario: Scenario) -> RecordingHeader:
-        """Return the constant part of a recording: all agents, nodes that captured ones play, gaits of steered ones.
-
-        ``pool_phases`` are the gait phases [cycles] of all frames of the nodes, which playback needs at switches.
-        """
-        # Any agent may come to steer, so all are listed with what steered ones need: the middles of their goals [m].
+        """Return the constant part of a recording: all agents, with the motion of both levels."""
+        # The cast holds all agents, whatever their level, and ``middles`` (m, 2) a point in each goal's region [m].
         assets, steered = self.captured.assets, self.steered
         agents = steered_agents(self.cast, steered.errands.middles, STEERING_RATE)
+        # Frames of all nodes (the pool) for captured agents; for steered ones a gait for each behavior, on the same
+        # skeleton. ``pool_phases`` are the gait phases of the frames, so that a body can be shown across a switch.
         nodes = captured_motion(assets)
         gaits = steered_motion(nodes.skeleton, steered.gaits).gaits
         return record_header(
@@ -359,6 +358,7 @@ class MixedCrowd:
         return self._others(self.captured.world.view())
 
     def _with_steered(self, others: Others) -> NDArray[Any]:
+        """Return the rows (ROW) of steered agents, and behind them those of ``others``."""
         return np.concatenate((self.steered.world.column("row"), others.rows))
 
     def _bodies(self) -> StandingBodies:
@@ -368,4 +368,5 @@ class MixedCrowd:
 
 
 def _places(rows: Any) -> NDArray[np.float64]:
+    """Return the positions (k, 2) of rows ROW[k] [m]."""
     return np.column_stack((rows["x"], rows["y"]))

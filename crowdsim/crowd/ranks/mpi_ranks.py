@@ -117,6 +117,7 @@ class MpiRanks:
 
     def around(self, rows: NDArray[Any], places: NDArray[np.float64], reach: float) -> NDArray[Any]:
         """Return ROW of all agents within ``reach`` [m] of one of ``places`` (k, 2), and maybe of more."""
+        # Mark the cells within reach of a place, in a grid of the cells around all places; then take the agents there.
         cells = int(np.ceil(reach / CELL))
         columns, lines = cells_of(*places.T)
         left, bottom = int(columns.min()) - cells, int(lines.min()) - cells
@@ -133,11 +134,23 @@ class MpiRanks:
     def exchange(
         self, world: World, exits: NDArray[np.int32], came: NDArray[np.bool_], leaves: NDArray[np.bool_]
     ) -> Ghosts:
-        """Hand over the agents that have left the region, take in others, and return those near the region.
+        """Hand over the agents that have left the region, take in others, and return those near it as ghosts.
 
-        ``exits`` (n,) are the exits of all agents of the run, by their numbers; it gets those of the agents taken in.
-        ``came`` and ``leaves`` mark the rows of ``world`` that have entered in this step, and that leave in it. Ghosts
-        are copies of agents near the region that another process moves.
+        Parameters
+        ----------
+        world : World
+            Rows of the agents in the region; gets the rows of others, and loses those handed over.
+        exits : (n,) int32
+            Number of the goal that is the exit of each agent of the run, NONE for none; gets those of agents taken in.
+        came : (rows,) bool
+            Rows of ``world`` that have entered in this step.
+        leaves : (rows,) bool
+            Rows that leave the world in this step; they are not handed over.
+
+        Returns
+        -------
+        Ghosts
+            Agents of other ranks near the region, those just handed over among them.
         """
         from mpi4py import MPI
 

@@ -12,7 +12,7 @@ from crowdsim.steering.row_kernels import ROW
 
 
 class Ghosts(NamedTuple):
-    """Agents of other ranks near the own region, as they were before the step."""
+    """Agents of other ranks near the own region, as they were before the step: seen here, but not moved."""
 
     ids: NDArray[np.int64]
     """(g,) their ids in the world of all."""
@@ -72,8 +72,8 @@ class Ranks(Protocol):
     ) -> Ghosts:
         """Hand over the agents that have left the region, take in others, and return those near the region.
 
-        ``exits`` (n,) holds the exit of each agent of the run; it moves with them. ``came`` and ``leaves`` mark
-        the rows of ``world`` that have entered in this step and that leave in it.
+        ``exits`` (n,) int32 holds the exit (number of a goal) of each agent of the run; it moves with them. ``came``
+        and ``leaves`` (rows,) bool mark the rows of ``world`` that have entered in this step and that leave in it.
         """
 
 

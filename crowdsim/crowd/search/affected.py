@@ -17,7 +17,8 @@ from crowdsim.planning.labels.annotated_path import AnnotatedPath, points_at
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 WORTH = 0.5
-"""Length by which the straight way through a freed outline must be shorter than the rest of the route [m]."""
+"""Length by which the straight way through a freed outline must be shorter than the rest of the route [m]. For less, no
+path is searched again; a larger value saves searches, and agents keep longer routes."""
 
 _STRIDE = 4
 """Frames between two positions of a motion that are joined by a straight segment: at most a decimeter, so that the body
@@ -78,10 +79,11 @@ def way_left(route: AnnotatedPath, position: NDArray[np.float64]) -> float:
 
 
 def could_shorten(route: AnnotatedPath, position: NDArray[np.float64], freed: BaseGeometry) -> bool:
-    """Return True if a way through ``freed`` could be shorter than the rest of a route by WORTH, or more.
+    """Return True if a way through ``freed`` could be shorter than the rest of a route by WORTH.
 
-    The way there and the way on to the goal are taken as straight, and the way within ``freed`` is left out: this is a
-    lower bound, so no shorter way is missed. ``position`` (2,) is in meters.
+    Such a way is at least as long as both straight lines, from ``position`` (2,) [m] to ``freed`` and from there to the
+    end of the route. Other obstacles, and the way within ``freed``, are left out: so a shorter route is never missed,
+    but a search may find none.
     """
     straight = shapely.Point(position).distance(freed) + shapely.Point(route.points[-1]).distance(freed)
     return bool(straight < way_left(route, position) - WORTH)
@@ -102,9 +104,11 @@ def outdated(assets: Assets, plan: MotionPlan | None, position: NDArray[np.float
 
 
 def _arc_near(route: AnnotatedPath, position: NDArray[np.float64]) -> float:
+    """Return the arc length [m] of the point of a route nearest to ``position`` (2,) [m]."""
     return float(shapely.line_locate_point(shapely.LineString(route.points), shapely.Point(position)))
 
 
 def _piece(route: AnnotatedPath, start: float, end: float) -> shapely.LineString:
+    """Return the part of a route from arc length ``start`` to ``end`` [m]."""
     inner = route.arc[(route.arc > start) & (route.arc < end)]
     return shapely.LineString(points_at(route.points, route.arc, np.concatenate([[start], inner, [end]])))

@@ -123,7 +123,10 @@ class Itineraries:
         return off, turned
 
     def laps(self) -> dict[str, int]:
-        """Return the number of rounds completed by the agents of each group that repeats its round."""
+        """Return the number of rounds completed by each group that repeats its round, all its agents together.
+
+        Groups are those with more than one round, or with rounds for as long as the run lasts (``rounds`` is NONE).
+        """
         laps: dict[str, int] = {}
         for agent, group in enumerate(self.cast.groups):
             if self.cast.rounds[agent] != 1:

@@ -135,7 +135,7 @@ class Errands:
         self._itinerary[agents] = self._cast.group[agents]
 
     def goal(self, agents: NDArray[np.int64], reached: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Return the goals of agents ``agents`` that have reached so many places."""
+        """Return the goals (k,) to which agents (k,) go after they have reached ``reached`` (k,) places."""
         group = self._itinerary[agents]
         place = reached % self._places[group]
         goals = self._goals[group, place]
@@ -162,19 +162,22 @@ class Errands:
         view.row["speed"][go] = view.pace[go]
 
     def update(self, view: View, step: int) -> NDArray[np.int64]:
-        """Go on with all errands by one step; return the rows (k,) that have reached their last goal and leave.
+        """Update the errands in this step, after guidance has written the ways of all; return the rows that leave.
 
-        Guidance must have been written before: it tells how far each agent has to go (``togo`` [m]).
+        Agents that walk and are in the region of their goal leave, go on, or take their spot; others take their spot,
+        turn, or stand. Guidance gives the length to go (``togo`` [m]), which is LOST without a path; ``lost_since`` is
+        the step since which that is so, NONE with a path. The crowd reads it, as a run does not wait for agents that
+        have long been without a path.
         """
+        # Test the regions of goals only for agents near the end of their path.
         rows = view.row
         walks = view.errand == Errand.WALKS
-        # Only those whose way is nearly over are tested exactly.
         near = np.flatnonzero(walks & (rows["togo"] < NEAR_GOAL))
         leaves = self._reach(view, step, near[self._within_goals(view, near)])
         self._take_places(view, step, np.flatnonzero(view.errand == Errand.TAKES_PLACE))
         self._turn_and_stand(view, step, np.flatnonzero(view.errand == Errand.TURNS))
+        # Agents that stand for a while (STANDS) and those that stand for good (STAYS).
         self._stand(view, np.flatnonzero((view.errand == Errand.STANDS) | (view.errand == Errand.STAYS)))
-        # The field writes LOST where no way leads to the goal. Remember the step since which an agent has none.
         lost = walks & (rows["togo"] >= LOST)
         view.lost_since[~lost] = NONE
         view.lost_since[lost & (view.lost_since == NONE)] = step
@@ -195,7 +198,10 @@ class Errands:
         np.maximum(self._visits, visits, out=self._visits)
 
     def laps(self, ranks: Ranks = ONE_RANK) -> dict[str, int]:
-        """Return the number of rounds completed by the agents of each group that repeats its round."""
+        """Return the number of rounds completed by each group that repeats its round, all its agents together.
+
+        Groups are those with more than one round, or with rounds for as long as the run lasts (``rounds`` is NONE).
+        """
         laps, reached = {}, ranks.sum(self._visits)
         for number, itinerary in enumerate(self._cast.itineraries):
             if itinerary.rounds != 1:
@@ -240,7 +246,7 @@ class Errands:
         return off, np.abs(wrap_angle(state["heading"][rows] - self._asked(view, rows, reached)))
 
     def _go_on(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Count a place as reached and turn to the next one."""
+        """Count a place as reached by ``rows`` (k,), and make the next one their goal; those who walk set out."""
         view.reached[rows] += 1
         self._visits[view.agent[rows]] += 1
         group = self._itinerary[view.agent[rows]]

@@ -20,11 +20,12 @@ Direction = tuple[float, float, float]
 
 _HANGING_UPPER: Direction = (0.0, 0.0, -1.0)
 _HANGING_FOREARM: Direction = (0.35, 0.0, -0.94)
+"""Directions of arms that hang without swinging: a clip's own direction less these is the swing of its arms."""
 _HELD_UPPER: dict[str, Direction] = {"left": (0.04, -0.02, -1.0), "right": (0.06, 0.02, -1.0)}
 _HELD_FOREARM: dict[str, Direction] = {"left": (0.62, -0.74, 0.22), "right": (0.70, 0.70, -0.10)}
 """Directions of held arms. The left hand lies above the right one, so that they do not touch."""
 _SWING_LEFT = 0.08
-"""Share of the arms' own movement that held arms keep; nothing on a living body is rigid."""
+"""Share of the arms' own swing that held arms keep; nothing on a living body is rigid. 0 makes held arms rigid."""
 
 
 def edit_arms(clip: Clip, weight: Floats) -> Clip:
@@ -45,12 +46,12 @@ def edit_arms(clip: Clip, weight: Floats) -> Clip:
         )
     skeleton = clip.skeleton
     held = clip.rotations.copy()
-    # Turn the upper arm first, as the forearm hangs on it. The hanging directions are those about which arms swing: a
-    # share of the swing is kept. All directions are in the frame of the shoulders.
+    # The upper arm before the forearm, as the direction of the forearm depends on it.
     for side in ("left", "right"):
         shoulder, elbow, wrist = (skeleton.joint(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist"))
         held[:, shoulder] = _pointed(clip, held, shoulder, elbow, _HANGING_UPPER, _HELD_UPPER[side])
         held[:, elbow] = _pointed(clip, held, elbow, wrist, _HANGING_FOREARM, _HELD_FOREARM[side])
+    # Blend from the clip to held arms; frames of weight 0 keep their very numbers.
     rotations = clip.rotations.copy()
     edited = weight > 0.0
     for joint in (skeleton.joint(f"{side}_{part}") for side in ("left", "right") for part in ("shoulder", "elbow")):
@@ -59,7 +60,7 @@ def edit_arms(clip: Clip, weight: Floats) -> Clip:
 
 
 def _shoulder_frame(clip: Clip) -> Floats:
-    """Return axes (F, 3, 3) ahead, left and up of the shoulders, as columns; up leans as the spine does."""
+    """Return axes (F, 3, 3) ahead, left and up of the shoulders, as columns in the world; up leans as the spine."""
     skeleton, joints = clip.skeleton, clip.joint_positions
     left = unit(joints[:, skeleton.joint("left_shoulder")] - joints[:, skeleton.joint("right_shoulder")])
     spine = unit(joints[:, skeleton.joint("neck")] - joints[:, skeleton.joint("hips")])
@@ -68,16 +69,19 @@ def _shoulder_frame(clip: Clip) -> Floats:
 
 
 def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direction, held: Direction) -> Floats:
-    """Return local rotations (F, 4) of ``joint`` that turn the direction to ``tip`` to ``held``.
+    """Return local rotations (F, 4) of ``joint`` with which the limb from ``joint`` to ``tip`` points to ``held``.
 
-    rotations (F, J, 4): those of the clip, with the joints between chest and ``joint`` already edited. A share of the
-    direction's own deviation from ``hanging`` is kept.
+    Directions ``hanging`` and ``held`` are in the frame of the shoulders. By as much as the limb in the clip deviates
+    from ``hanging``, it swings: the result deviates from ``held`` by _SWING_LEFT of that. ``rotations`` (F, J, 4) are
+    those of the clip, with the joints between chest and ``joint`` already edited.
     """
     positions, world = forward_kinematics(clip.skeleton, clip.root_positions, rotations)
     frame = _shoulder_frame(clip)
+    # From the world to the frame of the shoulders, and with the share of the swing back to the world.
     own = unit(clip.joint_positions[:, tip] - clip.joint_positions[:, joint])
     swing = dot(np.swapaxes(frame, 1, 2), own[:, None]) - unit(np.array(hanging))
     wanted = dot(frame, unit(unit(np.array(held)) + _SWING_LEFT * swing)[:, None])
+    # Turn the limb from where it points now, with the edited joints above it.
     now = unit(positions[:, tip] - positions[:, joint])
     turned = multiply(_between(now, wanted), world[:, joint])
     parent = clip.skeleton.parents[joint]

@@ -36,7 +36,7 @@ class CrossingDetector:
 
     The published rule takes every change of sign. Here a side counts only 1 cm or more off the plane and after it has
     held for five frames, otherwise standing is cut to pieces. Frames in which the plane is nearly horizontal (a raised
-    leg) do not count.
+    leg) do not count. With ``both_ways``, the ankle's way back through the plane cuts as well.
     """
 
     name = "crossing"
@@ -44,9 +44,13 @@ class CrossingDetector:
     both_ways = False
     """True if the ankle's way back through the plane (the left ankle's way forward) cuts as well."""
     dead_band = 0.01
+    """Distance from the plane up to which the ankle is on neither side [m]."""
     hold_frames = 5
+    """Number of frames in a row for which a side must hold to count."""
     steepest = 0.8
+    """Largest vertical part of the plane's unit normal in frames that count; 1 would be a horizontal plane."""
     shortest = int(0.3 * CAPTURE_RATE)
+    """Least distance between two cuts [frames]; a cut sooner after the one before is left out."""
 
     def cuts(self, clip: Clip) -> Frames:
         """Return the frames of ``clip`` in which the ankle passes, ascending."""
@@ -56,6 +60,7 @@ class CrossingDetector:
         for change in np.flatnonzero(sides[1:] * sides[:-1] < 0) + 1:
             if sides[change] < 0 and not self.both_ways:
                 continue
+            # Times the new side, the distance rises from below 0 to above 0, whichever way the ankle passes.
             cut = self._nearest_zero(distance * sides[change], int(change))
             if not cuts or cut - cuts[-1] >= self.shortest:
                 cuts.append(cut)
@@ -87,7 +92,11 @@ class CrossingDetector:
 
     @staticmethod
     def _nearest_zero(distance: Floats, change: int) -> int:
-        """Return the frame nearest to the sign change, which lies before the dead band was left."""
+        """Return the frame nearest to the sign change, which lies before the dead band was left.
+
+        ``distance`` (F,) [m] is positive in frame ``change``, and has been since the sign changed.
+        """
+        # Back to the first frame behind the change; the frame before it may be nearer to 0.
         frame = change
         while frame > 0 and distance[frame - 1] > 0.0:
             frame -= 1
@@ -107,7 +116,9 @@ class StandingDetector:
     name = "standing"
     standing = True
     speed = 0.15
+    """Speed below which an ankle rests [m/s]."""
     hold_frames = 3
+    """Least length of a stretch at rest that is cut [frames]."""
 
     def cuts(self, clip: Clip) -> Frames:
         """Return the frames (k,) int64 of ``clip`` in which it may be cut standing, ascending."""

@@ -33,9 +33,10 @@ LONGEST_FADE = 24.0
 
 @helper
 def _track_at(work, a, share):
-    """Return the track pose of body ``a`` at a share of the step."""
+    """Return the track pose of body ``a`` (x, y [m], heading [rad]) at a share of the step."""
     # ``work.spans``: lengths of a periodic floor, across whose ends the way from old to new may be shorter.
     old, new = work.old_track[a], work.new_track[a]
+    # At the end of the step, the new pose to the bit, and on this side of the ends of a periodic floor.
     if share >= 1.0:
         return new[0], new[1], new[2]
     x = old[0] + share * shorter_way(new[0] - old[0], work.spans[0])

@@ -169,15 +169,16 @@ def _move(positions, rotations, a, joint, turn, old, new):
 def _reach(hip, knee, ankle, target):
     """Return the share of its length to which a leg may stretch, and how far the pelvis must come down for it [m].
 
-    A leg may be as straight as it is in the clips.
+    The leg may stretch to REACH, or be as straight as it is posed. The second value is negative if the ankle reaches
+    ``target`` without that, by as much as the hip could be higher.
     """
     thigh, shank, whole = _minus(knee, hip), _minus(ankle, knee), _minus(ankle, hip)
     length = math.sqrt(_dot(thigh, thigh)) + math.sqrt(_dot(shank, shank))
     most = max(REACH, math.sqrt(_dot(whole, whole)) / length)
     # Pythagoras: the hip's largest height above the target at this horizontal distance.
     x, y = hip[0] - target[0], hip[1] - target[1]
-    high = most * most * length * length - x * x - y * y
-    return most, hip[2] - target[2] - math.sqrt(max(high, 0.0))
+    square = most * most * length * length - x * x - y * y
+    return most, hip[2] - target[2] - math.sqrt(max(square, 0.0))
 
 
 @helper

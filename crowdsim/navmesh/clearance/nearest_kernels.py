@@ -7,8 +7,8 @@ from p. Blocked ones are only crossed. Each free one offers the candidates of th
 triangle is farther than the best place.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, t a triangle; p = (px, py) is the query
-point; ``other`` is an outline as ``one``; ``tolerance`` is a distance that rounding may take [m]; ``triangle_marks``
-and ``vertex_marks`` say what was visited already.
+point [m]; ``one`` and ``other`` are records _OUTLINE, ``radius`` is that of the disc [m]; ``tolerance`` is a distance
+that rounding may take [m]; ``triangle_marks`` and ``vertex_marks`` say what was visited already.
 """
 
 import math
@@ -57,7 +57,7 @@ def _try(m, t, px, py, x, y, radius, tolerance, best):
 
 @helper
 def _nearest_of(one, px, py, radius):
-    """Return (distance, x, y) of the point nearest to p on an outline."""
+    """Return (distance, x, y) [m] of the point nearest to p on the outline ``one``, a circle or a segment."""
     dx = px - one.x
     dy = py - one.y
     # A segment: the foot of p, clamped to its ends.
@@ -66,6 +66,7 @@ def _nearest_of(one, px, py, radius):
         x = one.x + along * one.ux
         y = one.y + along * one.uy
         return hypot(x - px, y - py), x, y
+    # A circle: the point of it towards p.
     distance = hypot(dx, dy)
     # In the center all points of the circle are nearest: take one.
     if distance == 0.0:

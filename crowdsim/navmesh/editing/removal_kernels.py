@@ -5,6 +5,10 @@ sides[prv(h)].twin the next spoke counter-clockwise.
 
 ``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
 :mod:`crowdsim.navmesh.mesh.mesh_arrays`; h is a half-edge, ``fixed`` the number of constrained spokes.
+
+What is left to do after a removal is noted: ``soil`` marks a triangle whose corner clearances must be measured anew,
+``touch`` lists a vertex around which triangles may have changed (see work_kernels), and :func:`_push` stacks a side
+that may not be Delaunay. Repairs (see settle_kernels) look at no more than these.
 """
 
 from crowdsim.errors import BoundExceeded
@@ -166,8 +170,8 @@ def _spoke_to_join(m, h, fixed):
 def _join_four(m, w, h0):
     """Make two triangles of the four around a vertex; spoke h0 and the second one after it become one side.
 
-    The spokes lead to a, b, c and d; a and c are joined, so (a, b, c) and (c, d, a) must be counter-clockwise. Return
-    the two triangles that are free then.
+    The spokes from h0 on lead to a, b, c and d; a and c are joined. The new triangles (a, b, c) and (c, d, a) must be
+    counter-clockwise and have an area, see :func:`_spoke_to_join`. Return the two triangles that are free then.
     """
     sides = m.sides
     vertices = m.vertices
@@ -192,7 +196,8 @@ def _join_four(m, w, h0):
         _push(w, middle, end)
     link(sides, h0, h2)
     _push(w, a, c)
-    # Both are corners of both triangles, so that these count as changed.
+    # Both are corners of both triangles. The walks around them find the changed triangles and touch b and d, see
+    # settle_kernels.
     touch(w, a)
     touch(w, c)
     return h1 // 3, h3 // 3
@@ -223,7 +228,7 @@ def _join_three(m, w, h0):
     _push(w, a, b)
     _push(w, b, c)
     _push(w, c, a)
-    # The walks around these find the changed triangle and touch b, see settle_kernels.
+    # The walks around a and c find the changed triangle and touch b, see settle_kernels.
     touch(w, a)
     touch(w, c)
     return h1 // 3, h2 // 3

@@ -54,7 +54,10 @@ def layers_of(meshes: Iterable[Layer]) -> NDArray[np.int64]:
 
 @helper
 def mesh_at(places):
-    """Return the mesh whose arrays are at ``places``, (12, 2) or (5, 2) int64."""
+    """Return the mesh whose arrays are at ``places``, int64, as of :func:`places_of`.
+
+    Each row is the address and the number of items of an array: (12, 2) with a workshop, (5, 2) without one.
+    """
     # Rows 0 to 4 are the fields of MeshArrays, in their order.
     return MeshArrays(
         array_at(places[0, 0], (places[0, 1],), SIDE),
@@ -67,7 +70,7 @@ def mesh_at(places):
 
 @helper
 def workshop_at(places):
-    """Return the workshop whose arrays are at ``places``, (12, 2) int64."""
+    """Return the workshop whose arrays are at ``places``, (12, 2) int64, as of :func:`places_of`."""
     # Rows 5 to 11 are the fields of Workshop, in their order.
     return Workshop(
         array_at(places[5, 0], (places[5, 1],), np.int64),

@@ -4,11 +4,11 @@ Each side is cut by the radius at both ends. A way crosses the rest in straight 
 of cut sides, where the way bends. The cost of a way is its length with chords in place of arcs. The widths of sides and
 corners decide what can be crossed, as in :mod:`crowdsim.navmesh.paths.search_kernels`.
 
-Arguments of all helpers are those of :func:`find_way`; ``label`` is a record LABEL of the workspace: an interval of a
-side that is seen from a root r, between the ends l (left) and p (right). ``spent`` is the length up to the root [m].
-``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``work`` is the
-:class:`crowdsim.navmesh.paths.workspace.Workspace`, of which ``labels`` (the first ``used`` in use), ``waypoints`` and
-``reached`` are arrays and ``stamp`` is the number of the query; ``regions`` (nt,) are records
+Arguments of all helpers are those of :func:`find_way`; ``label`` is a record LABEL of the workspace (not the behavior
+of a section): an interval of a side that is seen from a root r, between the ends l (left) and p (right). ``spent`` is
+the length up to the root [m]. ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``work`` is
+the :class:`crowdsim.navmesh.paths.workspace.Workspace`, of which ``labels`` (the first ``used`` in use), ``waypoints``
+and ``reached`` are arrays and ``stamp`` is the number of the query; ``regions`` (nt,) are records
 :data:`crowdsim.navmesh.paths.region_kernels.REGION`; s = (sx, sy) is the start and g = (gx, gy) the goal [m]. h,
 ``before`` and ``corner`` are fields of a label.
 """
@@ -50,7 +50,8 @@ def _set_label(label, rx, ry, spent, lx, ly, px, py, h, before, corner, ends):
 def _estimate(label, x, y):
     """Estimate the length [m] of a way from the start over the label's interval to (x, y).
 
-    Meters behind it are weighted.
+    Meters beyond the interval, which are still to be searched, count GREED times, as in weighted A*: so labels near the
+    goal come first, and fewer are searched.
     """
     rx = label.rx
     ry = label.ry
@@ -81,7 +82,8 @@ def _estimate(label, x, y):
         ux = px - x
         uy = py - y
         return label.spent + math.sqrt(px * px + py * py) + GREED * math.sqrt(ux * ux + uy * uy)
-    # It crosses the interval: weight the part behind it.
+    # It crosses the interval: weight the part behind it. If root and target both are on the line of the interval (total
+    # is 0), all of it counts as behind.
     total = root - behind
     part = root / total if total != 0.0 else 0.0
     return label.spent + math.sqrt(x * x + y * y) * (part + GREED * (1.0 - part))

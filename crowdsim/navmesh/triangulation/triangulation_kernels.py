@@ -299,9 +299,12 @@ def insert_point(m, x, y, hint, w):
 
 @helper
 def split_is_robust(sides, vertices, h, x, y):
-    """Return True if (x, y), near side h, is strictly inside the union of its two triangles: a split inverts none."""
+    """Return True if a split of side h at (x, y) [m] inverts no triangle; h must have a twin.
+
+    It inverts none if (x, y) sees all four outer sides of the two triangles at h from inside.
+    """
     g = sides[h].twin
-    # Left of all four outer sides.
+    # Inside: strictly left of all four outer sides.
     inside = True
     for e in (nxt(h), prv(h), nxt(g), prv(g)):
         inside = inside and side(vertices, sides[e].org, sides[nxt(e)].org, x, y) > 0.0

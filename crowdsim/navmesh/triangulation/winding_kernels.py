@@ -44,10 +44,7 @@ def flood(m, stack):
 def follow(m, w, count, begin):
     """Update winding numbers after a change along half-edges.
 
-    Return False if they contradict each other and are now wrong.
-
-    Numbers may fit each other and still all be wrong by the same amount; they are right if the outside of the area,
-    which counts as covered once, has 1.
+    The numbers are right if they fit each other across all sides, and the outside of the area has 1.
 
     Parameters
     ----------
@@ -63,8 +60,9 @@ def follow(m, w, count, begin):
     Returns
     -------
     bool
-        False if the half-edges contradict each other (an outline that snapping folded over), if triangles on their
-        right changed as well, or if ``stack`` is full. Numbers are then to be computed anew.
+        True if the numbers are right. False if the half-edges contradict each other (an outline that snapping folded
+        over), if triangles on their right changed as well, or if the stack is full. The numbers may be wrong then, and
+        the caller computes all of them anew (:func:`flood_again`).
     """
     sides = m.sides
     cover = m.cover
@@ -85,8 +83,8 @@ def follow(m, w, count, begin):
                 budget -= 1
                 if budget < 0:
                     return False
+                # Its corner clearances must be measured anew (soil), and repairs must find it (touch).
                 cover[t] = value
-                # Its clearances are measured again, and the edit reports it as changed.
                 soil(sides, t)
                 touch_triangle(sides, w, t)
                 for e in range(3 * t, 3 * t + 3):
@@ -107,7 +105,7 @@ def follow(m, w, count, begin):
         h = w.pairs[i, 0]
         if cover[h // 3] != cover[sides[h].twin // 3] + sides[h].winding:
             return False
-    # Vertex 0 is a corner of the box around everything, so its triangles are outside.
+    # Vertex 0 is a corner of the box, so each triangle at it is outside of the area.
     return cover[m.vertices[0].vhe // 3] == 1
 
 

@@ -125,7 +125,7 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
 
     Returns
     -------
-    The bent path; no points if nothing is bent.
+    The bent path; no points (0, 2) if nothing is bent, and the rest as given.
     """
     count = sections.shape[0]
     least = np.empty(len(layers))

@@ -14,24 +14,34 @@ from crowdsim.planning.query.query import Query, as_sections
 
 
 def with_turn_room(query: Query, path: AnnotatedPath) -> AnnotatedPath:
-    """Return the route led away from obstacles where a turning body reaches beyond its planned clearance.
+    """Return the path, bent away from obstacles at turns of the body that reach beyond the planned clearance.
 
-    A behavior is turned if its body faces away from its direction of motion, as in walking sideways. Around each change
-    between a turned behavior and another one the body turns on a stretch of the path. On the middle half of that
-    stretch, as far as the behavior there is not turned, it needs the radii ``need.turning`` [m]. The path stays as
-    it is where there is no room.
+    A behavior is turned if the body faces away from its direction of motion, for example when it walks sideways. Before
+    a section of a turned behavior the body turns into it, behind that section it turns out of it. Both happen on
+    TURN_ROOM meters of the section that is not turned; the middle half of these may be bent. A turn keeps its path if
+    the bend is not free, does not fit in its section, or costs too much (see
+    :func:`crowdsim.planning.margins.turn_kernels.bend_turns`).
+
+    Parameters
+    ----------
+    query: meshes of the layers, and ``need``, from which clearances, reach of turns and costs are taken.
+    path: path with sections.
+
+    Returns
+    -------
+    The bent path with its arc lengths, sections and cost; ``path`` itself if no turn is bent.
     """
     need = query.need
     turned = need.turned.tolist()
-    # No change between the two kinds: nobody turns.
+    # A body that is turned all along, or nowhere, does not turn.
     if len({turned[section.behavior] for section in path.sections}) < 2:
         return path
     layers = layers_of(query.meshes)
-    # Rows of start and end [m] and behavior.
+    # Sections as rows (k, 3): behavior, start and end [m].
     given = np.fromiter(chain.from_iterable(path.sections), np.float64).reshape(-1, 3)
     radii, turning, costs = need.radii, need.turning, need.costs
     points, arc, sections, cost = bend_turns(
         layers, path.points, path.arc, given, path.cost, radii, turning, costs, need.turned
     )
-    # Without points nothing was bent.
+    # Without a bend there are no points.
     return replace(path, points=points, arc=arc, sections=as_sections(sections), cost=cost) if len(points) else path

@@ -3,9 +3,10 @@
 A gate is a stretch of the channel that the widest behavior does not pass. The circles that it keeps around both ends of
 the gate's first side meet in front of the gate: a path can be walked with the widest behavior up to there. Those of the
 last side meet behind the gate: from there on it can again. ``m`` is the legs' mesh, ``around`` (nv, n) the distance
-that each behavior keeps from each of its vertices [m].
+that each of n behaviors, the widest last, keeps from each of the mesh's nv vertices [m].
 
-``sign`` is 1 for the left of the way from a to b, -1 for the right; a and b are the centers of two circles [m].
+``sign`` is 1 for the left of a direction, -1 for the right; a and b are centers of circles [m]. A half-edge has the
+triangle that the path leaves across it on its left, so left is in front of a gate and right behind it.
 """
 
 import math
@@ -31,7 +32,8 @@ fits: 1 if a taut path may be pinned there, as both places are clear enough for 
 """
 
 _OFF = 2e-6
-"""Distance that pins stay off the circles [m], so that a tangent exists."""
+"""Distance that pins stay off the circles [m], so that a tangent exists: rounding could put a pin on a circle inside of
+it."""
 
 
 @helper
@@ -58,24 +60,25 @@ def circles_meet(ax, ay, bx, by, one, other, sign):
 
 @helper
 def _meeting(m, around, h, sign):
-    """Return (True, x, y) [m] where the widest behavior's circles around the ends of half-edge h meet.
+    """Return (True, x, y) if the widest behavior's circles around both ends of half-edge h meet, else (False, 0, 0).
 
-    Of the two points it is the one left (``sign`` 1) or right (-1) of the half-edge; (False, 0, 0) if they do not meet.
+    Of the two points [m] it is the one to the left of h for a ``sign`` of 1, to the right for -1.
     """
-    first = m.sides[h].org
-    last = m.sides[nxt(h)].org
-    # The last column is the widest behavior's; a little more radius keeps the point off both circles, despite rounding.
+    start = m.sides[h].org
+    end = m.sides[nxt(h)].org
+    # The last column is the widest behavior.
     top = around.shape[1] - 1
-    p = m.vertices[first]
-    q = m.vertices[last]
-    return circles_meet(p.x, p.y, q.x, q.y, around[first, top] + _OFF, around[last, top] + _OFF, sign)
+    p = m.vertices[start]
+    q = m.vertices[end]
+    return circles_meet(p.x, p.y, q.x, q.y, around[start, top] + _OFF, around[end, top] + _OFF, sign)
 
 
 @helper
 def find_gates(m, channel, levels, count, around, least, gates):
     """Fill ``gates`` with the stretches of the channel that the widest behavior does not pass; return their number.
 
-    Only sides walked with a narrower behavior count (levels). least: clearance that pins must have [m].
+    channel: half-edges that the path crosses, ``count`` of them. levels: behavior with which each is crossed; only
+    sides crossed with a narrower behavior than the widest count. least: clearance that pins must have [m].
     """
     top = around.shape[1] - 1
     found = 0

@@ -31,8 +31,8 @@ OFF = 0.3
 def _off_the_wall(ground, box, x, y):
     """Return the unit vector from the nearest wall to a position (x, y) [m].
 
-    box: number of the square of the grid that contains the position; ``ground.lists`` names the walls near each. It
-    is (0, 0) if none is near or the position is on one.
+    box: number of the square of the grid that contains the position; ``ground.lists`` names the walls near each. The
+    result is (0, 0) if no wall is near or the position is on one.
     """
     nearest = math.inf
     dx = 0.0
@@ -57,9 +57,10 @@ def _off_the_wall(ground, box, x, y):
 
 @helper
 def _passage(ground, x, y, dx, dy):
-    """Return the widest behavior that fits at a position or beside it; the widest of all if none fits.
+    """Return the widest behavior that fits at the position (x, y) [m] or beside it; the widest of all if none fits.
 
-    Beside it means across the path (dx, dy), and off the nearest wall: an agent at a wall need not be so near to it.
+    Beside it means across the path, whose unit vector is (dx, dy), and off the nearest wall: an agent at a wall need
+    not be so near to it.
     """
     top = len(ground.costs) - 1
     widest = -1

@@ -147,21 +147,37 @@ def price_of(ground, crowding, field, box, prices, chain):
 
 @kernel
 def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, chain, changes):
-    """Set ``changes`` (bool[n]) for the agents at ``places`` (float64[n, 2]) that change from field ``old`` to ``new``.
+    """Find the agents that change from the field ``old``, which they follow, to the field ``new``.
 
     Both paths are priced in the present crowd: the old path as it leads, the new one as its field has it. An agent
     changes if the new path costs less than ``weighing.share`` of the old one; or less than ``weighing.around`` of it,
     if the crowd's part of its cost is below ``weighing.jam`` of that of the old one; or if only the new field has a
-    path. ``prices`` (float64[boxes]) keeps what boxes of the old field cost, negative if unknown; ``chain``
-    (int64[CHAIN]) is scratch; see :func:`price_of`. Places are in meters.
+    path.
+
+    Parameters
+    ----------
+    ground, crowding : Ground, Crowding
+        The place and its present crowd.
+    old, new : Field
+        Fields to one goal; ``new`` is solved in the present crowd.
+    places : (n, 2) float64
+        Positions of the agents [m].
+    weighing : Weighing
+        Shares ``share``, ``around`` and ``jam``.
+    prices : (boxes,) float64
+        Costs of the old paths found so far, from the pin of each box; negative before. Agents in one box share them.
+    chain : (CHAIN,) int64
+        Scratch of :func:`price_of`.
+    changes : (n,) bool
+        Gets True for each agent that changes.
     """
     for n in range(len(places)):
         changes[n] = False
         box = nearest_way(ground, new, places[n, 0], places[n, 1])
-        # The new field has no path: stay.
+        # The new field has no path from here.
         if box < 0:
             continue
-        # The old field has none here, as it asks for no behavior.
+        # The old field has none (asks is -1 then), but the new one has.
         if old.asks[box] < 0:
             changes[n] = True
             continue

@@ -44,7 +44,8 @@ class Field(NamedTuple):
     length: NDArray[np.float32]
     """float32[boxes]: length of the path [m]."""
     anchor: NDArray[np.int32]
-    """int32[boxes]: box at whose pin the path bends next; numbers from that of boxes on are points of the goal."""
+    """int32[boxes]: box at whose pin the path from the pin of the box bends next; a number n >= boxes is point
+    n - boxes of the goal. A box whose pin is in the goal is its own anchor; -1 without a path."""
     asks: NDArray[np.int8]
     """int8[boxes]: narrowest behavior needed on the next 0.7 m of the path, -1 without a path."""
     slots: NDArray[np.int32]
@@ -126,7 +127,7 @@ def ways(ground: Ground, field: Field, places: ArrayLike) -> Ways:
 
 
 def way_end(ground: Ground, field: Field, place: ArrayLike) -> NDArray[np.float64]:
-    """Where the way from a place, (2,) [m], comes to the goal; nan if there is no way."""
+    """Return where the way from ``place`` (2,) [m] enters the goal, (2,) [m]; nan if there is no way."""
     x, y = np.asarray(place, np.float64).tolist()
     return np.array(end_of_way(ground, NOBODY, field, x, y))
 

@@ -216,8 +216,8 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
 
     The cost is the integral of the behavior's cost per meter and the crowd's factor, plus ``ground.change`` for each
     change of behavior. It is infinite if there is a point at which no behavior fits, or if it exceeds ``most``. Near
-    walls the line is sampled at steps of PACE, so walls closer than half a step to its ends may be missed: a behavior
-    must fit there.
+    walls the line is sampled at steps of PACE, so walls closer than half a step to its ends may be missed: the caller
+    must know that a behavior fits at both ends.
     """
     top = len(ground.costs) - 1
     dx = qx - px

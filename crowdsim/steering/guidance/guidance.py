@@ -239,7 +239,7 @@ class Guidance:
             agents = np.flatnonzero((state["goal"] == goal) & (following == old))
             if not len(agents):
                 continue
-            # Scratch: the new field's cost at each box, -1 where it is not known yet.
+            # Scratch: the cost of the old field's path from each box in the present crowd; -1 where not known yet.
             prices = np.full(self.ground.columns * self.ground.rows, -1.0)
             changes = np.zeros(len(agents), np.bool_)
             change_where_it_pays(

@@ -1,10 +1,11 @@
 """Sampling of a field at an agent's position: direction and length of its path, and the behavior to use.
 
 The ground is divided into square boxes with a pin each. An anchor is what a way heads for next, in a straight line: the
-pin of a box, or a point of the goal. Its number is that of the box, or that of the point plus the number of boxes. A
-box whose agents all head for one anchor has it in ``field.anchor``; any other has a slot, a row in which each of its
-PARTS x PARTS parts has its own target. ``nobody`` is the density of an empty crowd: lines are tested against walls
-alone.
+pin of a box, or a point of the goal. Its number is that of the box, or that of the point plus the number of boxes.
+``field.anchor[box]`` is the anchor of the way from the pin of any box, -1 if there is no way. Agents anywhere in a box
+without a slot head for that anchor, too. A box with a slot (``field.slots[box]`` is 0 or more) has a row of
+``field.heads``, in which each of its PARTS x PARTS parts has its own target. ``nobody`` is the density of an empty
+crowd: lines are tested against walls alone.
 
 ``ground`` (Ground) and ``field`` (Field) are those of the place; p = (px, py) and q = (qx, qy) are the ends of a line
 [m].
@@ -283,7 +284,7 @@ def way_at(ground, nobody, field, x, y):
     if box < 0:
         return 0.0, 0.0, math.inf, math.inf, top
     boxes = len(ground.widest)
-    # The pin of the box is in the goal.
+    # Cost 0: the pin of the box is in the goal, so all of the box counts as in it.
     if field.cost[box] == 0.0:
         return 0.0, 0.0, 0.0, 0.0, top
     head, cost, mx, my = first_head(ground, nobody, field, box, x, y)
@@ -304,21 +305,22 @@ def way_at(ground, nobody, field, x, y):
 
 @kernel
 def end_of_way(ground, nobody, field, x, y):
-    """Return the point [m] where the path from a position (x, y) [m] enters the goal.
+    """Return x and y [m] of the point at which the path from the position (x, y) enters the goal.
 
-    It is the position itself in a box of the goal, and NaN if there is no path.
+    Return the position itself if it is in the goal, and nan, nan if there is no path.
     """
     box = box_at(ground, x, y)
     if box < 0:
         return math.nan, math.nan
-    # Only boxes in the goal cost nothing.
+    # Cost 0: the box counts as in the goal, as in `way_at`.
     if field.cost[box] == 0.0:
         return x, y
     head, _, _, _ = first_head(ground, nobody, field, box, x, y)
     if head < 0:
         return math.nan, math.nan
-    # Follow the anchors up to a point of the goal, or to a pin in the goal, which is its own anchor. Each is nearer to
-    # the goal than the one before, so none comes twice.
+    # From a pin the path goes on to the anchor of that pin, whether its box has a slot or not. Follow the anchors up to
+    # a point of the goal, or to a pin in the goal, which is its own anchor. Each costs less than the one before, so
+    # none comes twice.
     boxes = len(ground.widest)
     for _ in range(boxes):
         if head >= boxes or field.anchor[head] == head:
