@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -17,6 +17,9 @@ UNITS = {
     "t50": "s", "t95": "s", "t100": "s", "mean_time": "s", "flow": "1/s", "flow_per_m": "1/(m s)", "density": "1/m²",
     "density_most": "1/m²", "speed": "m/s", "closest_pair": "m", "closest_bodies": "m",
 }  # fmt: skip
+
+Settings: TypeAlias = tuple[tuple[str, str], ...]
+"""Keys with a value of each."""
 
 _COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 
@@ -49,8 +52,10 @@ def draw_sweep(rows: Sequence[Row], figures: Sequence[str]) -> Figure:
         panels[0].text(0.5, 0.5, "no run gave a figure: see the column 'error'", ha="center")
     keys = [key for key, _ in rows[0][0].settings]
     values = list(dict.fromkeys(point.settings[0][1] for point, _ in rows)) if keys else []
+    # Curves have the same colors in all panels, also if a figure is missing for some of them.
+    curves = list(dict.fromkeys(point.settings[1:] for point, _ in rows))
     for axes, figure in zip(panels, figures, strict=False):
-        _draw(axes, means_of(rows, figure), keys, values)
+        _draw(axes, means_of(rows, figure), keys, values, curves)
         unit = UNITS.get(figure.rpartition(".")[2])
         axes.set_ylabel(f"{figure} [{unit}]" if unit else figure)
         axes.spines[["top", "right"]].set_visible(False)
@@ -64,15 +69,20 @@ def draw_sweep(rows: Sequence[Row], figures: Sequence[str]) -> Figure:
     return drawn
 
 
-def _draw(axes: Axes, means: Sequence[Mean], keys: Sequence[str], values: Sequence[str]) -> None:
-    """Draw one figure: over numbers if all values of the first key are, else over names."""
+def _draw(
+    axes: Axes, means: Sequence[Mean], keys: Sequence[str], values: Sequence[str], curves: Sequence[Settings]
+) -> None:
+    """Draw one figure: over numbers if all values of the first key are, else over names.
+
+    ``curves`` are the combinations of the other keys. Each gets its entry in the legend, also one without points.
+    """
     places = _numbers(values)
     at = dict(zip(values, range(len(values)) if places is None else places, strict=True))
-    curves: dict[tuple[Any, ...], list[tuple[float, Mean]]] = {}
+    along: dict[Settings, list[tuple[float, Mean]]] = {rest: [] for rest in curves}
     for mean in means:
         place = float(at[mean.settings[0][1]]) if keys else 0.0
-        curves.setdefault(mean.settings[1:], []).append((place, mean))
-    for number, (rest, points) in enumerate(curves.items()):
+        along[mean.settings[1:]].append((place, mean))
+    for number, (rest, points) in enumerate(along.items()):
         points.sort(key=lambda entry: entry[0])
         x = np.array([entry[0] for entry in points])
         middle, low, high = (np.array([getattr(mean, name) for _, mean in points]) for name in ("mean", "low", "high"))

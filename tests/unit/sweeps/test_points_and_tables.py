@@ -196,6 +196,26 @@ def test_a_picture_is_drawn_of_any_sweep():
     assert labels == ["a", "b"]
 
 
+def test_a_curve_has_one_color_in_all_panels_and_in_the_legend():
+    rows = []
+    for width in ("1", "2"):
+        for people in ("10", "90"):
+            point = a_point(width, 1)._replace(settings=(("width", width), ("people", people)))
+            # One figure is not known for one of the two curves.
+            figures = {"mean_time": 3.0} if people == "10" else {"mean_time": 4.0, "t95": 5.0}
+            rows.append((point, Outcome(figures)))
+    first, second = draw_sweep(rows, ["t95", "mean_time"]).axes
+    legend = {text.get_text(): line.get_color() for text, line in zip(*entries(first.get_legend()), strict=True)}
+    assert list(legend) == ["people 10", "people 90"]
+    for panel in (first, second):
+        assert {line.get_label(): line.get_color() for line in panel.lines if line.get_label() in legend} == legend
+    assert [len(line.get_xdata()) for line in first.lines if line.get_label() == "people 10"] == [0]
+
+
+def entries(legend):
+    return legend.get_texts(), legend.get_lines()
+
+
 def test_kept_summaries_are_plain_json(tmp_path):
     with Store(tmp_path) as store:
         store.keep(a_point("1", 1), Outcome({"t95": 0.1 + 0.2}))
