@@ -60,7 +60,7 @@ class Trail(NamedTuple):
     candidate: Floats
     """(K, 13) timeline of the move that is tried."""
     tries: NDArray[np.int64]
-    """(1,) moves that may still be tried in this step."""
+    """(1,) moves that may still be tried for the agent that asks now."""
 
     @classmethod
     def empty(cls, depth: int, slots: int, moves: int) -> Trail:
@@ -87,3 +87,5 @@ class Asking(NamedTuple):
     moves: Moves
     standing: Standing
     trail: Trail
+    left: NDArray[np.int64]
+    """(1,) moves that may still be tried in this step."""

@@ -211,7 +211,7 @@ class Switches:
         rate = round(min(max(share, SLOWEST), FASTEST) * natural.rate)
         playback = natural._replace(rate=rate, wanted=int(captured.plans.motions.table.rates[agent]))
         walker = Walker(NONE, agent, node, frame, playback, asked.origin, np.zeros(3), place, radius, stays)
-        reserved = captured.choosing.reserve_entry(captured.world.view(), walker)
+        reserved = captured.choosing.reserving.reserve_entry(captured.world.view(), walker)
         if reserved is None:
             return False
         itineraries.reached[agent] = view.reached[row]

@@ -3,44 +3,43 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, NONE
-from crowdsim.crowd.giving_way.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.near.neighbor_kernels import widen
 from crowdsim.crowd.search.plans import Join, Plans
-from crowdsim.crowd.state.components import LAST, SLOT_FRAMES
+from crowdsim.crowd.state.components import LAST
 from crowdsim.crowd.state.motion_plan import MotionPlan
-from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, node_is_free, reserve
+from crowdsim.crowd.state.reservation_kernels import append_stop
 from crowdsim.crowd.state.state_hash import timeline_digest
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Playback
-from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
+from crowdsim.crowd.state.way_kernels import lay_way
 from crowdsim.crowd.systems.choose_kernels import (
     AHEAD_SECONDS,
     ALL_DONE,
-    BEHIND_METERS,
-    BEHIND_WIDTH,
+    BEHIND,
     EXTENDED,
-    LOOKAHEAD,
     MAKE_ROOM,
     NODES_LEFT,
     OTHERWISE,
     REFUSED,
-    WAY_METERS,
-    WAY_REACH,
+    ask_in_turn,
     go_on,
-    slow_down,
-    slowest,
 )
 from crowdsim.crowd.systems.give_way import GivingWay
 from crowdsim.crowd.systems.going_on import Progress, Rows, Scratch, Walker, take
 from crowdsim.crowd.systems.replan import reach_goal, standing_near
+from crowdsim.crowd.systems.reserving import Reserving
+from crowdsim.crowd.systems.reserving_kernels import (
+    WAY_METERS,
+    slow_down,
+    slowest,
+)
 from crowdsim.crowd.systems.surroundings import Surroundings
 from crowdsim.ecs.world import View
-from crowdsim.geometry.elementary import distance, hypot
+from crowdsim.geometry.elementary import distance
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.recording.header import AgentState
@@ -78,6 +77,7 @@ class Choosing:
         self._playback = Playback.natural(0, plans.assets.frames_per_step)
         self._progress = Progress.of(plans.itineraries)
         self._scratch = Scratch.make()
+        self.reserving = Reserving(plans, self.surroundings, self._scratch)
 
     def choose(self, view: View) -> None:
         """Choose for all rows, in order; then let refused rows ask others to give way, the lowest rank first."""
@@ -97,15 +97,9 @@ class Choosing:
         soon &= (self.plans.step + view.agent) % self._ahead_steps == 0
         self._scratch = self._scratch.begin(len(view.agent), bool(self.plans.environment.waited_for))
         self._giving_way.begin(self._scratch)
+        self.reserving.begin(self._scratch)
         refused = self._go_on(view, np.flatnonzero((ending | waits | soon) & (view.next_node == NONE)))
-        for row in sorted(refused, key=lambda row: (int(view.rank[row]), row)):
-            if view.next_node[row] == NONE and not self._asks(view, row):
-                if self._waits(view, row, ASIDE_SECONDS) and self._steps_aside(view, row):
-                    continue
-                if self._waits(view, row, LONG_SECONDS):
-                    view.way[row] = np.nan  # the rows that it waits for may need its way
-                if ending[row]:
-                    self._rests(view, row)
+        self._ask(view, np.array(sorted(refused, key=lambda row: (int(view.rank[row]), row)), np.int64), ending)
 
     def _go_on(self, view: View, chosen: NDArray[np.int64]) -> list[int]:
         """Let rows go on one after the other; return the rows that have a plan but cannot go on along it."""
@@ -118,12 +112,10 @@ class Choosing:
         constant = plans.motions.table, self._progress, obstacles, everyone, scratch
         number = 0
         while True:
-            scratch.counts[EXTENDED] = 0
             number, wanted = go_on(assets.graph, rows, chosen, number, *constant, self._playback)
-            for row in scratch.extended[: scratch.counts[EXTENDED]].tolist():
-                view.timeline_digest[row] = timeline_digest(view.timeline[row])
+            refused += scratch.refused[: scratch.counts[REFUSED]].tolist()
+            self._note_changes(view)
             if wanted == ALL_DONE:
-                refused += scratch.refused[: scratch.counts[REFUSED]].tolist()
                 return refused
             row = int(chosen[number])
             if wanted == OTHERWISE:
@@ -134,9 +126,51 @@ class Choosing:
                 self._clear_ahead(view, row, self.surroundings.obstacles(view, walker))
                 if walker.leaves:
                     self._follow(view, row)
-            else:
-                self._followed(view, row, int(view.next_cursor[row]))
             number += 1
+
+    def _ask(self, view: View, refused: NDArray[np.int64], ending: NDArray[np.bool_]) -> None:
+        """Let ``refused`` rows (k,) ask others to give way, in this order; those in vain wait, step aside, or rest.
+
+        ``ending`` (N,): rows whose node ends in this step.
+        """
+        if not len(refused):
+            return
+        plans, asking = self.plans, self._giving_way.asking(view)
+        # In vain, only rows that end their node, or have waited long, do more than try again later.
+        acts = ending | self._have_waited(view, ASIDE_SECONDS)
+        rows, obstacles = Rows.of(view), self.surroundings.of_any(view, self._playback)
+        everyone = self.surroundings.everyone(view)
+        constant = plans.motions.table, self._progress, obstacles, everyone, self._scratch, self._playback, asking
+        number = 0
+        while True:
+            number, wanted, count = ask_in_turn(plans.assets.graph, rows, refused, number, acts, *constant)
+            if wanted == ALL_DONE:
+                return
+            row = int(refused[number])
+            if wanted == OTHERWISE:
+                self._giving_way.move(view, count)
+                self._note_changes(view)
+            else:
+                self._stays_refused(view, row, bool(ending[row]))
+            number += 1
+
+    def _note_changes(self, view: View) -> None:
+        """Update what depends on the rows that reserved or entered a node in a kernel, and forget that they did."""
+        scratch = self._scratch
+        for row in scratch.extended[: scratch.counts[EXTENDED]].tolist():
+            view.timeline_digest[row] = timeline_digest(view.timeline[row])
+        for row in scratch.behind[: scratch.counts[BEHIND]].tolist():
+            self._followed(view, row, int(view.next_cursor[row]))
+        scratch.counts[:] = 0
+
+    def _stays_refused(self, view: View, row: int, ends: bool) -> None:
+        """Let a row to which nobody can give way step to a wall, or rest if its node ``ends``."""
+        if self._waits(view, row, ASIDE_SECONDS) and self._steps_aside(view, row):
+            return
+        if self._waits(view, row, LONG_SECONDS):
+            view.way[row] = np.nan  # the rows that it waits for may need its way
+        if ends:
+            self._rests(view, row)
 
     def _goes_on(self, view: View, row: int) -> bool:
         """Choose for a row; return False if it has a plan but cannot go on along it."""
@@ -201,14 +235,6 @@ class Choosing:
             view.awaiting_plan[row] = False
         self._look_ahead(view, row, self.plans.motions[int(view.agent[row])], following)
 
-    def _asks(self, view: View, row: int) -> bool:
-        """Let a refused row go on along its plan, if the rows in its way can give way."""
-        plan, following = self.plans.motions[int(view.agent[row])], int(view.cursor[row]) + 1
-        if self.plans.environment.waited_for or not self._extend(view, row, plan, following, asks=True):
-            return False
-        self._follow(view, row)
-        return True
-
     def _rests(self, view: View, row: int) -> None:
         """Let a row that was refused finally wait, or stop and wait."""
         agent = int(view.agent[row])
@@ -233,19 +259,16 @@ class Choosing:
         else:
             self._stand(view, row, agent)
 
-    def _extend(self, view: View, row: int, plan: MotionPlan, following: int, asks: bool = False) -> bool:
-        """Reserve node ``following`` of the plan, and as many later ones as are needed to come to a stop.
-
-        If ``asks``, others are asked to give way.
-        """
+    def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
+        """Reserve node ``following`` of the plan, and as many later ones as are needed to come to a stop."""
         rate = self.plans.motions.rate(int(view.agent[row]), following)
         walker = self._walker(view, row, rate)
-        self._find_ways(view, row, plan, following)
+        self.reserving.find_ways(view, row, plan, following)
         obstacles = self.surroundings.with_ways(self.surroundings.obstacles(view, walker), self._scratch)
-        found = self._reserve(view, walker, plan, following, obstacles, asks)
-        if found is None and not asks:
+        found = self.reserving.reserve(view, walker, plan, following, obstacles)
+        if found is None:
             slower = self._walker(view, row, min(int(slowest(self._playback)), rate))
-            found = self._reserve(view, slower, plan, following, obstacles)
+            found = self.reserving.reserve(view, slower, plan, following, obstacles)
         if found is None:
             return False
         self._giving_way.decided(row)
@@ -253,7 +276,7 @@ class Choosing:
             getattr(view, name)[row] = value
         widen(self.surroundings.neighbors(view), row, view.timeline_circle[row])
         lay_way(plan.origins, found["reserved"] + 1, self._scratch.timeline[-1], WAY_METERS, view.way[row])
-        if not asks and not self.plans.environment.waited_for:
+        if not self.plans.environment.waited_for:
             self._clear_ahead(view, row, obstacles)
         return True
 
@@ -267,74 +290,19 @@ class Choosing:
             self.surroundings.neighbors(view),
         )
 
-    def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
-        """Reserve the beginning of the plan of an agent that enters the world in the middle of a node.
-
-        Return the columns of its reservation; None if there is no room.
-        """
-        plan = self.plans.motions[walker.agent]
-        obstacles = self.surroundings.obstacles(view, walker)
-        graph, nothing = self.plans.assets.graph, np.zeros(3)
-        hints = np.full(len(obstacles.layers), NONE, np.int64)
-        if plan.count == 0 or not node_is_free(graph, walker.node, walker.origin, nothing, obstacles, hints):
-            return None
-        return self._reserve(view, walker, plan, 0, obstacles)
-
-    def _reserve(
-        self, view: View, walker: Walker, plan: MotionPlan, following: int, obstacles: Obstacles, asks: bool = False
-    ) -> dict[str, Any] | None:
-        """Return the columns of a reservation from a walker's pose to node ``following`` and a stop, if possible."""
-        assets = self.plans.assets
-        available = min(plan.count - following, LOOKAHEAD)
-        chain, timeline = self._scratch.chain, self._scratch.timeline
-        chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = walker.node, walker.origin, walker.blend_offset
-        ahead, until = slice(following, following + available), available + 1
-        chain.nodes[1:until] = plan.nodes[ahead]
-        chain.origins[1:until] = plan.origins[ahead]
-        chain.blend_offsets[1:until] = plan.blend_offsets[ahead]
-        # The agent leaves the world at the end of its last plan unless it stays there.
-        last = self.plans.itineraries.is_last(walker.agent, len(plan.passes))
-        leaves = plan.arrives and last and not walker.stays and following + available == plan.count
-        everyone = self.surroundings.everyone(view)
-        now = walker.row, walker.frame, walker.playback
-        ahead_of = chain, self._scratch.draft, 1, available, leaves, timeline
-        if asks:
-            asking = self._giving_way.asking(view)
-            taken, gone, count = reserve_by_asking(assets.graph, obstacles, everyone, *now, *ahead_of, asking)
-            self._giving_way.move(view, count)
-        else:
-            taken, gone = reserve(assets.graph, obstacles, everyone, *now, *ahead_of)
-        if not taken:
-            return None
-        tracks = timeline[:, :2]
-        return {
-            "timeline": timeline,
-            "timeline_circle": np.array([*tracks[0], hypot(*(tracks - tracks[0]).T).max() + ROUNDING]),
-            "timeline_digest": timeline_digest(timeline),
-            "timeline_start": walker.playback.clock // SLOT_FRAMES,
-            "gone_slot": gone,
-            "part": walker.playback.part,
-            "rate": walker.playback.rate,
-            "wanted_rate": walker.playback.wanted,
-            "reserved": following + taken - 1,
-        }
-
-    def _find_ways(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
-        """Publish the way ahead along a plan, and gather the ways of rows that go first."""
-        lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
-        near, scratch = self.surroundings.neighbors(view), self._scratch
-        view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near))
-        scratch.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, scratch.ways)
-
     def _walker(self, view: View, row: int, rate: int | None = None) -> Walker:
         """Return the walker of a row that plays its nodes at ``rate`` [ticks/step], by default that of its plan."""
         wanted = int(self.plans.motions.table.rates[view.agent[row]]) if rate is None else rate
         return Walker.of(self.plans.assets.graph, view, row, self._playback, wanted)
 
+    def _have_waited(self, view: View, seconds: float) -> NDArray[np.bool_]:
+        """Return which rows (N,) were refused for so long; the time begins anew when one looks for a way around."""
+        long = self.plans.step - view.blocked_since >= seconds * self.plans.assets.steps_per_second
+        return np.asarray(long & (view.blocked_since != NONE))
+
     def _waits(self, view: View, row: int, seconds: float) -> bool:
-        """Return True if a row was refused for so long; the time begins anew when it looks for a way around."""
-        blocked = int(self.plans.step - view.blocked_since[row]) if view.blocked_since[row] != NONE else 0
-        return blocked >= seconds * self.plans.assets.steps_per_second
+        """Return True if a row was refused for so long."""
+        return bool(self._have_waited(view, seconds)[row])
 
     def _steps_aside(self, view: View, row: int) -> bool:
         """Let a standing row step to a wall, so that others can pass; return True if it does."""

@@ -15,15 +15,13 @@ from crowdsim.crowd.state.components import TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.state_hash import timeline_digest
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Playback, Timelines
+from crowdsim.crowd.systems.choose_kernels import TRIES
 from crowdsim.crowd.systems.going_on import Scratch
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
 
 DEPTH = 16
 """Largest number of agents that give way to one, in one chain."""
-
-TRIES = 1000
-"""Moves that are tried for one agent that asks."""
 
 TRIES_AHEAD = 100
 """Moves that are tried to let an agent step aside before it is in the way."""
@@ -40,28 +38,32 @@ class GivingWay:
         self._moves = moves_of(plans.assets.graph)
         self._trail = Trail.empty(DEPTH, TIMELINE_SLOTS, int(np.diff(self._moves.begin).max(initial=0)))
         self._chain = Chain.empty(MOVE_NODES + 1)
-        self._left = 0
+        self._left = np.zeros(1, np.int64)
         self._scratch = Scratch.make()
 
     def begin(self, scratch: Scratch) -> None:
         """Begin a step; ``scratch.may_move`` says which rows may be asked to give way."""
-        self._left = TRIES_A_STEP
+        self._left[0] = TRIES_A_STEP
         self._scratch = scratch
 
-    def asking(self, view: View, most: int = TRIES) -> Asking:
-        """Return the arguments of the kernels that ask others; which rows stand is determined once a step.
-
-        At most ``most`` tries are taken from the step's; :meth:`move` returns those not used.
-        """
+    def asking(self, view: View) -> Asking:
+        """Return the arguments of the kernels that ask others; which rows stand is determined once a step."""
         scratch = self._scratch
         if not scratch.noted[0]:
             scratch.noted[0] = True
             scratch.may_move[:] = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
         standing = Standing(view.node, view.origin, view.goal, view.way, scratch.may_move, view.rank)
-        tries = min(self._left, most)
-        self._left -= tries
-        self._trail.tries[0] = tries
-        return Asking(self._moves, standing, self._trail)
+        return Asking(self._moves, standing, self._trail, self._left)
+
+    def _take_tries(self, most: int) -> None:
+        """Take at most ``most`` tries from those of the step."""
+        self._trail.tries[0] = min(self._left[0], most)
+        self._left -= self._trail.tries
+
+    def _give_back_tries(self) -> None:
+        """Give the tries that were not used back to the step."""
+        self._left += self._trail.tries
+        self._trail.tries[0] = 0
 
     def decided(self, row: int) -> None:
         """Note that a row has chosen what to do in this step."""
@@ -71,20 +73,16 @@ class GivingWay:
     def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> None:
         """Let standing agents in the way ahead of a walking row step aside; ``near`` are the rows by cells."""
         assets = self.plans.assets
-        asking = self.asking(view, TRIES_AHEAD)
+        asking = self.asking(view)
         now = Playback.natural(self.plans.step, assets.frames_per_step)
         ahead = view.way, view.rank, asking.standing.may_move, row, view.pose, 2.0 * view.body_radius[row]
         begin = 0
-        while True:
-            begin = next_in_way(*ahead, begin, near)
-            if begin < 0:
-                break
+        while (begin := next_in_way(*ahead, begin, near)) >= 0:
+            self._take_tries(TRIES_AHEAD)
             count = step_aside(assets.graph, obstacles, Timelines.of(view, near), row, begin, now, draft, asking)
+            self._give_back_tries()
             self.move(view, count)
             begin += 1
-            asking = self.asking(view, TRIES_AHEAD)
-        self._left += int(self._trail.tries[0])
-        self._trail.tries[0] = 0
 
     def step_to_wall(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> bool:
         """Let a waiting row step close to a wall if that makes room for others; return True if it does.
@@ -93,14 +91,14 @@ class GivingWay:
         """
         graph, asking = self.plans.assets.graph, self.asking(view)
         now = Playback.natural(self.plans.step, self.plans.assets.frames_per_step)
+        self._take_tries(TRIES)
         steps = bool(step_to_wall(graph, obstacles, Timelines.of(view, near), row, now, draft, asking))
+        self._give_back_tries()
         self.move(view, int(steps))
         return steps
 
     def move(self, view: View, count: int) -> None:
         """Let the first ``count`` rows of the trail set out on their moves."""
-        self._left += int(self._trail.tries[0])
-        self._trail.tries[0] = 0
         for place in range(count):
             self._set_out(view, int(self._trail.rows[place]), int(self._trail.moves[place]))
 

@@ -11,7 +11,7 @@ from crowdsim.constants import NONE
 from crowdsim.crowd.state.components import SAMPLE, TIMELINE_SLOTS, WAY_POINTS
 from crowdsim.crowd.state.itineraries import Itineraries
 from crowdsim.crowd.state.timelines import Chain, Playback
-from crowdsim.crowd.systems.choose_kernels import LOOKAHEAD, frame_of, playback_of
+from crowdsim.crowd.systems.reserving_kernels import LOOKAHEAD, frame_of, playback_of
 from crowdsim.ecs.world import View
 from crowdsim.motion.graph.arrays import GraphArrays
 
@@ -123,7 +123,7 @@ class Progress(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Scratch of the kernel :func:`~crowdsim.crowd.systems.choose_kernels.go_on`, and what it reports."""
+    """Scratch of the kernels of :mod:`crowdsim.crowd.systems.choose_kernels`, and what these report."""
 
     chain: Chain
     """Chain under construction."""
@@ -143,8 +143,10 @@ class Scratch(NamedTuple):
     """(N,) rows that have reserved."""
     refused: Longs
     """(N,) rows that cannot go on."""
+    behind: Longs
+    """(N,) rows that enter a node of their plan with which a search ends or begins."""
     counts: Longs
-    """(2,) number of both, at EXTENDED and REFUSED."""
+    """(3,) numbers of these rows, at EXTENDED, REFUSED and BEHIND."""
     reserves_otherwise: bool
     """True if no row may reserve in the kernel, as there are outlines to keep free, too."""
 
@@ -162,7 +164,8 @@ class Scratch(NamedTuple):
             np.zeros(1, np.bool_),
             none,
             none,
-            np.zeros(2, np.int64),
+            none,
+            np.zeros(3, np.int64),
             False,
         )
 
@@ -176,6 +179,7 @@ class Scratch(NamedTuple):
             may_move=np.zeros(count, np.bool_),
             extended=np.empty(count, np.int64),
             refused=np.empty(count, np.int64),
+            behind=np.empty(count, np.int64),
             reserves_otherwise=reserves_otherwise,
         )
 

@@ -12,8 +12,8 @@ from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES
 from crowdsim.crowd.state.timelines import NO_BODIES, Obstacles, Playback, StandingBodies, Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
-from crowdsim.crowd.systems.choose_kernels import WAY_ROOM
 from crowdsim.crowd.systems.going_on import Scratch, Walker
+from crowdsim.crowd.systems.reserving_kernels import WAY_ROOM
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
 

@@ -1,0 +1,88 @@
+"""Reservations by Python: of agents that enter, and of rows beside which something is about to appear."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from crowdsim.constants import NONE
+from crowdsim.crowd.search.plans import Plans
+from crowdsim.crowd.state.components import SLOT_FRAMES
+from crowdsim.crowd.state.motion_plan import MotionPlan
+from crowdsim.crowd.state.reservation_kernels import ROUNDING, node_is_free, reserve
+from crowdsim.crowd.state.state_hash import timeline_digest
+from crowdsim.crowd.state.timelines import Obstacles
+from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
+from crowdsim.crowd.systems.going_on import Scratch, Walker
+from crowdsim.crowd.systems.reserving_kernels import BEHIND_METERS, BEHIND_WIDTH, LOOKAHEAD, WAY_METERS, WAY_REACH
+from crowdsim.crowd.systems.surroundings import Surroundings
+from crowdsim.ecs.world import View
+from crowdsim.geometry.elementary import hypot
+
+
+class Reserving:
+    """Reserve the next nodes of plans."""
+
+    def __init__(self, plans: Plans, surroundings: Surroundings, scratch: Scratch) -> None:
+        self.plans = plans
+        self.surroundings = surroundings
+        self._scratch = scratch
+
+    def begin(self, scratch: Scratch) -> None:
+        """Begin a step with its scratch memory."""
+        self._scratch = scratch
+
+    def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
+        """Reserve the beginning of the plan of an agent that enters the world in the middle of a node.
+
+        Return the columns of its reservation; None if there is no room.
+        """
+        plan = self.plans.motions[walker.agent]
+        obstacles = self.surroundings.obstacles(view, walker)
+        graph, nothing = self.plans.assets.graph, np.zeros(3)
+        hints = np.full(len(obstacles.layers), NONE, np.int64)
+        if plan.count == 0 or not node_is_free(graph, walker.node, walker.origin, nothing, obstacles, hints):
+            return None
+        return self.reserve(view, walker, plan, 0, obstacles)
+
+    def reserve(
+        self, view: View, walker: Walker, plan: MotionPlan, following: int, obstacles: Obstacles
+    ) -> dict[str, Any] | None:
+        """Return the columns of a reservation from a walker's pose to node ``following`` and a stop, if possible."""
+        assets = self.plans.assets
+        available = min(plan.count - following, LOOKAHEAD)
+        chain, timeline = self._scratch.chain, self._scratch.timeline
+        chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = walker.node, walker.origin, walker.blend_offset
+        ahead, until = slice(following, following + available), available + 1
+        chain.nodes[1:until] = plan.nodes[ahead]
+        chain.origins[1:until] = plan.origins[ahead]
+        chain.blend_offsets[1:until] = plan.blend_offsets[ahead]
+        # The agent leaves the world at the end of its last plan unless it stays there.
+        last = self.plans.itineraries.is_last(walker.agent, len(plan.passes))
+        leaves = plan.arrives and last and not walker.stays and following + available == plan.count
+        everyone = self.surroundings.everyone(view)
+        now = walker.row, walker.frame, walker.playback
+        ahead_of = chain, self._scratch.draft, 1, available, leaves, timeline
+        taken, gone = reserve(assets.graph, obstacles, everyone, *now, *ahead_of)
+        if not taken:
+            return None
+        tracks = timeline[:, :2]
+        return {
+            "timeline": timeline,
+            "timeline_circle": np.array([*tracks[0], hypot(*(tracks - tracks[0]).T).max() + ROUNDING]),
+            "timeline_digest": timeline_digest(timeline),
+            "timeline_start": walker.playback.clock // SLOT_FRAMES,
+            "gone_slot": gone,
+            "part": walker.playback.part,
+            "rate": walker.playback.rate,
+            "wanted_rate": walker.playback.wanted,
+            "reserved": following + taken - 1,
+        }
+
+    def find_ways(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
+        """Publish the way ahead along a plan, and gather the ways of rows that go first."""
+        lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
+        near, scratch = self.surroundings.neighbors(view), self._scratch
+        view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near))
+        scratch.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, scratch.ways)
