@@ -32,6 +32,9 @@ class MeshQueries(ABC):
     def tolerance(self, radius: Any) -> Any:
         """Return how much less than ``radius`` counts as clear: a millionth of it, plus two cells of the grid.
 
+        The millionth is for rounding. The cells are for corners, which move to the grid by up to 0.71 cells each: a gap
+        exactly as wide as the disc must let it pass, whichever way its corners moved.
+
         Parameters
         ----------
         radius : float or array

@@ -225,10 +225,14 @@ def shaded(colors: Colors, shades: NDArray[np.float64]) -> Colors:
 
 
 def group_colors(count: int) -> list[tuple[int, int, int]]:
-    """Return colors of groups: first eight that color-blind people tell apart (after Okabe and Ito), then by hue."""
+    """Return the colors of ``count`` groups: red, green and blue, 0 to 255.
+
+    The first eight are colors that color-blind people tell apart (after Okabe and Ito). Group number 8 and those after
+    it get the color of the shirt of the agent with the same number, see :func:`looks_of`.
+    """
     known = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#8c6bb1", "#b8a500")
     colors = [hex_color(text) for text in known[:count]]
-    colors += list(looks_of(max(count, 8))[8:count, 0])
+    colors += list(looks_of(max(count, 8))[8:count, Tissue.SHIRT])
     return [(int(red), int(green), int(blue)) for red, green, blue in colors]
 
 

@@ -217,7 +217,7 @@ class Scenario(ScenarioFields):
 
     @property
     def folder(self) -> Path:
-        """What names of files and folders are relative to."""
+        """Return the folder that names in the scenario are relative to: that of its file, or the working folder."""
         return self._files.folder
 
     def captures_folder(self) -> Path | None:

@@ -82,7 +82,7 @@ def scene_of(rng: np.random.Generator, spots: np.ndarray, headings: np.ndarray, 
 def asking(scene: Scene, tries: int) -> Asking:
     trail = Trail.empty(len(scene.standing.node), SLOTS, max(int(np.diff(MOVES.begin).max()), 1))
     trail.tries[0] = tries
-    return Asking(MOVES, scene.standing, trail)
+    return Asking(MOVES, scene.standing, trail, trail.tries)
 
 
 def walk(rng: np.random.Generator, spots: np.ndarray) -> np.ndarray:

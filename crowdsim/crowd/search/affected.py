@@ -54,8 +54,12 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
 
 
 def route_taken(assets: Assets, route: AnnotatedPath, position: NDArray[np.float64], taken: Footprints) -> bool:
-    """Return True if ``taken`` is nearer to the rest of a route than the planned clearance."""
+    """Return True if ``taken`` is nearer to the rest of a route than the planned clearance.
+
+    The rest begins at the point of the route nearest to ``position`` (2,), where its agent is [m].
+    """
     arc = _arc_near(route, position)
+    # The area on the lowest layer contains those on all others.
     ground = taken[0]
     if ground is None or arc >= route.length:
         return False

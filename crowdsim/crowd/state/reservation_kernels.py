@@ -65,10 +65,12 @@ _WINDING = 0.01
 def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, present):
     """Return True if two bodies touch along their timelines at or after ``first_slot``, or come to rest too near.
 
-    a, b: (K, 13) samples, from the slots a_start and b_start to before a_gone and b_gone. Exact for the motion of the
-    discs, also as they bend between samples, to the end of time. At rest, their tracks are at least ``at_rest`` +
-    ELBOW_ROOM apart [m], so that either can turn on the spot. If both are ``present`` in the world and nearer already,
-    they may move as long as they do not come nearer still; otherwise they could never part.
+    a, b: (K, 13) samples, from the slots a_start and b_start to before a_gone and b_gone. No contact is missed, to the
+    end of time. What capsules and bends add to discs on straight pieces counts by an upper bound, so a near pass may
+    count as a contact. ``at_rest`` is the sum of the radii of both bodies at rest [m]: if both stay for ever, their
+    tracks end at least ``at_rest`` + ELBOW_ROOM apart, so that either can turn on the spot. ``present`` is True if both
+    are in the world, False if one has yet to enter it. If both are present and nearer already at ``first_slot``, they
+    may move as long as they do not come nearer still; otherwise they could never part.
     """
     if first_slot >= a_gone or first_slot >= b_gone:
         return False

@@ -82,7 +82,8 @@ def frame_of(graph, rows, row, playback):
 def playback_of(graph, rows, row, playback, wanted):
     """Return the playback of a row from now on, at a rate that approaches ``wanted`` [ticks/step].
 
-    A standing row starts at that rate, and at a whole frame. Clock and ramp are those of ``playback``.
+    A standing row starts at that rate, as no movement shows a sudden change, and at a whole frame. Clock and ramp are
+    those of ``playback``.
     """
     stands = graph.node_idle[rows.node[row]]
     return Playback(

@@ -40,18 +40,23 @@ def _touch_each_other(points, i, j, k, end):
 
 @kernel
 def snap_inside(m, points, snapped):
-    """Move ``points`` (n, 2) to the grid, into ``snapped`` (n, 2); return OK, NOT_FINITE, or OUTSIDE of the box."""
+    """Move ``points`` (n, 2) to the grid, into ``snapped`` (n, 2) [m]; return OK, NOT_FINITE or OUTSIDE.
+
+    OUTSIDE: a corner is less than one grid cell within the box of the mesh, or beyond it; none may lie on the box.
+    If a corner is not finite, NOT_FINITE is returned in any case. ``snapped`` counts only if the result is OK.
+    """
     frame = m.frame[0]
     cell = frame.cell
     status = OK
     for i in range(points.shape[0]):
         for axis in range(2):
             value = points[i, axis]
-            # Written so that NaN fails.
+            # Written so that NaN fails. Infinite values fail, too; no real coordinate comes near 1e300 [m].
             if not abs(value) < 1e300:
                 return NOT_FINITE
             low = frame.x0 if axis == 0 else frame.y0
             high = frame.x1 if axis == 0 else frame.y1
+            # Corners stay one cell off the box, whose sides are on the grid: so none is moved onto a side.
             if not (value >= low + cell and value <= high - cell):
                 status = OUTSIDE
             snapped[i, axis] = round(value / cell) * cell

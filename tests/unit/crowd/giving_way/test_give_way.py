@@ -62,7 +62,7 @@ def room(side: float) -> Obstacles:
 def asking(standing: Standing, tries: int = 500) -> Asking:
     trail = Trail.empty(8, SLOTS, max(int(np.diff(MOVES.begin).max()), 1))
     trail.tries[0] = tries
-    return Asking(MOVES, standing, trail)
+    return Asking(MOVES, standing, trail, trail.tries)
 
 
 def through(x: float, until: float) -> np.ndarray:

@@ -9,7 +9,7 @@ from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.systems import choose_kernels, choose_motion
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section
 from crowdsim.scenario.loader import parse_scenario
-from tests.reference.going_on import go_on_in_python
+from tests.reference.going_on import ask_in_python, go_on_in_python
 
 CROSSING = """\
 crowdsim: 1
@@ -53,23 +53,33 @@ def hashes() -> tuple[list[int], dict[str, int]]:
 
 def test_a_crowd_goes_on_as_it_does_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
     wanted: set[int] = set()
+    asked: set[tuple[int, bool]] = set()
 
     def noting(*arguments: object) -> tuple[int, int]:
         number, what = choose_kernels.go_on(*arguments)
         wanted.add(what)
         return number, what
 
+    def noting_asks(*arguments: object) -> tuple[int, int, int]:
+        number, what, count = choose_kernels.ask_in_turn(*arguments)
+        asked.add((what, count > 0))
+        return number, what, count
+
     monkeypatch.setattr(choose_motion, "go_on", noting)
+    monkeypatch.setattr(choose_motion, "ask_in_turn", noting_asks)
     found, events = hashes()
+    assert min(events.values()) > 0, "some are asked to give way, and some arrive"
+    assert wanted == {choose_kernels.ALL_DONE, choose_kernels.OTHERWISE, choose_kernels.MAKE_ROOM}
+    assert asked == {
+        (choose_kernels.ALL_DONE, False),
+        (choose_kernels.OTHERWISE, False),
+        (choose_kernels.OTHERWISE, True),
+        (choose_kernels.STAYS_REFUSED, False),
+    }
+    monkeypatch.setattr(choose_motion, "ask_in_turn", ask_in_python)
+    assert (found, events) == hashes()
     monkeypatch.setattr(choose_motion, "go_on", go_on_in_python)
     assert (found, events) == hashes()
-    assert min(events.values()) > 0, "some are asked to give way, and some arrive"
-    assert wanted == {
-        choose_kernels.ALL_DONE,
-        choose_kernels.OTHERWISE,
-        choose_kernels.BEHIND_IT,
-        choose_kernels.MAKE_ROOM,
-    }
 
 
 def plan(count: int, passes: tuple[int, ...] = (), arrives: bool = True) -> MotionPlan:
