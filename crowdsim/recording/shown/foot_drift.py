@@ -52,7 +52,8 @@ def shown_stances(recording: ShownBodies, rate: int = RATE) -> Stances:
     RecordingError if the recording does not tell where feet stand.
     """
     motion = recording.header.motion
-    rows = planted_rows(recording.pose_table, motion.skeleton, motion.pool_tracks.astype(np.float64))
+    tracks = motion.pool_tracks.astype(np.float64)
+    rows = planted_rows(recording.pose_table, motion.skeleton, tracks)
     # Moves (shown, own) of each foot that stands, by agent and foot, and the time of the first.
     standing: dict[tuple[int, int], tuple[float, list[tuple[Floats, Floats]]]] = {}
     found: list[tuple[tuple[int, int], float, float, list[tuple[Floats, Floats]]]] = []
@@ -60,7 +61,7 @@ def shown_stances(recording: ShownBodies, rate: int = RATE) -> Stances:
     for number in range(int(recording.duration * rate + 1e-9) + 1):
         time = number / rate
         now = _moment(recording, rows, time)
-        moved = {} if before is None else _moves(recording, rows, before, now)
+        moved = {} if before is None else _moves(rows, tracks, before, now)
         for key in [key for key in standing if key not in moved]:
             begin, moves = standing.pop(key)
             found.append((key, begin, time - 1.0 / rate, moves))
@@ -91,22 +92,47 @@ def _moment(recording: ShownBodies, rows: PlantedRows, time: float) -> _Moment:
 
 
 def _moves(
-    recording: ShownBodies, rows: PlantedRows, before: _Moment, now: _Moment
+    rows: PlantedRows, tracks: Floats, before: _Moment, now: _Moment
 ) -> dict[tuple[int, int], tuple[Floats, Floats]]:
-    """Return the moves (2,) of each foot that stands between two moments, as shown and in its clip [m]."""
+    """Return the moves (2,) of each foot that stands between two moments, as shown and in its clips [m].
+
+    ``tracks`` (T, 3) are the poses of the rows of all nodes.
+    """
     both, old, new = np.intersect1d(before.agents, now.agents, assume_unique=True, return_indices=True)
     node, old_node, at, old_at = now.node[new], before.node[old], now.at[new], before.at[old]
     stood = rows.stayed(old_node, old_at, node, at)
     shown = standing_moves((now.points[new] - before.points[old])[..., :2], stood)
-    # In the clip: between the nearest rows of one node, turned to where the node is played.
-    first = rows.table.node_first
-    row, old_row = (first[n] + np.rint(f).astype(np.int64) for n, f in ((node, at), (old_node, old_at)))
-    same = ((node == old_node) & (row >= old_row))[:, None, None, None]
-    own = standing_moves(np.where(same, rows.feet.points[row] - rows.feet.points[old_row], 0.0)[..., :2], stood)
-    turn = now.heading[new] - recording.header.motion.pool_tracks[row, 2]
+    # In the clips: from one frame of a node to another, or to the end of one node and on from the start of the next.
+    frames = rows.table.node_frames[old_node].astype(np.float64)
+    goes_on = (node == old_node) & (at >= old_at)
+    own = _in_clip(rows, tracks, old_node, (old_at, np.where(goes_on, at, frames)), before.heading[old], old_at)
+    own += _in_clip(rows, tracks, node, (np.where(goes_on, at, 0.0), at), now.heading[new], at)
+    own = standing_moves(own, stood)
     moves = {}
     for number, foot in zip(*np.nonzero(stood.any(axis=2)), strict=True):
-        pose = np.array([0.0, 0.0, turn[number]])
-        way = transform_points(pose, own[number, foot][None])[0]
-        moves[int(both[number]), int(foot)] = shown[number, foot], way
+        moves[int(both[number]), int(foot)] = shown[number, foot], own[number, foot]
     return moves
+
+
+def _in_clip(
+    rows: PlantedRows, tracks: Floats, node: NDArray[np.int32], span: tuple[Floats, Floats], heading: Floats, at: Floats
+) -> Floats:
+    """Return how far points of the feet move in clips from frame ``span[0]`` to ``span[1]`` of nodes (n, 2, P, 2) [m].
+
+    The clips are turned to the directions ``heading`` (n,) that bodies have at frames ``at`` [rad]; ``tracks`` (T, 3)
+    are the poses of the rows of all nodes.
+    """
+    first = rows.table.node_first[node]
+    begin, end = (_between_rows(rows.feet.points, first, frames)[..., :2] for frames in span)
+    turn = np.zeros((len(node), 1, 1, 3))
+    turn[:, 0, 0, 2] = heading - tracks[first + np.rint(at).astype(np.int64), 2]
+    return transform_points(turn, end - begin)
+
+
+def _between_rows(values: Floats, first: NDArray[np.int32], frames: Floats) -> Floats:
+    """Return values (T, 2, P, 3) of rows at fractional ``frames`` (n,) after rows ``first`` (n,)."""
+    low = np.floor(frames).astype(np.int64)
+    row, share = first + low, (frames - low)[:, None, None, None]
+    # A whole frame, as the last one of a node, is taken as it is.
+    following = row + (share[:, 0, 0, 0] > 0.0)
+    return np.asarray(values[row] * (1.0 - share) + values[following] * share)

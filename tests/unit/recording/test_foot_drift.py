@@ -1,0 +1,58 @@
+"""The drift that clips have themselves: exact between frames, and from one node to the next."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowdsim.motion.graph.foot_contacts import Feet
+from crowdsim.motion.graph.pose_table import PoseTable
+from crowdsim.motion.planted.planted_rows import PlantedRows
+from crowdsim.recording.shown import foot_drift
+
+FRAMES = np.array([5, 8], np.int32)
+"""Two nodes. In the first all points of the feet go 1 cm ahead a frame, in the second 2 cm to the left."""
+
+
+def two_nodes() -> tuple[PlantedRows, np.ndarray]:
+    first = np.array([0, 6], np.int32)
+    none = np.empty(0, np.float32)
+    table = PoseTable(np.empty(0, np.int32), none, first, FRAMES, none, none)
+    rows = int((FRAMES + 1).sum())
+    points = np.zeros((rows, 2, 3, 3))
+    points[:6, ..., 0] = 0.01 * np.arange(6)[:, None, None]
+    points[6:, ..., 1] = 0.02 * np.arange(9)[:, None, None]
+    stands, lifted = np.ones((rows, 2, 3), bool), np.zeros((rows, 2, 3), np.int32)
+    tracks = np.zeros((rows, 3))
+    tracks[6:, 2] = 0.5  # the track of the second clip is turned
+    return PlantedRows(table, Feet(points, np.zeros((2, 3)), np.zeros(2)), stands, lifted), tracks
+
+
+def moment(node: int, at: float, heading: float) -> foot_drift._Moment:
+    points = np.zeros((1, 2, 3, 3))
+    return foot_drift._Moment(np.array([7]), points, np.array([node], np.int32), np.array([at]), np.array([heading]))
+
+
+def own(before: foot_drift._Moment, now: foot_drift._Moment) -> np.ndarray:
+    moves = foot_drift._moves(*two_nodes(), before, now)
+    assert set(moves) == {(7, 0), (7, 1)}
+    assert np.array_equal(moves[7, 0][1], moves[7, 1][1])
+    return moves[7, 0][1]
+
+
+def test_within_a_node_at_any_fraction_of_a_frame() -> None:
+    assert np.allclose(own(moment(0, 1.25, 0.0), moment(0, 3.5, 0.0)), [0.0225, 0.0])
+    # Turned by a quarter, ahead is along y.
+    assert np.allclose(own(moment(0, 1.25, np.pi / 2), moment(0, 5.0, np.pi / 2)), [0.0, 0.0375])
+
+
+def test_across_nodes_both_clips_count_each_in_its_direction() -> None:
+    # 1.5 frames to the end of the first node, and 2.75 into the second one, which is played at its own heading.
+    assert np.allclose(own(moment(0, 3.5, 0.0), moment(1, 2.75, 0.5)), [0.015, 0.055])
+
+
+def test_a_node_that_is_played_again_counts_from_its_end_to_its_start() -> None:
+    assert np.allclose(own(moment(0, 4.0, 0.0), moment(0, 1.5, 0.0)), [0.01 + 0.015, 0.0])
+
+
+def test_nothing_moves_in_no_time() -> None:
+    assert np.array_equal(own(moment(1, 8.0, 0.3), moment(1, 8.0, 0.3)), [0.0, 0.0])
