@@ -56,9 +56,13 @@ FARTHER = 0.2
 
 @helper
 def room_beside(obstacles, x, y):
-    """Return the room between the widest body and the nearest wall of any layer [m], at most NARROW_ROOM."""
+    """Return the room between the widest body at (x, y) and the nearest wall of any layer [m], at most NARROW_ROOM.
+
+    It is negative if the widest body touches a wall there, or if (x, y) is not in free space.
+    """
     room = NARROW_ROOM
     for k, mesh in enumerate(obstacles.layers):
+        # Clearance of the widest behavior on this layer.
         widest = 0.0
         for behavior in range(len(obstacles.radii)):
             widest = max(widest, obstacles.radii[behavior, k])
@@ -69,11 +73,12 @@ def room_beside(obstacles, x, y):
 
 @helper
 def look_beside(everyone, row, x, y, dx, dy, radius):
-    """Return the overlap of a row's lane with those of others nearby, and the distance of the nearest [m].
+    """Return the largest overlap of a row's lane with those of others nearby, and the distance of the nearest [m].
 
-    The row is at (x, y), its body has ``radius``, and (dx, dy) is the unit vector along the lanes. The distance is at
-    most NEAR.
+    A lane is the strip that a body covers if it moves along the unit vector (dx, dy). The row is at (x, y), its body
+    has ``radius`` [m]. The overlap is 0 if no lanes overlap; the distance is at most NEAR.
     """
+    # Rows are found by where they are now, and count where their timelines end.
     low, high, first, last = cells_within(everyone.near, x, y, x, y, NEAR)
     lacking = 0.0
     gap = NEAR
@@ -85,8 +90,7 @@ def look_beside(everyone, row, x, y, dx, dy, radius):
             ox, oy = everyone.timeline[other, -1, 0] - x, everyone.timeline[other, -1, 1] - y
             away = hypot(ox, oy)
             if other != row and away < NEAR:
-                # Others count where their timelines end. Lanes overlap by the sum of the radii less their lateral
-                # distance.
+                # Lanes overlap by the sum of the radii less their lateral distance.
                 between = abs(dx * oy - dy * ox)
                 lacking = max(lacking, radius + everyone.timeline[other, -1, RADIUS] - between)
                 gap = min(gap, away)
@@ -97,8 +101,8 @@ def look_beside(everyone, row, x, y, dx, dy, radius):
 def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
     """Let a standing row step to a wall, to the right if it can, or back along the wall; return True if it does.
 
-    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: the move is left in ``trail.moves[0]``, and the
-    row owns its timeline then. ``playback`` is at the natural rate.
+    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: the number of the move is left in
+    ``trail.moves[0]``, and the row owns its timeline then. ``playback`` is at the natural rate.
     """
     moves, standing, trail = asking.moves, asking.standing, asking.trail
     node, origin, goal = standing.node[row], standing.origin[row], standing.goal[row]
@@ -108,10 +112,11 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
     if room >= NARROW_ROOM - ROUNDING:
         return False
 
-    # Price all moves that end closer to a wall, or as close to it and farther from others. (dx, dy) leads to the goal.
+    # Price all moves that end closer to a wall, or as close to it and farther from others. The lanes lead to the goal,
+    # along the unit vector (dx, dy); ROUNDING avoids a division by 0 at the goal.
     away = hypot(goal[0] - x, goal[1] - y)
     dx, dy = (goal[0] - x) / max(away, ROUNDING), (goal[1] - y) / max(away, ROUNDING)
-    _, near = look_beside(everyone, row, x, y, dx, dy, 0.0)
+    _, near = look_beside(everyone, row, x, y, dx, dy, 0.0)  # the radius matters to the overlap only
     first, count = moves.begin[node], moves.begin[node + 1] - moves.begin[node]
     costs = trail.costs[0]
     for k in range(count):
@@ -119,6 +124,7 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
         ex, ey, _ = compose(x, y, h, shift[0], shift[1], shift[2])
         left = room_beside(obstacles, ex, ey)
         costs[k] = math.inf
+        # Radius of the body as it stands at the end of the move, in the behavior of the last node.
         last = graph.edge_target[moves.edges[first + k, moves.lengths[first + k] - 1]]
         radius = obstacles.breadths[graph.node_behavior[last], 0]
         lacking, gap = look_beside(everyone, row, ex, ey, dx, dy, radius)
@@ -128,6 +134,7 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
             costs[k] = moves.frames[first + k] / CAPTURE_RATE + ROOM_COST * left
             costs[k] += DETOUR_COST * (hypot(goal[0] - ex, goal[1] - ey) - away)
             costs[k] += SAME_SIDE_COST * lacking + NEAR_COST * (NEAR - gap) + POSTURE_COST * radius
+            # The move ends to the left of where the body faces.
             if shift[1] > 0.0:
                 costs[k] += LEFT_COST
 
@@ -150,6 +157,7 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
         radius = everyone.body_radius[row]
         if meets_anyone(row, trail.candidate, slot, forever, slot, radius, everyone):
             continue
+        # No steered body is its own (-1). Its end may be as close to the wall as the body allows (0.0).
         if meets_body(-1, trail.candidate, obstacles.bodies) or not move_is_free(graph, obstacles, draft, nodes, 0.0):
             continue
         own(everyone, row, trail.candidate, slot, forever)

@@ -24,7 +24,7 @@ class Standing(NamedTuple):
     goal: Floats
     """(N, 2) goal [m]."""
     way: Floats
-    """(N, P, 2) way ahead of each [m]."""
+    """(N, P, 2) way ahead of each [m], nan without one."""
     may_move: NDArray[np.bool_]
     """(N,) True if the row stands and has not decided in this step what to do."""
     rank: NDArray[np.int64]
@@ -42,15 +42,15 @@ class Trail(NamedTuple):
     moves: NDArray[np.int32]
     """(D,) move that each tries."""
     costs: Floats
-    """(D, M) cost of each move [s], infinite once it was tried."""
+    """(D, M) cost of each move of the row's idle node [s], infinite once it was tried."""
     parent: NDArray[np.int32]
-    """(D,) place of the row that asked each, -1 for the first."""
+    """(D,) place of the row that asked each; -1 if the agent for which all give way asked it."""
     blame: NDArray[np.int64]
     """(D,) bits of the places whose moves keep this row from moving."""
     asked: NDArray[np.int32]
     """(D,) number of rows that its move asks in turn."""
     timeline: Floats
-    """(D + 1, K, 5) timelines before the move; the last is that of the row that asks first."""
+    """(D + 1, K, 13) timelines before the move; the last is that of the agent for which all give way."""
     timeline_circle: Floats
     """(D + 1, 3) their circles."""
     timeline_start: NDArray[np.int64]
@@ -64,7 +64,7 @@ class Trail(NamedTuple):
 
     @classmethod
     def empty(cls, depth: int, slots: int, moves: int) -> Trail:
-        """Allocate a trail for ``depth`` rows, ``slots`` samples and ``moves`` moves."""
+        """Allocate a trail for ``depth`` rows (D), ``slots`` samples (K) and ``moves`` moves of an idle node (M)."""
         return cls(
             np.zeros(depth, np.int32),
             np.zeros(depth, np.int32),

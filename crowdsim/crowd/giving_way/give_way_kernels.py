@@ -75,7 +75,7 @@ def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict
 
     ``node`` and ``origin`` (3,) are the idle node that is played and where it started; ``goal`` (2,) is where the row
     goes; ``width`` is the distance to a way that counts as inside [m]. ``strict``: moves that end in ``way``, that of
-    the agent that asks, are not allowed (infinite).
+    the agent that asks, are not allowed (infinite). ``costs`` begins with the first move of ``node``.
     """
     x, y, h = node_end(graph, np.int64(node), origin[0], origin[1], origin[2])
     away = hypot(goal[0] - x, goal[1] - y)
@@ -142,7 +142,8 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
                     return False
                 later, left = frame, distance - own
                 frame -= _STRIDE
-            # The stride leaves out the first frames of the node. Those of node 1 need no test: the agent stands there.
+            # The stride leaves out the first frames of the node; there, only the room at ``later`` is known. Those of
+            # node 1 need no test: the agent stands there.
             if c > 1 and not stays_free(graph, mesh, node, np.int64(0), later, o, s, own, left, hints[k]):
                 return False
     return True
@@ -194,9 +195,9 @@ def _put_back(everyone, row, trail, place):
 def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, count):
     """Append all rows that the timeline of ``me`` meets to the ``count`` rows of the trail.
 
-    Rows up to place ``level``, and ``pusher``, have their new timelines; the other rows of the trail will move. slot,
-    gone: slots of 0.2 s at which the timeline begins, and from which ``me`` is gone. Return the number of rows
-    appended; -1 if a row cannot be asked; -2 - place if it meets the new timeline of the row at that place.
+    ``pusher``, for which all give way, and the rows up to place ``level`` have their new timelines; the other rows of
+    the trail will move. slot, gone: slots at which the timeline begins, and from which ``me`` is gone. Return the
+    number of rows appended; -1 if a row cannot be asked; -2 - place if it meets the new timeline of the row there.
     """
     asked = 0
     other = -1
@@ -216,7 +217,7 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
         if other == pusher or not standing.may_move[other] or standing.rank[other] <= standing.rank[pusher]:
             return -1
         if place == len(trail.rows):
-            return -1
+            return -1  # the trail is full
         trail.rows[place] = other
         asked += 1
 
@@ -233,7 +234,7 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, a
     count = _ask(everyone, standing, trail, me, me, timeline, gone, slot, -1, 0)
     if count < 0:
         return -1
-    last = len(trail.rows)
+    last = len(trail.rows)  # place for the timeline of ``me``, behind those of all rows that give way
     _save(everyone, me, trail, last)
     own(everyone, me, timeline, slot, gone)
     count = _let_move(graph, obstacles, everyone, me, count, False, playback, draft, asking)
@@ -244,7 +245,7 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, a
 
 @kernel
 def step_aside(graph, obstacles, everyone, me, row, playback, draft, asking):
-    """Let ``row`` step out of the way ahead of ``me``; return the number of rows that move, -1 if none can."""
+    """Let ``row`` step out of the way ahead of ``me``; return the number of rows that move, -1 if it cannot."""
     asking.trail.rows[0] = row
     return _let_move(graph, obstacles, everyone, me, 1, True, playback, draft, asking)
 
@@ -379,7 +380,7 @@ def reserve_by_asking(
     forever = np.int64(FOREVER)
     tried = 0
     for tolerant in range(2):  # as in ``reserve``: stop in a narrow passage only if there is no other place to stand
-        stands = False
+        stands = False  # True if it could stand outside of narrow passages, apart from other agents
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available
             found = lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline)

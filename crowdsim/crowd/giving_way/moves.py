@@ -40,7 +40,7 @@ class Moves(NamedTuple):
     lengths: NDArray[np.int32]
     """(M,) int32: number of nodes of each."""
     edges: NDArray[np.int32]
-    """(M, MOVE_NODES) int32: edges of the motion graph to these nodes."""
+    """(M, MOVE_NODES) int32: edges of the motion graph to these nodes, -1 behind the last."""
     twists: NDArray[np.float64]
     """(M, MOVE_NODES) extra rotation at each edge [rad]."""
     shift: NDArray[np.float64]
@@ -50,7 +50,7 @@ class Moves(NamedTuple):
 
 
 class _Move(NamedTuple):
-    """A move under construction; ``last`` is its last node."""
+    """A move under construction; ``end`` is relative to the start (x, y [m], heading [rad]), ``last`` its last node."""
 
     edges: tuple[int, ...]
     twists: tuple[float, ...]
@@ -91,11 +91,12 @@ def moves_of(graph: GraphArrays) -> Moves:
 
 
 def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
-    """Return the moves from one idle node, the quickest of each end cell."""
+    """Return the moves from one idle node, the quickest of each cell of end poses, in the order of duration."""
     start = _Move((), (), (0.0, 0.0, 0.0), idle, 0)
     steps = _steps(graph, start, twisted=True)
     found = list(steps)
     for first in steps:
+        # Only steps as captured are continued, without extra rotation: that leaves few combinations.
         if any(first.twists):
             continue
         # A second step: any after a turn, if it is long enough; the same once more after a step.
@@ -104,6 +105,7 @@ def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
             further = float(hypot(move.end[0] - first.end[0], move.end[1] - first.end[1]))
             if further > _NOTABLE_STEP if turns else graph.edge_target[move.edges[-1]] == first.last:
                 found.append(move)
+    # Edges and rotations decide between moves of equal duration, so that the order is always the same.
     best: dict[tuple[int, ...], _Move] = {}
     for move in sorted(found, key=lambda m: (m.frames, m.edges, m.twists)):
         if LEAST_MOVE <= move.length <= FARTHEST_MOVE:
@@ -113,7 +115,10 @@ def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
 
 
 def _steps(graph: GraphArrays, before: _Move, twisted: bool) -> list[_Move]:
-    """Return all continuations of ``before`` by one node and the stop behind it, with extra rotation if ``twisted``."""
+    """Return all continuations of ``before`` by one node and the stop behind it, if an agent may wait there.
+
+    ``twisted``: also with the least and the largest extra rotation that the edge to the node allows.
+    """
     found = []
     for edge in range(graph.edge_start[before.last], graph.edge_start[before.last + 1]):
         if graph.node_idle[graph.edge_target[edge]]:

@@ -1,6 +1,7 @@
 """Rows sorted by cells: how far a row's timeline and way extend from its cell, and which cells to search.
 
-``near`` are the :class:`crowdsim.crowd.near.neighbors.Neighbors`, of which ``spread`` is a field.
+``near`` are the :class:`crowdsim.crowd.near.neighbors.Neighbors`, of which ``spread`` is a field. A row is that of an
+agent; a row of cells of the grid is a *line* here, and a cell's place in it is its column.
 """
 
 import math
@@ -35,10 +36,10 @@ def extent(places):
 
 @kernel
 def measure_spread(places, circles, radii, ways, spread):
-    """Fill ``spread`` (3,), described in :class:`crowdsim.crowd.near.neighbors.Neighbors`.
+    """Fill ``spread`` (3,), 0 at first, as described in :class:`crowdsim.crowd.near.neighbors.Neighbors`.
 
     places (N, 2) [m], circles (N, 3) around the timelines: x, y, radius [m], radii (N,) of the bodies at rest [m], and
-    ways (N, P, 2) [m], nan behind their ends.
+    ways (N, P, 2) [m], nan for rows without one; (0, P, 2) if ways do not matter.
     """
     for row in range(len(places)):
         circle = circles[row]
@@ -66,9 +67,10 @@ def widen(near, row, circle):
 
 @helper
 def cells_within(near, left, bottom, right, top, far):
-    """Return the columns and lines (first and last of both) of all cells within ``far`` [m] of a box.
+    """Return first and last column, then first and last line, of all cells within ``far`` [m] of a box.
 
-    ``near`` (Neighbors) has the grid; left, bottom, right and top are the edges of the box [m].
+    ``near`` (Neighbors) has the grid; left, bottom, right and top are the edges of the box [m]. Both last ones are
+    included.
     """
     low, first = cell_of(near.frame, left - far - ROUNDED, bottom - far - ROUNDED)
     high, last = cell_of(near.frame, right + far + ROUNDED, top + far + ROUNDED)
@@ -77,18 +79,19 @@ def cells_within(near, left, bottom, right, top, far):
 
 @helper
 def rows_of_line(near, line, low, high):
-    """Return the range [first, last) in ``near.order`` of the cells ``low`` to ``high`` of one line."""
+    """Return the range [first, last) in ``near.order`` of the cells in columns ``low`` to ``high`` of one line."""
+    # Cells of one line are consecutive, so their rows are one range.
     columns = near.frame[FRAME_COLUMNS]
     return near.starts[line * columns + low], near.starts[line * columns + high + 1]
 
 
 @helper
 def insert_row(found, count, row, most):
-    """Insert ``row`` into the ascending list ``found`` of ``count`` rows, of which ``most`` are kept.
+    """Insert ``row`` into the ascending list ``found`` of ``count`` rows, of which the lowest ``most`` are kept.
 
     Return the new count.
     """
-    # A full list drops its highest entry, or the new row if that is higher.
+    # A full list drops its highest entry, or the new row if that is higher. With ``most`` 0, an empty list is full.
     if count == most:
         if count == 0 or row > found[count - 1]:
             return count

@@ -12,7 +12,7 @@ from crowdsim.crowd.near.neighbor_kernels import extent, measure_spread
 from crowdsim.steering.row_kernels import CELL, sort_rows
 
 MOST_CELLS = 1_000_000
-"""Largest number of cells; agents beyond them count to the border cells."""
+"""Largest number of cells, which bounds memory if agents are far apart; those beyond count to the border cells."""
 
 Frame = tuple[float, float, int, int]
 """Grid of cells: left and bottom edge [m], columns, rows."""
@@ -21,13 +21,13 @@ Frame = tuple[float, float, int, int]
 class Neighbors(NamedTuple):
     """N rows, sorted by the cells of their positions in a step, and how far their timelines and ways extend from there.
 
-    Timelines and ways may change during the step if ``spread`` is enlarged accordingly.
+    Timelines and ways may change during the step if ``spread`` is enlarged accordingly (``widen``).
     """
 
     order: NDArray[np.int32]
     """(N,) rows, sorted by cell, and by number within a cell."""
     starts: NDArray[np.int64]
-    """Index in ``order`` at which each cell begins."""
+    """(cells + 1,) index in ``order`` at which each cell begins, cells row by row; the last entry is N."""
     frame: Frame
     """Left and bottom edge of the grid [m], columns and rows."""
     places: NDArray[np.float64]
@@ -75,7 +75,10 @@ def sorted_places(places: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArr
 
 
 def _frame_of(left: float, bottom: float, right: float, top: float) -> Frame:
-    """Return the grid that covers an extent, cut off at :data:`MOST_CELLS`."""
+    """Return the grid that covers an extent [m], cut off at :data:`MOST_CELLS`.
+
+    Its left and bottom edges are multiples of CELL, so that the cells of all grids lie on one lattice.
+    """
     left, bottom = math.floor(left / CELL) * CELL, math.floor(bottom / CELL) * CELL
     columns = min(int((right - left) / CELL) + 1, MOST_CELLS)
     return left, bottom, columns, min(int((top - bottom) / CELL) + 1, max(MOST_CELLS // columns, 1))

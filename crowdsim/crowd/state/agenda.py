@@ -53,6 +53,7 @@ class Agenda:
         for number, time in self.happened.items():
             event = self.timetable.events[number]
             outcome = "happened" if time is not None else "waiting" if number in self.waiting else "overtaken"
+            # Times are rounded to steps, so that an event may happen half a step before its time: that counts as 0.
             late = None if time is None else max(round(time - event.at, 6), 0.0)
             rows.append({"event": event.title, "at": event.at, "outcome": outcome, "late": late})
         return rows

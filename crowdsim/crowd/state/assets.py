@@ -75,8 +75,9 @@ class Assets:
         """Return the body towards others in each behavior, (B, 2): radius of a capsule, half length of its core [m].
 
         The core lies across the direction that the body faces. A body that faces ahead, arms held in or not, is a disc;
-        one that walks sideways is as narrow as the behavior and as long as the widest. A behavior in which no agent
-        can come to rest counts as the widest, as an agent that stops in it stands in another one.
+        one that walks sideways is as narrow as the behavior and as long as the widest. A behavior counts as the widest
+        if it has a node that ends standing with no idle node of the same behavior to follow: an agent that stops there
+        stands in another behavior.
         """
         breadths = np.zeros((len(self.behaviors), 2))
         breadths[:, 0] = self.body_radii.max(axis=1)
@@ -110,7 +111,10 @@ class Assets:
 
     @property
     def passing_width(self) -> float:
-        """Return the width in which an agent passes a standing one, facing along it, one with arms held in [m]."""
+        """Return the least width of a passage in which an agent with its arms held in passes a standing one [m].
+
+        It is the sum of both diameters: of the widest body, which stands, and of the narrowest that faces ahead.
+        """
         facing = self.body_radii.max(axis=1)[self.breadths[:, 1] == 0.0]
         return 2.0 * (self.personal_radius + float(facing.min()))
 
@@ -118,6 +122,7 @@ class Assets:
     def idle_nodes(self) -> NDArray[np.int32]:
         """Return the node in which an agent of each behavior waits standing, (B,) int32, -1 if there is none."""
         nodes = np.full(len(self.behaviors), NONE, np.int32)
+        # In reverse, so that the first idle node of each behavior is the one that is kept.
         for node in np.flatnonzero(self.graph.node_idle)[::-1]:
             nodes[self.graph.node_behavior[node]] = node
         return nodes
@@ -226,6 +231,7 @@ def require_usable(behavior_set: BehaviorSet, scenario: Scenario) -> None:
     levels = scenario.locomotions()
     if levels != {"steered"}:
         _require_waiting(behavior_set, scenario)
+    # Both raise MotionError if the set lacks what they look for.
     if levels != {"captured"}:
         gaits = gait_clips(behavior_set)
         if levels != {"steered"}:
@@ -233,7 +239,10 @@ def require_usable(behavior_set: BehaviorSet, scenario: Scenario) -> None:
 
 
 def _require_waiting(behavior_set: BehaviorSet, scenario: Scenario) -> None:
-    """Raise an error if captured agents can never stand, or if a step is longer than their shortest movement."""
+    """Raise an error if captured agents can never stand, or if a step is longer than their shortest movement.
+
+    A step enters one node at most, so none may be shorter than a step.
+    """
     if not behavior_set.graph.arrays.node_ends_standing.any():
         raise MotionError("no clip of the motion set ends standing, so no agent could ever wait; add one that does")
     shortest = int(behavior_set.graph.arrays.node_frames.min())

@@ -22,7 +22,7 @@ def _bent_gap(timeline, k, body):
     """Return the gap between a body and a track as it bends from sample ``k`` to the next one [m].
 
     The track runs straight between the places at each quarter of the time, which the sample keeps, but for at most
-    REST, which is taken off. The breadth of the body on the track is not: the caller compares with it.
+    REST, which is taken off. The radius of the body on the track is not taken off: the caller compares with it.
     """
     gap = math.inf
     ax, ay = timeline[k, 0], timeline[k, 1]
@@ -52,7 +52,8 @@ def meets_body(agent, timeline, bodies):
     if len(rows) == 0:
         return False
     for k in range(len(timeline)):
-        # Each segment, and the last sample as a point. Skip segments of length 0 (parked), except for the first.
+        # The segment from each sample to the next. Skip those of length 0 (parked), as the one before ends there; the
+        # first has none before it.
         last = min(k + 1, len(timeline) - 1)
         ax, ay = timeline[k, 0], timeline[k, 1]
         bx, by = timeline[last, 0], timeline[last, 1]

@@ -54,7 +54,8 @@ def digest_words(words):
 def digest_rows(words, digests):
     """Take the words of each row, uint64[n, k], into its 64-bit hash in ``digests`` (uint64[n]).
 
-    Call it for one column after the other, first with BASIS; the words of a row are taken one after the other.
+    Call it for one column after the other, first with BASIS; the words of a row are taken one after the other. The end
+    of a column counts, too (JOINING): the same words in other columns give another hash.
     """
     half = np.uint64(32)
     for row in range(len(words)):

@@ -26,7 +26,10 @@ Footprints = tuple[BaseGeometry | None, ...]
 
 @dataclass(frozen=True)
 class Edit:
-    """One change of the environment: area covered by it, and area freed by it; None if there is no such area."""
+    """One change of the environment: area covered by it, and area freed by it; None if there is no such area.
+
+    ``freed`` is that on the lowest layer, which contains those on all others.
+    """
 
     taken: Footprints | None
     freed: BaseGeometry | None
@@ -134,7 +137,8 @@ class EnvironmentState:
         pairs = list(zip(self.meshes, taken, strict=True))
         for area, growths in zip(self.areas, self._growths, strict=True):
             if area is not None:
-                # The lowest area grown by the largest growth of the upper layers it is on covers what the others need.
+                # A behavior area gets one obstacle for all layers: the lowest footprint, which contains the others,
+                # grown by the most that the behavior needs on an upper layer that the movable is on.
                 widest = max(
                     (g for g, t in zip(growths.tolist(), taken[1:], strict=True) if t is not None), default=0.0
                 )

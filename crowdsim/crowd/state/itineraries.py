@@ -70,7 +70,7 @@ class Itineraries:
     def request(
         self, agent: int, position: NDArray[np.float64], ahead: int = 0, departure: Departure | None = None
     ) -> Request:
-        """Return the request for a motion from ``position`` (2,) [m] to an agent's next goal, or one ``ahead`` of it.
+        """Return the request for a motion from ``position`` (2,) [m] to an agent's goal, or ``ahead`` places later.
 
         ``departure``: how the agent leaves what it does now; None if it stands.
         """
@@ -95,6 +95,7 @@ class Itineraries:
         heading = self.cast.heading(agent, reached)
         off = distance(pose[:2], self.cast.goal(agent, reached))
         turned = np.nan if heading is None else abs(float(wrap_angle(pose[2] - heading)))
+        # For a place without a heading, ``turned`` is nan, and the comparison False.
         misses = off > self.cast.stand_within[agent] + ROUNDING or turned > FollowOptions.goal_heading_tolerance
         if misses and self._tries[agent] < TRIES:
             self._tries[agent] += 1

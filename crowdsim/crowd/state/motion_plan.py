@@ -84,7 +84,10 @@ class MotionPlan:
         )
 
     def joined(self, first: int, last: int, more: MotionPlan, reaches: bool) -> MotionPlan:
-        """Return nodes ``first`` to ``last``, then ``more``; ``reaches`` if this plan's goal is passed in between."""
+        """Return nodes ``first`` to ``last``, then ``more``; ``reaches`` if this plan's goal is passed in between.
+
+        ``more`` is what a search found from the end of node ``last``: it passes no goals before its own.
+        """
         kept = slice(first, last + 1)
         passes = [p - first for p in self.passes if first <= p <= last]
         return replace(

@@ -37,5 +37,6 @@ def narrow_passages(mesh: NavMesh, width: float) -> NDArray[np.float64]:
         opened[triangle, side] = False
         other = twin[triangle, side]
         opened[other // 3, other % 3] = False
+    # Each edge once, from the half-edge with the lower number of both.
     kept = opened & narrow & (np.arange(3 * triangles).reshape(-1, 3) < twin)
     return np.concatenate([ends[kept], across[kept]], axis=1)

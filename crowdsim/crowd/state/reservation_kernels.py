@@ -169,7 +169,7 @@ def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
 
 @helper
 def _within_reach(center, other, first, last, reach):
-    """Return True if a sample from ``first`` to ``last`` is within ``reach`` of ``center``."""
+    """Return True if a sample of a timeline from ``first`` to ``last`` is within ``reach`` [m] of ``center``."""
     for k in range(first, last + 1):
         dx = other[k, 0] - center[0]
         dy = other[k, 1] - center[1]
@@ -182,8 +182,8 @@ def _within_reach(center, other, first, last, reach):
 def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
     """Return True if the disc of a node's behavior keeps clear of all layers along the whole node, at any time.
 
-    ``origin`` and ``blend_offset`` (3,) place the node in the world; ``hints`` are the triangles found last on each
-    layer.
+    ``origin`` and ``blend_offset`` (3,) place the node in the world; ``hints`` (layers,) are the triangles found last
+    on each layer, -1 for none.
     """
     frames = np.int64(graph.node_frames[node])
     node = np.int64(node)
@@ -197,7 +197,7 @@ def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
         if distance >= need + reach:
             continue
         left = math.inf  # clearance beyond the body at the sample before
-        frame = np.int64(-_STATIC_STRIDE)
+        frame = np.int64(-_STATIC_STRIDE)  # one stride before the first sample, which is frame 0
         while frame < frames:
             before = frame
             frame = min(frame + _STATIC_STRIDE, frames)
@@ -289,9 +289,10 @@ def _copy_chain(chain, to):
 
 @helper
 def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline):
-    """Sample ``taken`` nodes of a chain, followed by the stop unless the agent ``leaves`` the world there.
+    """Sample the present node of a chain and ``taken`` next ones, then the stop unless the agent ``leaves`` the world.
 
-    Return the first slot at or after the end, or BLOCKED, TOO_LONG, NARROW (not if ``tolerant``) or IN_WAY.
+    ``timeline`` (K, 13) is filled. Return the first slot at or after the end of these nodes, or why they are not
+    allowed: BLOCKED, TOO_LONG, NARROW (not if ``tolerant``) or IN_WAY.
     """
     _copy_chain(chain, draft)
     count = taken + 1
@@ -302,6 +303,7 @@ def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tole
         for c in range(taken + 1, count):
             if not node_is_free(graph, draft.nodes[c], draft.origins[c], draft.blend_offsets[c], obstacles, hints):
                 return BLOCKED
+        # The chain has no room for the stop.
         if count < 0:
             return BLOCKED
     ended = sample_places(graph, draft, count, obstacles.breadths, frame, playback, timeline)
@@ -325,8 +327,10 @@ def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tole
 def _fixed_until(graph, chain, taken, frame, playback, most):
     """Return the slot before which a timeline of ``taken`` nodes is the same if more nodes are taken; ``most`` at most.
 
-    The piece that begins in a slot depends on what is played until the slot after the next one.
+    The piece that begins in a slot depends on what is played until the slot after the next one: the sample at its end
+    is at least as broad as a short node that is played between that sample and the one behind it.
     """
+    # Ticks of the present node and those taken, behind which more nodes or the stop follow.
     ticks = np.int64(0)
     for c in range(taken + 1):
         ticks += np.int64(graph.node_frames[chain.nodes[c]]) * FRAME_TICKS
@@ -363,7 +367,8 @@ def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, firs
             gone = found if leaves else forever
             if not meets_anyone(row, timeline, start, gone, start, obstacles.body_radius, everyone):
                 return taken, gone
-            # It meets another timeline, but may not if it goes on; unless it meets it before the stop sets in.
+            # It meets another timeline. If that is before its stop sets in, all longer continuations do, too; else one
+            # with more nodes may get past.
             fixed = _fixed_until(graph, chain, taken, frame, playback, start + len(timeline))
             if meets_anyone(row, timeline, start, fixed, start, obstacles.body_radius, everyone):
                 break

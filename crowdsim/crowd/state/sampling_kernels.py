@@ -35,6 +35,7 @@ def _set_sample(out, k, x, y, heading, breadth):
     out[k, 1] = y
     out[k, RADIUS] = breadth[0]
     half = breadth[1]
+    # A disc has no core, whatever its heading.
     out[k, CORE] = -half * sin(heading) if half > 0.0 else 0.0
     out[k, CORE + 1] = half * cos(heading) if half > 0.0 else 0.0
     out[k, BEND:] = 0.0
@@ -64,7 +65,7 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
 
 @helper
 def sample_places(graph, chain, count, breadths, frame, playback, out):
-    """Sample as :func:`sample_chain` does, with the same result, but leave the bends at 0, which take as long again."""
+    """Sample as :func:`sample_chain` does, with the same result, but leave the bends at 0: they take as long again."""
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     clock, slot_frames = playback.clock, playback.slot_frames
     k = 0
@@ -129,7 +130,8 @@ def sway_behind(graph, node, half):
 def measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
     """Write to each sample of ``out`` how the body comes off its straight motion to the next one, at any frame.
 
-    ``ended`` is the first slot at or after the end of the chain, behind which nothing moves.
+    ``out`` was filled by :func:`sample_places`. ``ended`` is the first slot at or after the end of the chain, behind
+    which nothing moves.
     """
     clock, slot_frames = playback.clock, playback.slot_frames
     start = clock // slot_frames
@@ -200,7 +202,11 @@ def _place_between(graph, node, frame, part, origin, cosine, sine, blend_offset)
 
 @helper
 def _write_bends(offs, slot_frames, k, out):
-    """Write BEND, QUARTERS and REST of sample ``k``, from ``offs`` (slot_frames + 1, 3): how far each frame is off."""
+    """Write BEND, QUARTERS and REST of sample ``k``.
+
+    ``offs`` (slot_frames + 1, 3): how far the body is off its straight motion at each frame: x and y of the track, and
+    distance of the end of the core [m].
+    """
     quarter = slot_frames // 4
     for s in range(3):
         for axis in range(2):
@@ -273,7 +279,8 @@ def moving_gap(a, i, j, b, k, m):
 def _at_quarter(a, i, j, quarter, p, axis):
     """Return a coordinate of a point of a core after ``quarter`` quarters of its way from sample ``i`` to ``j`` [m].
 
-    ``p`` is -1 and 1 at the ends of the core.
+    ``p`` is the place on the core, -1 and 1 at its ends; ``axis`` is 0 for x, 1 for y. A body that is past the end of
+    its timeline (``i`` is ``j``) does not bend.
     """
     share = 0.25 * quarter
     core = a[i, CORE + axis] + share * (a[j, CORE + axis] - a[i, CORE + axis])
@@ -290,6 +297,8 @@ def beside_discs(a, i, j, pieces):
     if not is_capsule:
         return 0.0
     core = max(hypot(a[i, CORE], a[i, CORE + 1]), hypot(a[j, CORE], a[j, CORE + 1]))
+    # The outlines of two neighboring discs cross halfway between their centers, ``away`` from either: there the discs
+    # reach less far off the core than the capsule, which reaches ``radius``.
     away = 0.5 * core / pieces
     return radius - math.sqrt(max(radius * radius - away * away, 0.0))
 

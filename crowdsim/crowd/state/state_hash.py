@@ -39,15 +39,16 @@ def state_hash(world: World, environment: bytes, step: int, before: int) -> int:
 
 
 def rows_digest(world: World) -> int:
-    """Return the sum of 64-bit digests of all rows modulo 2^64: it does not hang on their order.
+    """Return the sum of 64-bit digests of all rows modulo 2^64: it does not depend on their order.
 
-    Sums of the digests of several worlds are those of all their rows.
+    The sum of the results for several worlds is the result for all their rows together.
     """
     digests = np.full(world.count, BASIS)
     if not world.count:
         return 0
     for name in world.column_names:
         column = world.column(name)
+        # Digests take words of 64 bits: int32 and bool are widened.
         if column.dtype.itemsize % 8:
             column = column.astype(np.int64)
         digest_rows(np.ascontiguousarray(column).view(np.uint64).reshape(world.count, -1), digests)
@@ -64,7 +65,7 @@ def chained_hash(digest: int, environment: bytes, step: int, before: int) -> int
 
 
 def timeline_digest(timeline: NDArray[np.float64]) -> int:
-    """Return 64 bits that tell a reserved timeline (K, 13) from others."""
+    """Return 64 bits that tell a reserved timeline (K, 13) from others; see BEND for what they leave out."""
     return digest_of(timeline[:, :BEND].tobytes())
 
 

@@ -34,7 +34,7 @@ class Chain(NamedTuple):
     origins: Floats
     """(C, 3) track pose at which each starts: x, y [m], heading [rad]."""
     blend_offsets: Floats
-    """(C, 3) offset of the pose before to the origin, which fades out along the node."""
+    """(C, 3) blend offset: pose at the end of the node before less the origin, which fades out along the node."""
 
     @classmethod
     def empty(cls, count: int) -> Chain:
@@ -62,8 +62,9 @@ class Playback(NamedTuple):
 
     @classmethod
     def natural(cls, step: int, step_frames: int) -> Playback:
-        """Return the playback at the captured rate from ``step`` on."""
+        """Return the playback at the captured rate from ``step`` on, for steps of ``step_frames`` frames."""
         rate = FRAME_TICKS * step_frames
+        # A step lasts step_frames / CAPTURE_RATE seconds.
         ramp = max(RAMP * rate * step_frames // CAPTURE_RATE, 1)
         return cls(step * step_frames, SLOT_FRAMES, step_frames, ramp, 0, rate, rate)
 
@@ -120,7 +121,7 @@ class Obstacles(NamedTuple):
     kept_free: Floats
     """(M, 4) outlines of movables about to appear: segments, x and y of both ends [m]."""
     distance: float
-    """Distance of the track to these segments [m]."""
+    """Distance that the track keeps from these segments [m]."""
     bodies: StandingBodies
     """Bodies of steered agents."""
     agent: int

@@ -19,7 +19,10 @@ FOREVER = 9223372036854775807
 
 @helper
 def nearest_of_way(way, x, y):
-    """Return the distance from (x, y) to a polyline (P, 2), and the direction (any length) of its nearest segment."""
+    """Return the distance from (x, y) to a polyline (P, 2), and the direction (any length) of its nearest segment.
+
+    For a row without a way (nan), it is infinite.
+    """
     least = math.inf
     ux = uy = 0.0
     for k in range(len(way) - 1):
@@ -34,7 +37,7 @@ def nearest_of_way(way, x, y):
 
 @helper
 def near_any(segments, x, y, distance):
-    """Return True if (x, y) is nearer than ``distance`` to one of ``segments`` (M, 4)."""
+    """Return True if (x, y) is nearer than ``distance`` to one of ``segments`` (M, 4): x, y of both ends [m]."""
     for m in range(len(segments)):
         s = segments[m]
         if point_segment_distance2(x, y, s[0], s[1], s[2], s[3]) < distance * distance:
@@ -44,7 +47,10 @@ def near_any(segments, x, y, distance):
 
 @kernel
 def stops_in_passage(timeline, passages, distance):
-    """Return True if a timeline (K, 13) ends, but does not begin, within ``distance`` of one of ``passages`` (S, 4)."""
+    """Return True if a timeline (K, 13) ends, but does not begin, within ``distance`` of one of ``passages`` (S, 4).
+
+    An agent that is there already may stop there again.
+    """
     return near_any(passages, timeline[-1, 0], timeline[-1, 1], distance) and not near_any(
         passages, timeline[0, 0], timeline[0, 1], distance
     )

@@ -48,6 +48,7 @@ class Events:
         plans, environment, agenda = self.plans, self.plans.environment, self.agenda
         if not agenda.collect(plans.step):
             return []
+        # Where agents are and will be, as lines.
         lines = reserved_lines(view, plans.step * plans.assets.frames_per_step // SLOT_FRAMES)
         waiting, outlines, happened = [], [], []
         for number in agenda.waiting:
@@ -62,6 +63,7 @@ class Events:
             agenda.note(number, plans.step)
             happened.append(number)
             if event.placing != environment.placing(event.movable):
+                # No search may read the meshes while they are edited: let those under way end first.
                 plans.searches.pool.settle()
                 edit = environment.put(event.movable, event.placing, plans.step)
                 AffectedAgents(plans, view).plan_anew(edit)
@@ -80,6 +82,7 @@ class Events:
 
 def reserved_lines(view: View, slot: int) -> NDArray[Any]:
     """Return the rest of each row's reserved timeline as (N,) lines, from ``slot`` on."""
+    # Indices of the samples, clamped: a timeline stays at its last sample.
     last = view.timeline.shape[1] - 1
     first = np.clip(slot - view.timeline_start, 0, last)
     ahead = np.minimum(first[:, None] + np.arange(last + 1), last)
@@ -128,6 +131,7 @@ class AffectedAgents:
         plan = plans.motions.get(agent)
         plans.routes.pop(agent, None)
         plans.unreachable.pop(agent, None)
+        # It stands, or has not begun its plan: forget that, and request another one at once.
         if plan is None or view.cursor[row] == NONE:
             plans.searches.drop(agent)
             view.awaiting_plan[row] = False
@@ -141,19 +145,22 @@ class AffectedAgents:
         self._ask(row, agent, Join(kept, after))
 
     def _give_way(self, row: int, agent: int, taken: Footprints) -> None:
-        """Let a row whose way was covered walk no farther than it must, and plan from there."""
+        """Let a row walk no farther than it must, and plan from there, if ``taken`` covers the way that it has left."""
         plans, view = self.plans, self.view
         position, cursor = view.pose[row, :2], int(view.cursor[row])
         plan = plans.motions.get(agent)
         route = plans.routes.get(agent) if plan is None else plan.route
+        # It has no way that could be covered.
         if route is None:
             return
+        # First node of its plan that the area takes, ``plan.count`` if none; NONE without a plan, where it is not used.
         clear = NONE if plan is None else first_taken(self.assets, plan, max(cursor, 0), taken)
         if (plan is None or clear == plan.count) and not route_taken(self.assets, route, position, taken):
             return
         plans.routes.pop(agent, None)
         if plan is None:
             return
+        # It has not begun its plan.
         if cursor == NONE:
             plans.replans += 1
             self._drop(row, agent)
@@ -164,6 +171,7 @@ class AffectedAgents:
         plans.replans += 1
         kept = plan.until(after)
         plans.motions[agent] = kept
+        # A search under way goes on: whether its result still fits is tested when it is handed out.
         if not view.awaiting_plan[row]:
             self._ask(row, agent, Join(kept, after))
 
@@ -172,6 +180,7 @@ class AffectedAgents:
         plans, view = self.plans, self.view
         position, cursor = view.pose[row, :2], int(view.cursor[row])
         plan = plans.motions.get(agent)
+        # Without a plan it searches again at once if there was no path; else a search is under way or due anyway.
         if plan is None:
             if plans.unreachable.pop(agent, None) is not None:
                 plans.replans += 1
@@ -179,12 +188,14 @@ class AffectedAgents:
             return
         if not could_shorten(plan.route, position, freed):
             return
+        # It has not begun its plan.
         if cursor == NONE:
             plans.replans += 1
             plans.routes.pop(agent, None)
             self._drop(row, agent)
             return
         after = self._goes_on_to(row, plan.count)
+        # A search is under way already, or nothing of the plan is left to be replaced.
         if view.awaiting_plan[row] or after == plan.count - 1:
             return
         plans.replans += 1
@@ -197,12 +208,17 @@ class AffectedAgents:
         self.view.reserved[row] = self.view.blocked_since[row] = NONE
 
     def _goes_on_to(self, row: int, clear: int) -> int:
-        """Return the node up to which a row keeps its plan: reserved, or played until a search from there is done."""
+        """Return the node up to which a row keeps its plan: reserved, or played until a search from there is done.
+
+        ``clear`` is the first node that it must not play, if it is not reserved.
+        """
         plans, view = self.plans, self.view
         plan = plans.motions[int(view.agent[row])]
         lengths = self.assets.graph.node_frames[plan.nodes]
         after = int(view.cursor[row])
         end = max(min(clear, plan.count), int(view.reserved[row]) + 1)
+        # Keep nodes that are reserved, or begin before the search is done: it begins at the end of this step, and has
+        # ``lead`` steps from then on. ``left``: frames to the end of node ``after``.
         left = int(lengths[after]) - int(view.frame[row])
         fastest = max(int(view.rate[row]), int(view.wanted_rate[row]))
         while after + 1 < end and (after < view.reserved[row] or left * FRAME_TICKS <= (plans.lead + 1) * fastest):

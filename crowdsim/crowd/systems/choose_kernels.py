@@ -23,7 +23,8 @@ NODES_LEFT = 4
 
 
 AHEAD_SECONDS = 0.4
-"""Time before the end of its node from which on an agent reserves ahead, or slows down [s]."""
+"""Time before the end of the last node that it has reserved, from which on an agent reserves ahead, or slows down
+[s]."""
 
 TRIES = 1000
 """Moves that are tried for one agent that asks others to give way."""
@@ -32,7 +33,8 @@ ALL_DONE = -1
 """Returned by :func:`go_on` and :func:`ask_in_turn` if no row is left."""
 
 OTHERWISE = 0
-"""The row does something else than go on along its plan."""
+"""Left to the caller: of :func:`go_on`, a row that needs other work than reserving and following its plan; of
+:func:`ask_in_turn`, a row to which others give way, which are to set out."""
 
 MAKE_ROOM = 1
 """The row has reserved but not gone on yet: a standing agent is in its way ahead."""
@@ -82,8 +84,9 @@ def follow(graph, rows, row, table, progress, frame):
     for axis in range(3):
         rows.next_origin[row, axis] = origins[following, axis]
         rows.next_blend_offset[row, axis] = blend_offsets[following, axis]
+    # A standing row awaits a way around others, which it no longer needs; a walking one the way onwards, as before.
     if rows.awaiting_plan[row]:
-        return idle  # a search for a way around the others is no longer needed
+        return idle
     # The plan ends soon, at a goal where the agent goes on: the search for the way to the next one begins.
     return len(nodes) - following <= NODES_LEFT and walks_through(table, progress, agent)
 
@@ -95,7 +98,8 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
     Rows whose node does not end yet reserve ahead, and slow down if they cannot. ``rows``, ``progress`` and ``scratch``
     are those of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body with a radius of 1 m;
     ``playback`` is at the natural rate. The kernel stops at the first row that needs more than arrays, and returns its
-    number and what the caller has to do: OTHERWISE or MAKE_ROOM. At the end it returns the number of rows and ALL_DONE.
+    index in ``chosen`` and what the caller has to do: OTHERWISE or MAKE_ROOM. At the end it returns the number of rows
+    and ALL_DONE.
     In any case it notes in ``scratch`` which rows have reserved, cannot go on, or enter a node with which a search ends
     or begins.
     """
@@ -104,7 +108,8 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
         agent = np.int64(rows.agent[row])
         following = np.int64(rows.cursor[row]) + 1
         frame, leaves = frame_of(graph, rows, row, playback)
-        # No plan yet: it waits to the end of its idle node; only the end of a node needs the caller.
+        # No plan: nothing to do before the end of its node, where the caller chooses the next one. An idle node can be
+        # left before its end (``frame`` is then its end), but only to follow a plan.
         if table.nodes[agent] < 0:
             if not leaves or frame > rows.frame[row]:
                 continue
@@ -152,9 +157,9 @@ def ask_in_turn(graph, rows, refused, begin, acts, table, progress, obstacles, e
     ``acts`` (N,): rows that rest or step aside if nobody can give way; others try again in a later step. ``asking`` is
     a :class:`crowdsim.crowd.giving_way.asking.Asking`; the other arguments are those of :func:`go_on`.
 
-    Return the number of the first row that does more than try in vain, what the caller has to do, and how many rows of
-    ``asking.trail`` give way to it: OTHERWISE if it enters the next node of its plan, else STAYS_REFUSED. At the end
-    return the number of rows, ALL_DONE and 0.
+    Return the index in ``refused`` of the first row that does more than try in vain, what the caller has to do
+    (OTHERWISE if the row has reserved the next node of its plan, and enters it; else STAYS_REFUSED), and how many rows
+    of ``asking.trail`` give way to it. At the end return the number of rows, ALL_DONE and 0.
     """
     trail, left = asking.trail, asking.left
     for number in range(begin, len(refused)):

@@ -84,11 +84,13 @@ class Choosing:
         assets, graph = self.plans.assets, self.plans.assets.graph
         self.surroundings.begin()
         self._playback = Playback.natural(self.plans.step, assets.frames_per_step)
+        # Rows whose node this step plays to its end: its rate is one ramp nearer to the wanted one (``next_rate``).
         rate, ramp = view.rate, self._playback.ramp
         rate = rate + np.clip(view.wanted_rate - rate, -ramp, ramp)
         left = graph.node_frames[view.node] - view.frame
         ending = (view.part + rate) // FRAME_TICKS >= left
-        # A waiting row may leave its idle node before its end, once the way is free.
+        # A waiting row may leave its idle node before its end, once the way is free. It tries every ``_retry_steps``
+        # steps; its agent's number spreads these tries over the steps.
         waits = graph.node_idle[view.node] & (view.blocked_since != NONE) & (view.state == AgentState.WAITING)
         waits &= (self.plans.step + view.agent) % self._retry_steps == 0
         # A row near the end of all that it has reserved reserves ahead, or slows down.
@@ -129,7 +131,7 @@ class Choosing:
             number += 1
 
     def _ask(self, view: View, refused: NDArray[np.int64], ending: NDArray[np.bool_]) -> None:
-        """Let ``refused`` rows (k,) ask others to give way, in this order; those in vain wait, step aside, or rest.
+        """Let ``refused`` rows (k,) ask others to give way, in this order; if in vain, they wait, step aside, or rest.
 
         ``ending`` (N,): rows whose node ends in this step.
         """
@@ -164,7 +166,7 @@ class Choosing:
         scratch.counts[:] = 0
 
     def _stays_refused(self, view: View, row: int, ends: bool) -> None:
-        """Let a row to which nobody can give way step to a wall, or rest if its node ``ends``."""
+        """Let a row to which no other can give way step to a wall, or rest if its node ``ends``."""
         if self._waits(view, row, ASIDE_SECONDS) and self._steps_aside(view, row):
             return
         if self._waits(view, row, LONG_SECONDS):
@@ -177,20 +179,24 @@ class Choosing:
         agent, cursor = int(view.agent[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
         walker = self._walker(view, row)
+        # Its node goes on after this step.
         if not walker.leaves:
             self._goes_ahead(view, walker, plan)
             return True
         if plan is not None:
+            # This node ends at a goal on the way.
             if cursor in plan.passes:
                 plan = replace(plan, passes=tuple(p for p in plan.passes if p != cursor))
                 self.plans.motions[agent] = plan
                 reach_goal(self.plans, view, row)
             following = cursor + 1
+            # The plan goes on: enter its next node, if that is or can be reserved.
             if following < plan.count:
                 if following <= view.reserved[row] or self._extend(view, row, plan, following):
                     self._follow(view, row)
                     return True
                 return False
+            # The plan is over. It drops the plan, to search another one, if it missed its goal or has another goal.
             if plan.arrives and not self.plans.itineraries.accepts(agent, self._end(view, row)):
                 self._abandon(view, row, agent)
             elif plan.arrives:
@@ -209,6 +215,7 @@ class Choosing:
         """Let a walker reserve before its node ends, or slow down if it cannot."""
         row = walker.row
         following = int(view.cursor[row]) + 1
+        # Without a next node, and for goals that are reached before it, all is decided at the end of the node.
         if plan is None or following >= plan.count or any(passed < following for passed in plan.passes):
             return
         if following <= view.reserved[row] or self._extend(view, row, plan, following):
@@ -236,9 +243,10 @@ class Choosing:
         self._look_ahead(view, row, self.plans.motions[int(view.agent[row])], following)
 
     def _rests(self, view: View, row: int) -> None:
-        """Let a row that was refused finally wait, or stop and wait."""
+        """Let a refused row whose node ends come to rest: it waits, or stops and waits."""
         agent = int(view.agent[row])
         plan = self.plans.motions[agent]
+        # So near to a goal to walk through, it takes that as reached and plans the way to the next one.
         if self._walks_through(plan, agent) and distance(view.goal[row], view.pose[row, :2]) < NEAR_GOAL:
             reach_goal(self.plans, view, row)
             self._abandon(view, row, agent)
@@ -266,6 +274,7 @@ class Choosing:
         self.reserving.find_ways(view, row, plan, following)
         obstacles = self.surroundings.with_ways(self.surroundings.obstacles(view, walker), self._scratch)
         found = self.reserving.reserve(view, walker, plan, following, obstacles)
+        # As slowly as possible it may pass behind others that are in the way now.
         if found is None:
             slower = self._walker(view, row, min(int(slowest(self._playback)), rate))
             found = self.reserving.reserve(view, slower, plan, following, obstacles)
@@ -276,6 +285,7 @@ class Choosing:
             getattr(view, name)[row] = value
         widen(self.surroundings.neighbors(view), row, view.timeline_circle[row])
         lay_way(plan.origins, found["reserved"] + 1, self._scratch.timeline[-1], WAY_METERS, view.way[row])
+        # No agent is asked while an event waits until its place is empty.
         if not self.plans.environment.waited_for:
             self._clear_ahead(view, row, obstacles)
         return True
@@ -296,16 +306,17 @@ class Choosing:
         return Walker.of(self.plans.assets.graph, view, row, self._playback, wanted)
 
     def _have_waited(self, view: View, seconds: float) -> NDArray[np.bool_]:
-        """Return which rows (N,) were refused for so long; the time begins anew when one looks for a way around."""
+        """Return which rows (N,) were refused for ``seconds``; that begins anew when one looks for a way around."""
         long = self.plans.step - view.blocked_since >= seconds * self.plans.assets.steps_per_second
         return np.asarray(long & (view.blocked_since != NONE))
 
     def _waits(self, view: View, row: int, seconds: float) -> bool:
-        """Return True if a row was refused for so long."""
+        """Return True if a row was refused for ``seconds``; see :meth:`_have_waited`."""
         return bool(self._have_waited(view, seconds)[row])
 
     def _steps_aside(self, view: View, row: int) -> bool:
         """Let a standing row step to a wall, so that others can pass; return True if it does."""
+        # No row steps aside while an event waits until its place is empty; and moves begin from idle nodes only.
         if self.plans.environment.waited_for or not self.plans.assets.graph.node_idle[view.node[row]]:
             return False
         obstacles = self.surroundings.obstacles(view, self._walker(view, row))
@@ -356,6 +367,7 @@ class Choosing:
     def _stand(self, view: View, row: int, agent: int) -> None:
         """Wait at the end of the node: in an idle node if one may follow, else on the node's last frame."""
         idle = self.plans.assets.idle_after(int(view.node[row]))
+        # On the last frame it keeps its plan, whose next node may follow; that node does not follow an idle one.
         if idle == NONE:
             view.state[row] = max(view.state[row], AgentState.WAITING)
             return

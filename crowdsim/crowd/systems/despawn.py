@@ -28,6 +28,7 @@ class Despawning:
     def despawn(self, view: View) -> None:
         """Note which agents have arrived, and ask the world to remove those that leave."""
         graph = self.plans.assets.graph
+        # Rows that play their plan (they have a cursor), and are at the end of a node with none to follow.
         at_end = (view.frame == graph.node_frames[view.node]) & (view.next_node == NONE) & (view.cursor >= 0)
         for row in np.flatnonzero(at_end & ~view.stays):
             agent = int(view.agent[row])
@@ -45,5 +46,6 @@ class Despawning:
                 self.plans.itineraries.reach(agent)
 
     def _note(self, agent: int) -> None:
+        """Note the step of arrival, and count the last place of the agent's itinerary as reached."""
         self.arrived[agent] = self.plans.step
         self.plans.itineraries.reach(agent)

@@ -75,6 +75,7 @@ class GivingWay:
         assets = self.plans.assets
         asking = self.asking(view)
         now = Playback.natural(self.plans.step, assets.frames_per_step)
+        # Rows nearer to the way than two radii are in it. Each is asked once, in the order of their numbers.
         ahead = view.way, view.rank, asking.standing.may_move, row, view.pose, 2.0 * view.body_radius[row]
         begin = 0
         while (begin := next_in_way(*ahead, begin, near)) >= 0:
@@ -98,7 +99,7 @@ class GivingWay:
         return steps
 
     def move(self, view: View, count: int) -> None:
-        """Let the first ``count`` rows of the trail set out on their moves."""
+        """Let the first ``count`` rows of the trail set out on their moves; none if it is -1."""
         for place in range(count):
             self._set_out(view, int(self._trail.rows[place]), int(self._trail.moves[place]))
 

@@ -18,7 +18,7 @@ from crowdsim.motion.graph.arrays import GraphArrays
 WAYS = 32
 """Largest number of ways of others that are kept free at once; the lowest row numbers are taken if there are more."""
 
-_CHAIN = LOOKAHEAD + 8  # nodes of the plan, and of the stop behind them
+_CHAIN = LOOKAHEAD + 8  # nodes of the plan, and 8 for the present one and for the stop
 
 Floats = NDArray[np.float64]
 """Array of float64."""
@@ -68,7 +68,11 @@ class Rows(NamedTuple):
 
 
 class Walker(NamedTuple):
-    """An agent that reserves: its row (NONE before it enters), its node, and how it plays that."""
+    """An agent that reserves: its row (NONE before it enters), its node, and how it plays that.
+
+    It goes on from frame ``frame`` of its node. ``origin`` and ``blend_offset`` (3,) place the node, ``place`` (2,) is
+    where the agent is now [m]; ``stays``: it does not leave the world at its last goal.
+    """
 
     row: int
     agent: int
@@ -85,7 +89,7 @@ class Walker(NamedTuple):
 
     @classmethod
     def of(cls, graph: GraphArrays, view: View, row: int, natural: Playback, rate: int) -> Walker:
-        """Return the walker of a row with its own rate ``rate`` [ticks/step]."""
+        """Return the walker of a row that approaches ``rate`` [ticks/step]; ``natural`` is at the natural rate."""
         rows = Rows.of(view)
         frame, leaves = frame_of(graph, rows, row, natural)
         return cls(
@@ -152,7 +156,7 @@ class Scratch(NamedTuple):
 
     @classmethod
     def make(cls) -> Scratch:
-        """Return scratch for no rows."""
+        """Return scratch for no rows; :meth:`begin` fits it to their number."""
         none, flags = np.empty(0, np.int64), np.zeros(0, np.bool_)
         return cls(
             Chain.empty(_CHAIN),

@@ -37,6 +37,7 @@ def search_on(plans: Plans, view: View) -> None:
     """Continue the searches by another slice, while agents walk on what was found so far."""
 
     def played(agent: int) -> int:
+        """Return how many nodes of an agent's plan it has begun or reserved, which a search must not change."""
         rows = np.flatnonzero(view.agent == agent)
         return int(np.maximum(view.cursor, view.reserved)[rows].max(initial=NONE)) + 1
 
@@ -56,6 +57,7 @@ class Replanning:
             row = int(np.argmax(view.agent == found.agent)) if len(view.agent) else 0
             if row == len(view.agent) or view.agent[row] != found.agent:
                 plans.hand_out(found.agent, found.plan)  # not in the world yet: spawning takes it from there
+            # More of a motion whose beginning it walks; a continuation of another plan; a plan from a stand.
             elif found.first:
                 self._go_on(view, row, found, found.first)
             elif found.first is None and found.join is not None:
@@ -90,6 +92,7 @@ class Replanning:
             view.awaiting_plan[row] = True
             departure = int(view.node[row]), view.origin[row].copy()
             request = plans.itineraries.request(agent, view.pose[row, :2].copy(), departure=departure)
+            # The route that it followed serves again, unless its goal has changed.
             route = plans.routes.get(agent)
             if route is not None and (route.points[-1] != request.goal).any():
                 route = None
@@ -99,18 +102,22 @@ class Replanning:
     def _hand_out(self, view: View, row: int, found: Found) -> None:
         """Give a plan to an agent that stands or has begun it; without a plan, let it stand for a while."""
         plans, plan = self.plans, found.plan
+        # A search for a way around others has failed: keep the plan.
         if plan is None and found.over and not found.outdated and found.agent in plans.motions:
             view.awaiting_plan[row] = False
             return
         view.awaiting_plan[row] = plan is None and not found.over
+        # The first result, or none: no node of it is played or reserved yet.
         if found.first is None or plan is None:
             view.cursor[row] = view.reserved[row] = NONE
         view.plan_digest[row] = 0 if plan is None else plan.digest
         plans.hand_out(found.agent, plan)
+        # Without a way to its goal it ranks last; with one again, as if it set out now.
         if found.agent in plans.unreachable:
             view.rank[row] = view.turn[row] = LAST
         elif view.turn[row] == LAST:
             view.rank[row] = view.turn[row] = plans.rank(found.agent)
+        # If an edit made the result invalid, another search may succeed at once; after any other failure it would not.
         if plan is None and found.over:
             pause = 0.0 if found.outdated else RETRY_SECONDS
             view.retry_step[row] = plans.step + int(pause * plans.assets.steps_per_second)
@@ -137,7 +144,7 @@ class Replanning:
         view.plan_digest[row] = joined.digest
 
     def _go_on(self, view: View, row: int, found: Found, first: int) -> None:
-        """Append what its search found since to the plan of a walking agent."""
+        """Replace the plan of a walking agent from node ``first`` on by what its search found since."""
         plan = self.plans.motions[found.agent]
         plan = plan.until(first - 1) if found.plan is None else plan.joined(0, first - 1, found.plan, reaches=False)
         self.plans.hand_out(found.agent, plan, first)
@@ -152,7 +159,10 @@ class Replanning:
 
 
 def reach_goal(plans: Plans, view: View, row: int) -> None:
-    """Count the goal of an agent that goes on from it as reached, and give it the next one."""
+    """Count the goal of an agent that goes on from it as reached, and give it the next one.
+
+    It searches the way there after the time that it stands at the goal reached.
+    """
     agent = int(view.agent[row])
     seconds = plans.itineraries.reach(agent)
     view.rank[row] = view.turn[row] = plans.rank(agent)
@@ -161,7 +171,7 @@ def reach_goal(plans: Plans, view: View, row: int) -> None:
 
 
 def standing_near(view: View, row: int) -> NDArray[np.int64]:
-    """Return the rows (k,) of others that stand within NEARBY meters."""
+    """Return the rows (k,) of others that stand within NEARBY meters: they wait or have arrived."""
     near = (view.state != AgentState.MOVING) & (hypot(*(view.pose[:, :2] - view.pose[row, :2]).T) < NEARBY)
     near[row] = False
     return np.flatnonzero(near)

@@ -105,7 +105,8 @@ def slowest(playback):
 
 @helper
 def is_last(table, progress, agent):
-    """Return True if the goal of an agent's plan is its last one; never for endless rounds."""
+    """Return True if the goal of an agent's plan is its last one; never for endless rounds (-1)."""
+    # Places reached at the end of the plan: those so far, those that it passes, and its goal.
     reached = progress.reached[agent] + table.passes[agent] + 1
     return reached == progress.rounds[agent] * progress.goals[agent]
 
@@ -114,7 +115,8 @@ def is_last(table, progress, agent):
 def own(obstacles, rows, row, ways):
     """Return the obstacles of a row's body, from those of a body with a radius of 1 m.
 
-    ``ways`` (W, P, 2) are those of others that its stops keep free [m].
+    ``ways`` (W, P, 2) are those of others that its stops keep free [m]. There are no outlines ``kept_free`` here, as
+    kernels do not reserve beside any (``reserves_otherwise``), so ``distance`` does not matter.
     """
     radius = rows.body_radius[row]
     return Obstacles(
@@ -159,7 +161,7 @@ def own_timeline(rows, row, timeline, gone, playback, everyone):
 
 @helper
 def prepare(graph, rows, row, table, progress, obstacles, everyone, scratch):
-    """Publish the way of a row ahead, and lay its present node and the next ones of its plan into ``scratch.chain``.
+    """Publish the way ahead of a row, and lay its present node and the next ones of its plan into ``scratch.chain``.
 
     ``obstacles`` are those of a body with a radius of 1 m. Sets the way and the rank of the row. Return the obstacles
     of its own body, with the ways of others that it keeps free; the number of nodes laid; and True if it leaves the

@@ -44,6 +44,7 @@ class Spawning:
     def __post_init__(self) -> None:
         self.assets, self.cast = self.plans.assets, self.plans.itineraries.cast
         self.spawned = np.full(len(self.cast.starts), -1, np.int64)
+        # Timeline of an agent that stands where it enters, as broad as the widest behavior.
         self._parked = np.zeros((TIMELINE_SLOTS, SAMPLE))
         self._parked[:, RADIUS] = self.assets.personal_radius
         # Try again once a slot: timelines do not change in between.
@@ -66,7 +67,7 @@ class Spawning:
                 self._ask(agent)
             elif max(self.cast.start_steps[agent], self.refused.get(agent, -self._pause) + self._pause) <= step:
                 position = plan.departure[:2]
-                # It may have to stand there, swaying.
+                # It may have to stand there, swaying; as a disc, it has no core (half length 0.0).
                 self._parked[:, [BEND, REST]] = sway_behind(self.assets.graph, plan.departure_node, 0.0)
                 if everyone is None:
                     near = Neighbors.of(view.pose[:, :2], view.timeline_circle, view.body_radius)
@@ -110,6 +111,7 @@ class Spawning:
         if agent in self.requested:
             if plans.searches.is_under_way(agent):
                 return
+            # Its search has failed. Try again only if the environment has changed since.
             if self.requested[agent] >= plans.environment.last_edit_step:
                 plans.unreachable.setdefault(agent, NO_MOTION)
                 return

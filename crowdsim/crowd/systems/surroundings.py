@@ -46,7 +46,7 @@ class Surroundings:
         return self._obstacles(view, anybody, _NOTHING)
 
     def with_ways(self, obstacles: Obstacles, scratch: Scratch) -> Obstacles:
-        """Return obstacles with the ways noted last in ``scratch``, which their body keeps off."""
+        """Return obstacles with the ways noted last in ``scratch``, in which their body must not stop."""
         ways = scratch.ways[: scratch.ways_count[0]]
         return obstacles._replace(ways=ways, way_width=2.0 * obstacles.body_radius + WAY_ROOM)
 
@@ -63,7 +63,8 @@ class Surroundings:
     def _obstacles(self, view: View, walker: Walker, kept_free: NDArray[np.float64]) -> Obstacles:
         """Return the obstacles of a walker; ``kept_free`` (M, 4) are outlines that it must not enter."""
         assets, environment = self.plans.assets, self.plans.environment
-        # An agent alone in the world hinders no other: it may stop in passages.
+        # An agent alone in the world hinders no other: it may stop in passages. The rows are then its own (1, True), or
+        # none before it has entered (0, False).
         alone = len(view.agent) == (walker.row != NONE)
         return Obstacles(
             layers=tuple(mesh.arrays for mesh in environment.meshes),
@@ -79,11 +80,15 @@ class Surroundings:
         )
 
     def _kept_free(self, view: View, walker: Walker) -> NDArray[np.float64]:
-        """Return the outlines (M, 4) of obstacles about to appear, if the agent does not touch them already."""
+        """Return the outlines (M, 4) of obstacles about to appear, except those that the agent is or will be near.
+
+        From these it must be free to go away.
+        """
         waited_for = self.plans.environment.waited_for
         if not waited_for:
             return _NOTHING
         slot = self.plans.step * self.plans.assets.frames_per_step // SLOT_FRAMES
+        # Where it is before it enters; then all that is left of its reserved timeline.
         line = shapely.Point(walker.place) if walker.row == NONE else reserved_lines(view, slot)[walker.row]
         distance = walker.body_radius + KEPT_OFF
         segments = [_NOTHING]
