@@ -70,7 +70,10 @@ class Behavior:
 
     @property
     def turned(self) -> bool:
-        """Return whether the body faces away from its direction of motion, so that it has to turn before and after."""
+        """Return whether the body faces more than 45 degrees off its direction of motion.
+
+        It then has to turn before and after a section of this behavior.
+        """
         return min(abs(facing) for facing in self.facings) > np.pi / 4.0
 
 
@@ -124,8 +127,9 @@ def _checked_color(color: str) -> str:
 class BehaviorFile(_Model):
     """The content of a ``behavior.yaml``; angles are in degrees.
 
-    ``cost_per_meter`` is what it must say. One that lists neither ``idle`` nor ``transitions`` is :attr:`captured`: its
-    clips are captures, all in its folder if it lists none, and what is missing is made of them.
+    Only ``cost_per_meter`` is required of all. A file that lists neither ``idle`` nor ``transitions`` is
+    :attr:`captured`: its clips are captures, all in its folder if it lists none, and missing clips are synthesized from
+    them.
     """
 
     name: Annotated[str, AfterValidator(_checked_name)] = ""
@@ -143,7 +147,7 @@ class BehaviorFile(_Model):
 
     @property
     def captured(self) -> bool:
-        """Whether the clips are captures that more has to be made of."""
+        """Return whether the clips are captures, from which standing and other movements are synthesized."""
         return not self.idle and not self.transitions
 
     def behavior(
@@ -170,7 +174,7 @@ def list_behaviors(folder: Path) -> tuple[str, ...]:
 
 
 def is_own(entry: str) -> bool:
-    """Whether an entry of ``behaviors`` is the path of a folder, as ``./crouch``, not a name in the library."""
+    """Return whether an entry of ``behaviors`` is the path of a folder, as ``./crouch``, not a name in the library."""
     return entry.startswith(".") or "/" in entry or "\\" in entry
 
 
@@ -180,7 +184,10 @@ def behavior_folder(entry: str, beside: Path, library: Path) -> Path:
 
 
 def carrier(radii: Sequence[NDArray[np.float64]], before: int, after: int) -> int:
-    """Which of two behaviors a clip that leads from one to the other counts as: the wider one."""
+    """Return which of two behaviors a clip that leads from one to the other counts as: the wider one.
+
+    radii: (layers,) clearance of each behavior [m]. before, after: indices of the two.
+    """
     return max((before, after), key=lambda index: (float(radii[index].max()), index))
 
 
@@ -233,10 +240,11 @@ def read_behavior(name: str, library: Path) -> BehaviorFile:
 
 
 def _of_captures(entry: BehaviorFile) -> list[Complaint]:
-    """Return what captures cannot give."""
+    """Return a complaint for each key that a file of captures must not have."""
     message = "captures give behaviors that go ahead; drop this key, or list 'idle' and 'transitions' of your own"
     return [((key,), message) for key in ("facing", "detectors") if key in entry.model_fields_set]
 
 
 def _refuse(problems: Iterable[Problem]) -> NoReturn:
+    """Raise BehaviorError with all problems, a line each."""
     raise BehaviorError("\n".join(map(str, problems)))

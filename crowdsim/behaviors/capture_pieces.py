@@ -146,6 +146,7 @@ def sort_out(pieces: Sequence[Piece], room: Room, layers: Sequence[str]) -> tupl
                     f"over a tenth more than the {room.reach[band] / ALLOWANCE:.3f} m of most cycles",
                 )
             )
+        # Reaches are of frames that go on; on the spot the distance to all sides counts instead.
         elif piece.kind == SPOT and piece.spread > room.spread:
             out.append((piece, f"reaches out {piece.spread:.2f} m on the spot, and walking {room.spread:.2f} m"))
         else:

@@ -285,6 +285,7 @@ def _held_behavior(
 ) -> CapturedBehavior:
     """Return arm-constrained walking: the kept pieces with the arms held in; with transitions if ``frontal`` exists."""
     bands = captures.bands
+    # Measure the kept pieces anew, as held arms reach less far.
     held = {walk.name: _held(walk) for walk in walks}
     reaches = {name: frame_reaches(clip, bands) for name, clip in held.items()}
     same = []
@@ -310,6 +311,7 @@ def _lateral_behavior(maker: MotionMaker, captures: Captures) -> CapturedBehavio
     turns = []
     for degrees in (90.0, -90.0):
         turns += [(maker.walk_to_stand(degrees), FRONTAL, LATERAL), (maker.stand_to_walk(degrees), LATERAL, FRONTAL)]
+    # A body may side-step to its right or to its left: measure both ways across the motion.
     reaches = []
     for clip in steps:
         for facing in (np.pi / 2.0, -np.pi / 2.0):
@@ -373,7 +375,7 @@ def _transitions(kept: Sequence[Piece]) -> tuple[tuple[Clip, str, str], ...]:
         frames = np.arange(max(stride.first - _CONTEXT, 0), min(stride.last + _CONTEXT + 1, walk.frame_count))
         part = Clip(walk.name, walk.skeleton, walk.root_positions[frames], walk.rotations[frames])
         u = np.clip((frames - stride.first) / (stride.last - stride.first), 0.0, 1.0)
-        weight = u * u * (3.0 - 2.0 * u)
+        weight = u * u * (3.0 - 2.0 * u)  # smoothstep over the stride
         transitions.append((_held(part, weight, "arms_in"), FRONTAL, HELD))
         transitions.append((_held(part, 1.0 - weight, "arms_out"), HELD, FRONTAL))
     return tuple(transitions)

@@ -112,6 +112,7 @@ def draw_profiles(profiles: Sequence[ClearanceProfile], bands: Sequence[tuple[st
     planes = representative_heights(
         profiles, [(low, min(high, LEGS_TOP) if k == 0 else high) for k, (_, low, high) in enumerate(bands)]
     )
+    # Room for the names of the layers on the right.
     right = 1.15 * max(float(profile.diameters.max()) for profile in profiles)
     for (name, low, high), plane in zip(bands, planes, strict=True):
         axes.axhspan(low, high, color="#808080", alpha=0.08, linewidth=0.0)

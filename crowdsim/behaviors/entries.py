@@ -117,7 +117,8 @@ def node_phases(behavior_set: BehaviorSet) -> Floats:
         alike = clips.get((behavior, name), [])
         if not alike:
             raise MotionError(f"node '{node_name}' was cut from a clip that its behavior does not have")
-        # Several clips may share a name (transitions from two behaviors to a third): take the one with these poses.
+        # Several clips may share a name (transitions from two behaviors to a third): take the one with these poses. The
+        # root is left out, as the pool has it relative to the track.
         shown = graph.poses.pool_rotations[rows, 1:]
         number = int(np.argmin([_difference(clip, first, last, shown) for clip in alike]))
         key = behavior, name, number
@@ -128,7 +129,10 @@ def node_phases(behavior_set: BehaviorSet) -> Floats:
 
 
 def _difference(clip: Clip, first: int, last: int, shown: NDArray[np.float32]) -> float:
-    """Return how much the joint rotations of some frames of a clip differ from ``shown`` (F, J - 1, 4), summed."""
+    """Return how much joint rotations of frames first..last of a clip differ from ``shown`` (F, J - 1, 4), summed.
+
+    Rotations are unit quaternions. Clips with other numbers of frames or joints differ infinitely.
+    """
     own = clip.rotations[first : last + 1, 1:]
     if own.shape != shown.shape:
         return np.inf
@@ -236,6 +240,8 @@ def find_exits(behavior_set: BehaviorSet, entries: Entries, phases: Floats) -> N
     frames = np.arange(len(nodes)) - arrays.node_track[nodes].astype(np.int64)
     velocity, turn = _movement(arrays.tracks, frames, arrays.node_frames[nodes] - frames)
     speed = hypot(velocity[:, 0], velocity[:, 1])
+    # An exit may go twice as far aside as an entry. A body stands STAND after a landing, be it of the left foot (0) or
+    # of the right one (0.5).
     aside = np.abs(velocity[:, 1]) > tan(2.0 * _MOST_ASIDE) * velocity[:, 0]
     walks = ~aside & (speed >= _WALKING * entries.natural_speed[arrays.node_behavior[nodes]])
     stands = (np.abs(np.mod(phases, 0.5) - STAND) < 1e-9) & (speed < _AT_REST) & (np.abs(turn) < _MOST_TURN)
@@ -294,6 +300,7 @@ def _idle_nodes(behavior_set: BehaviorSet) -> Ints:
     """Return (B,) the first idle node of each behavior, NONE if there is none."""
     arrays = behavior_set.graph.arrays
     idle = np.full(len(behavior_set.behaviors), NONE, np.int32)
+    # Backwards, so that the first one is written last.
     nodes = np.flatnonzero(arrays.node_idle)[::-1]
     idle[arrays.node_behavior[nodes]] = nodes
     return idle

@@ -54,6 +54,7 @@ def gait_clips(behavior_set: BehaviorSet) -> tuple[Clip, ...]:
     """
 
     def choose() -> tuple[Clip, ...]:
+        """Return the clip of each behavior; called once for a set."""
         pairs = zip(behavior_set.behaviors, behavior_set.clips, strict=True)
         return tuple(_gait(behavior, clips.clips) for behavior, clips in pairs)
 
@@ -98,7 +99,7 @@ def _gait(behavior: Behavior, clips: Sequence[Clip]) -> Clip:
 
 
 def _around_cycle(clip: Clip, speed: float) -> Clip:
-    """Return the part of a clip around its cycle nearest to ``speed`` [m/s]; the whole clip if that shows no cycle."""
+    """Return the part of a clip around its cycle nearest to ``speed`` [m/s]; the whole clip if it has none there."""
     times = find_cycle(clip, speed).times
     part = slice(max(int(times[0]) - _CONTEXT, 0), int(times[-1]) + _CONTEXT + 1)
     cut = Clip(clip.name, clip.skeleton, clip.root_positions[part], clip.rotations[part])
@@ -125,6 +126,7 @@ def _cost(behavior: Behavior, cycle: Cycle) -> tuple[float, str]:
         reason = f"goes {np.degrees(aside):.0f} degrees off the way that '{behavior.name}' goes"
     elif turn > _MOST_TURN:
         reason = f"turns by {np.degrees(turn):.0f} degrees"
+    # The last term: what the way is longer than straight, as a speed, so that winding costs something.
     return abs(speed - behavior.speed) + turn + aside + (length - cycle.stride) / cycle.seconds, reason
 
 

@@ -223,6 +223,7 @@ def _load_captured(
                 "four steps or more"
             ) from error
         return _joined_captures(again, files, library, bands)
+    # Pieces that the graph could not connect are of no use: build again if movements that only they showed are made.
     apart = {clip_frames(name) for name, _ in joined.graph.report.dropped}
     again = captured_set(captures, names, apart)
     return joined if again.made == found.made else _joined_captures(again, files, library, bands)
@@ -293,7 +294,7 @@ def _radii(file: BehaviorFile, clips: Sequence[Clip], bands: Sequence[Band]) -> 
 
 
 def _measured(bands: Sequence[Band]) -> list[Band]:
-    """Return the heights between which bodies are measured for each band."""
+    """Return the heights [m] that bodies are measured between for each band; the lowest of several ends at LEGS_TOP."""
     legs_top = LEGS_TOP if len(bands) > 1 else np.inf
     return [(bands[0][0], min(bands[0][1], legs_top)), *bands[1:]]
 

@@ -28,6 +28,7 @@ NEEDS = {
 """Movements that are needed to get anywhere, with their names in notes."""
 
 _WALKING_TURN = np.radians(40.0)
+"""Least change of heading of a captured piece that walks ahead to count as a walking turn [rad]."""
 _SPOT_TURN = np.radians(20.0)
 """Least angle of a captured turn on the spot to count as one [rad]."""
 
@@ -38,8 +39,10 @@ _ORDINARY = 1.25
 """Speed of the walk that is preferred as a source for synthesis [m/s]."""
 
 _MOST_ASIDE = np.radians(35.0)
+"""Largest angle between direction and heading of the source cycle [rad]."""
+
 _MOST_TURN = np.radians(30.0)
-"""Largest angle between direction and heading of the source cycle, and largest turn during it [rad]."""
+"""Largest turn of the body during the source cycle [rad]."""
 
 _SLOWEST = 0.3
 """Speed below which a body does not walk [m/s]."""
@@ -124,15 +127,18 @@ def speed_ahead(clip: Clip) -> float | None:
 
 
 def _cost(clip: Clip, wanted: float) -> float | None:
-    """Return how far the straightest cycle of a clip is from a straight walk at ``wanted`` m/s; None without one."""
+    """Return how far the straightest cycle of a clip is from a straight walk at ``wanted`` m/s; None without one.
+
+    It is the angle by which the cycle turns and goes aside [rad], and half a radian for each m/s off.
+    """
     walk = _straightness(clip)
     return None if walk is None else walk[0] + 0.5 * abs(walk[1] - wanted)
 
 
 def _straightness(clip: Clip) -> tuple[float, float] | None:
-    """Return how far the straightest cycle of a clip turns and goes aside [rad], and its speed [m/s].
+    """Return by how much the straightest cycle of a clip turns and goes aside, summed [rad], and its speed [m/s].
 
-    None if it does not walk ahead.
+    Return None if it does not walk ahead.
     """
     try:
         cycle = find_cycle(clip)

@@ -61,6 +61,7 @@ def read_own(
         complete[name] = file.model_copy(update={"speed": file.speed or maker.speed, "color": color})
         makers[name], found[name] = maker, made
         notes += [f"'{name}': {note}" for note in made_notes]
+    # Own behaviors are joined to the hub alone, each by a walk there and a walk back.
     hub, walk = _hub(others, complete, makers)
     for name, behavior in found.items():
         if name != hub:
@@ -105,7 +106,7 @@ def _made(
 
 
 def _named(name: str, clips: Sequence[Clip]) -> tuple[Clip, ...]:
-    """Clips with the name of their behavior, as those that are made are called alike in all."""
+    """Return the clips with the behavior's name before theirs, as synthesized clips have the same names in each."""
     return tuple(Clip(f"{name}_{clip.name}", clip.skeleton, clip.root_positions, clip.rotations) for clip in clips)
 
 

@@ -37,6 +37,7 @@ def _clips(
     """Return the clips of a motion set for a behavior: those that its file names, and others made for it."""
 
     def find(path: str) -> Clip:
+        """Return the clip of the set with the file name of ``path``."""
         if Path(path).name not in made:
             raise BehaviorError(
                 f"the motion set '{motion_set}' has no '{path}' for '{file.name}'; "
@@ -44,6 +45,7 @@ def _clips(
             )
         return made[Path(path).name]
 
+    # All clips made for the behavior but those for standing and the transitions are its own.
     apart = {Path(path).name for path in [*(e.file for e in file.idle), *(e.file for e in file.transitions)]}
     listed = {Path(entry.file).name: find(entry.file) for entry in file.clips}
     return BehaviorClips(

@@ -17,7 +17,10 @@ def layer_names(bands: Sequence[Band]) -> list[str]:
 
 
 def _useless(behaviors: Sequence[Behavior]) -> list[tuple[Behavior, Behavior]]:
-    """Pairs of a behavior and a wider one that costs as much, and is never used, as the first fits wherever it does."""
+    """Return pairs (narrow, wide) of behaviors of which the narrower costs no more and fits wherever the wider does.
+
+    So the wider one is never used.
+    """
     return [
         (narrow, wide)
         for narrow, wide in permutations(behaviors, 2)
@@ -47,6 +50,6 @@ def never_used(behaviors: Sequence[Behavior]) -> list[str]:
 
 
 def note_on_width(behavior: Behavior, layers: Sequence[str]) -> str:
-    """How wide and how fast an own behavior was measured to be."""
+    """Return a sentence that says how wide and how fast an own behavior was measured to be."""
     reach = ", ".join(f"{radius:.3f} m at the {layer}" for layer, radius in zip(layers, behavior.radii, strict=True))
     return f"'{behavior.name}' reaches {reach} to a side of its way, and goes at {behavior.speed:.2f} m/s"

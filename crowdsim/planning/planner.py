@@ -160,6 +160,7 @@ class Planner:
         """Raise PathNotFound if components of the lowest mesh show that no way joins the ends of a query."""
         mesh, radius = self.meshes[0], self.need.search_radius
         one, other = mesh.components(query.ends, radius).tolist()
+        # Below 0: an end is not free for the legs, and the search itself says why.
         if one == other or min(one, other) < 0:
             return
         # Finding the reason takes longer than a path, and a standing agent retries often: keep the messages.

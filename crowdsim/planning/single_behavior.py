@@ -106,12 +106,14 @@ def _labelled(query: Query, area: BehaviorArea, most: float, fitting: Fitting) -
     """
     mesh = area.mesh
     least = area.radius - mesh.tolerance(area.radius)
+    # In different components there is no path, and a search in vain takes long.
     if mesh.search.are_apart(query.ends[:1], query.ends[1:], area.radius, least)[0]:
         return np.empty((0, 2)), math.inf, np.empty((0, 3)), math.inf
     with mesh.workspaces.lent(len(mesh.arrays.cover)) as work:
         status, points, length, sections, cost = labelled_path(
             mesh.arrays, mesh.search.regions(), work, query.ends, area.radius, least, most, fitting
         )
+    # The fast search knows that there is a path, but not its line: `find_path` goes on to the search for the shortest.
     if status == TANGLED:
         try:
             points = area.find_path(query.ends)

@@ -31,9 +31,7 @@ def _root(parent, h):
 def label_sides(m, width, labels):
     """Fill ``labels`` (3 nt,) with the component of each half-edge for a disc of diameter ``width`` [m].
 
-    Return their number.
-
-    Components count from 0; sides of blocked triangles and constrained sides get -1.
+    Return the number of components. They count from 0; sides of blocked triangles and constrained sides get -1.
     """
     sides = m.sides
     cover = m.cover
@@ -90,6 +88,7 @@ def components(m, labels, count, points, radius, least, out):
     for i in range(points.shape[0]):
         x = points[i, 0]
         y = points[i, 1]
+        # Looking farther than ``least`` is enough.
         distance, t = disc_clearance(m, x, y, 2.0 * radius + 1.0, np.int64(NONE))
         out[i] = -1
         # A clearance of less than ``least`` is not free.

@@ -38,7 +38,8 @@ _SPREAD = 0x1E3779B97F4A7C15
 @helper
 def _row(guide, origin, end):
     """Return the row of the side between two vertices, or the empty row where it belongs."""
-    # Linear probing in the rows before the last one.
+    # Linear probing in the rows before the last one: their number is a power of two, so size - 2 is their bit mask. The
+    # lowest 24 bits of the product are mixed least.
     side = ((origin + 1) << 32) + end
     i = ((side * _SPREAD) >> 24) & (guide.size - 2)
     while guide[i].side != side and guide[i].side != 0:
@@ -50,7 +51,8 @@ def _row(guide, origin, end):
 def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     """Estimate the length [m] of a way from the start over the label's interval to the goal; meters to go are weighted.
 
-    Return ``otherwise`` if the side is not in ``guide``.
+    Return ``otherwise``, the estimate [m] without a guide, if that is more or the side is not in ``guide``. ``label``
+    is a record LABEL of the workspace; the weight is GREED.
     """
     h = np.int64(label.h)
     origin = sides[h].org
@@ -59,7 +61,7 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     if row.side == 0:
         return otherwise
     limit = guide[guide.size - 1].left
-    # No way was followed across this side: at least as long as the limit.
+    # No way was followed across this side: all ways over it are at least as long as the limit.
     if row.left == math.inf:
         return max(limit, otherwise)
     a = vertices[origin]
@@ -76,7 +78,7 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     low = (label.px - a.x) * ux + (label.py - a.y) * uy - inset
     high = (label.lx - a.x) * ux + (label.ly - a.y) * uy - inset
     # At a point ``at`` of the side, the way to go is at least that from either end, less the way there. Take the point
-    # where both bounds are equal, as neither falls faster than the root comes nearer.
+    # where both bounds are equal: elsewhere the greater one is more, by at least as much as the root comes nearer.
     width = length - 2.0 * inset
     at = min(max(0.5 * (row.right - row.left + width), low), high)
     rest = max(row.right - at, row.left - width + at)
@@ -106,7 +108,10 @@ def clear_guide(guide):
 
 @helper
 def fill_guide(m, labels, used, radius, limit, guide):
-    """Enter the ``used`` labels of a search that began at the goal, complete up to ``limit`` [m], into ``guide``."""
+    """Enter the first ``used`` labels of a search that began at the goal, complete up to ``limit`` [m], into ``guide``.
+
+    The limit bounds whole ways, from the goal to the start.
+    """
     guide[guide.size - 1].left = limit
     sides = m.sides
     vertices = m.vertices

@@ -91,7 +91,10 @@ def _estimate(label, x, y):
 
 @helper
 def _key(m, regions, waypoints, guide, label, gx, gy, radius):
-    """Return the key of a label in the heap: about how long a way over it is [m]."""
+    """Return the key of a label in the heap: about how long a way over it is [m].
+
+    Either ``guide`` or ``regions`` is None. A guide without rows for sides leaves the plain estimate to the goal.
+    """
     key = 0.0
     if guide is not None:
         key = guided_estimate(m.sides, m.vertices, guide, label, radius, _estimate(label, gx, gy))
@@ -239,8 +242,9 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
         return NONE, np.int64(0), math.inf
     # Corners of closed sides have a clearance of 0: never pass them.
     width = max(width, 1e-30)
-    most = 6 * m.frame[0].triangles - 6
+    most = 6 * m.frame[0].triangles - 6  # a step adds up to six labels
     limit = math.inf
+    # In one triangle the straight line is a way, from which the limit is known at once.
     if farther is not None and start == goal:
         limit = farther[0] * math.sqrt((gx - sx) ** 2 + (gy - sy) ** 2) + farther[1]
     count = _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide)
@@ -260,7 +264,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
         following = NONE
         label = labels[i]
         spent = label.spent
-        # Too long even if straight from here. The key is no bound, as it estimates the way behind bridges.
+        # Too long even if straight from here, without GREED. The key is no bound: it estimates the way behind bridges.
         if longest is not None and spent + (_estimate(label, gx, gy) - spent) / GREED > longest:
             continue
         # Its root was reached on a shorter way since.
@@ -321,7 +325,10 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
 
 @helper
 def string_along(m, labels, last, sx, sy, gx, gy, radius):
-    """Return the nodes that the way to label ``last`` bends around, with spare room, and their number."""
+    """Return the nodes (STRING_NODE) that the way over label ``last`` to the goal bends around, and their number.
+
+    They begin with the start and end with the goal. The array has 64 rows to spare, for repairs of the string.
+    """
     label = labels[last]
     h = np.int64(label.h)
     x = gx - label.rx
@@ -354,6 +361,7 @@ def string_along(m, labels, last, sx, sy, gx, gy, radius):
         if nodes[k].vertex != v or nodes[k].q != q:
             k -= 1
             set_node(nodes[k], m.vertices[v].x, m.vertices[v].y, q, v)
+        # The bend at the last interval has no label of its own.
         if bend >= 0:
             bend = NONE
         else:

@@ -33,7 +33,7 @@ TANGLED = 4
 
 @helper
 def _stand(m, stack, x, y, least):
-    """Return the triangle of (x, y), or -1 if a disc of radius ``least`` is not free there."""
+    """Return the triangle of (x, y) [m], or -1 if a disc of radius ``least`` [m] is not free there."""
     t = triangle_of(m, x, y, NONE)
     if t < 0 or m.cover[t] != 0:
         return NONE
@@ -124,9 +124,9 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=No
 
 @helper
 def append_path(points, filled, path):
-    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows of ``points``; return (points, length [m]).
+    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows of ``points`` (n, 2).
 
-    ``points`` grow as needed.
+    Return the points, which grow as needed, and the length of the path [m].
     """
     n = path.shape[0]
     while filled + n > points.shape[0]:

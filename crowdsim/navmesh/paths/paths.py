@@ -60,6 +60,7 @@ class Paths:
     radii: Floats
     """(n,) radii of the searches [m]."""
     _clearance: Callable[[ArrayLike], float] = field(repr=False)
+    """Return the clearance [m] of a point (x, y), for messages."""
 
     def __len__(self) -> int:
         """Return the number of searches."""

@@ -110,7 +110,10 @@ def find_regions(m, regions):
 
 @helper
 def _lay(m, waypoints, stamp, region, following, h, radius):
-    """Set the waypoint of ``region`` on the bridge h, which leads to the region ``following``."""
+    """Set the waypoint of ``region`` on the bridge h, which leads to the region ``following``, next towards the goal.
+
+    Regions are given by their top triangles; ``radius`` is that of the disc [m].
+    """
     a = m.vertices[m.sides[h].org]
     b = m.vertices[m.sides[nxt(h)].org]
     after = waypoints[following]
@@ -130,11 +133,10 @@ def _lay(m, waypoints, stamp, region, following, h, radius):
 
 @helper
 def lay_waypoints(m, regions, waypoints, stack, stamp, start, goal, gx, gy, radius):
-    """Fill the ``waypoints`` of the regions from triangle ``start`` to ``goal``.
+    """Fill the ``waypoints`` of regions from triangle ``start`` to ``goal``; False if free space does not join them.
 
-    Return False if free space does not join them.
-
-    ``stack`` has a field ``item`` and room for all regions.
+    ``stack`` is scratch: records with a field ``item``, with room for all regions. ``radius`` is that of the disc [m],
+    by which bridges are cut; it does not matter for what is joined.
     """
     sides = m.sides
     if regions[start].root != regions[goal].root:

@@ -29,7 +29,7 @@ _STATE = np.dtype([("cost", np.float64), ("x", np.float64), ("y", np.float64)], 
 
 @helper
 def can_leave(sides, vertices, h, x, y, width):
-    """Return True if a disc of diameter ``width``, free at (x, y) in the triangle of side h, can leave it across h."""
+    """Return True if a disc of diameter ``width`` [m], free at (x, y) in side h's triangle, can leave it across h."""
     if sides[h].constraints != 0:
         return False
     a = vertices[sides[h].org]
@@ -44,8 +44,8 @@ def can_leave(sides, vertices, h, x, y, width):
         a = vertices[sides[base].org]
         b = vertices[sides[nxt(base)].org]
         v = vertices[sides[prv(base)].org]
-        # They are a bottleneck if the corner's foot is inside the wall; it matters if the disc is on the far side of
-        # it.
+        # They are a bottleneck if the corner's foot is inside the wall a -> b; it matters if h and the disc are on
+        # different sides of it: along < 0 is the side of a, where prv(base) is, the other one that of b.
         if point_segment_distance2(v.x, v.y, a.x, a.y, b.x, b.y) < width * width:
             ux = b.x - a.x
             uy = b.y - a.y
@@ -75,6 +75,7 @@ def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
     off_p = abs((px - ax) * uy - (py - ay) * ux)
     off_g = abs((gx - ax) * uy - (gy - ay) * ux)
     total = off_p + off_g
+    # total is 0 if both are on the line of the side.
     at = (along_p * off_g + along_g * off_p) / total if total > 0.0 else along_p
     inset = min(radius, 0.5 * length)
     at = min(max(at, inset), length - inset)
@@ -129,7 +130,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
                     continue
             x, y = _crossing_point(sides, vertices, e, radius, px, py, gx, gy)
             cost = spent + hypot(x - px, y - py)
-            # Reached for the first time, or at less cost.
+            # Reached for the first time, or at less cost (1e-9 m: beyond rounding).
             if before[e] == 0 or (cost < states[e].cost - 1e-9 and expanded < _IMPROVING * room):
                 state = states[e]
                 state.cost = cost
@@ -137,7 +138,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
                 state.y = y
                 before[e] = h + 2
                 heap, count = push(heap, count, cost + hypot(gx - x, gy - y), e)
-        # Take the next state from the heap; skip those that were reached at less cost since.
+        # Take the next state from the heap (`pop` leaves it at ``count``); skip those reached at less cost since.
         h = NONE
         while count > 0 and h < 0:
             pop(heap, count)

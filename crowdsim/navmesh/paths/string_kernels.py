@@ -57,13 +57,14 @@ def tighten(nodes, count, i, last):
         else:
             # One of the two tangents does not exist.
             return -1, first
+    # If no node is left between start and goal, this tangent has not been asked for.
     exists, _, _ = tangent(nodes[0], nodes[1])
     return count if exists else -1, first
 
 
 @helper
 def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
-    """Test that nothing but vertex v is closer to v than ``room`` between the bearings a and b, counter-clockwise.
+    """Test that nothing but vertex v is closer to v than ``room`` [m] between bearings a and b, counter-clockwise.
 
     Return (bool, a triangle of the fan around v, that of b if True). False in doubt, as if a base of the fan is nearer.
     """
@@ -114,9 +115,10 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
 
 @helper
 def _trace(m, stack, nodes, count, least, marks, points, first):
-    """Trace the polyline around the nodes from ``first`` on, up to its first piece that is closer than ``least``.
+    """Trace the polyline around the nodes from ``first`` on, up to its first piece that is closer than ``least`` [m].
 
-    ``marks`` and ``points`` hold what was traced before, and are filled.
+    ``marks`` (k,) records :data:`_MARK` of nodes, and ``points`` (k, 2) [m], which grows, hold what was traced before,
+    and are filled.
 
     Return (points, their number, node, inside, vertex, edge, distance, x0, y0, x1, y1). ``node`` is -1 if nothing is
     too close. Otherwise the piece (x0, y0) -> (x1, y1) runs around node ``node`` (``inside``) or from there to the
@@ -154,7 +156,9 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
             cx, cy = c * cx - s * cy, s * cx + c * cy
             if k == 1 and abs(angle) < 3.0:
                 # The tangents stay clear of all that is not between the ends of the arc. So if the fan of triangles
-                # between these is open, the arc is free. Wider turns are swept piece by piece.
+                # between these is open, the arc is free. Wider turns are swept piece by piece: the bearings of its ends
+                # must be less than half a circle apart. They are the normals of the tangents, from the node outwards.
+                # Room is needed up to the polyline's corners, and for the disc around these.
                 room = abs(node.q) + math.sqrt(cx * cx + cy * cy)
                 if node.q < 0.0:
                     is_open, fan = arc_is_open(sides, vertices, node.vertex, -by, bx, -ay, ax, room)
@@ -289,6 +293,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
             nodes[i + 1] = nodes[i]
             set_node(nodes[i], vx, vy, q, vertex)
         i = max(1, i - 1)
+        # Only the new node and those next to it have new tangents.
         count, first = tighten(nodes, count, i, i + 4)
         first = max(1, first - 1)
     return False, points[:0]

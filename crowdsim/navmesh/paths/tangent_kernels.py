@@ -46,7 +46,7 @@ def set_node(node, x, y, q, vertex):
 
 @helper
 def tangent(a, b):
-    """Return (exists, direction x, y) of the taut string from node a to node b."""
+    """Return (exists, direction x, y) of the taut string from node a to node b; the direction is a unit vector."""
     ex = b.x - a.x
     ey = b.y - a.y
     distance = math.sqrt(ex * ex + ey * ey)
@@ -64,15 +64,16 @@ def tangent(a, b):
 
 @helper
 def arc_corners(q, dx, dy, angle, bulge):
-    """Find corners around a node that the string reaches in direction d and leaves turned by ``angle``.
+    """Find corners around a node that the string reaches in direction d and leaves turned by ``angle`` [rad].
 
-    Return (count, x, y of the first one from the node, cosine, sine of the turn to the next). The polyline is
-    circumscribed and stands off the arc by at most ``bulge``.
+    Return (count, x, y of the first one from the node [m], cosine, sine of the turn to the next). The polyline is
+    circumscribed and stands off the arc by at most ``bulge`` [m].
     """
     radius = abs(q)
     if radius == 0.0:
         return 1, 0.0, 0.0, 1.0, 0.0
-    # Slightly less than 2 acos(radius / (radius + bulge)), the angle at which a corner stands off by the bulge.
+    # Slightly less than 2 acos(radius / (radius + bulge)), the angle at which a corner stands off by the bulge; at most
+    # 0.35 rad (20 degrees), which bounds it for radii below 65 bulges.
     most = min(math.sqrt(8.0 * bulge / (radius + bulge)), 0.35)
     steps = max(1, math.ceil(abs(angle) / most))
     half = 0.5 * angle / steps
@@ -85,7 +86,7 @@ def arc_corners(q, dx, dy, angle, bulge):
 
 @helper
 def _swallowed(one, other):
-    """Return True if the circle of node ``other``, on the same side, is inside that of ``one``."""
+    """Return True if the circle of node ``other`` is inside that of ``one``, both on the same side of the string."""
     return (
         one.vertex >= 0
         and one.q * other.q > 0.0
@@ -100,7 +101,8 @@ def funnel(m, channel, count, reach, sx, sy, gx, gy):
     ``channel`` holds the half-edges that are crossed, in order. Return the string's nodes (STRING_NODE), in an array
     with room for more, and their number.
 
-    The string keeps reach[v] [m] away from each vertex v (Lee and Preparata 1984, with circles for points).
+    The string keeps reach[v] [m] away from each vertex v (Lee and Preparata 1984, with circles for points). With no
+    sides, ``channel`` and ``reach`` are empty, and it is the straight line.
     """
     # The funnel is a deque in ``chain``: the left chain (outwards to lower indices), the apex, the right chain (to
     # higher ones).
@@ -119,7 +121,7 @@ def funnel(m, channel, count, reach, sx, sy, gx, gy):
     # The vertices last added on each side.
     before_left = NONE
     before_right = NONE
-    target = chain[2 * room + 1]
+    target = chain[2 * room + 1]  # the node to add next; the deque does not come this far
     for k in range(2 * count + 1):
         # The ends of all sides in turn, left (sign 1) and right (-1), each vertex once, and the goal last.
         sign = 1 if k % 2 == 0 else -1

@@ -79,6 +79,7 @@ class Workspaces:
                 # Drop the others: they are too small for the mesh as it is now.
                 self._idle.clear()
         if found is None:
+            # Up to a power of two, so that a mesh that grows a little still fits.
             found = empty_workspace(1 << max(triangles - 1, 1).bit_length())
         yield found
         with self._lock:

@@ -48,6 +48,7 @@ def _fill_hints(m):
         # Every second row backwards, so that each search starts from the cell next to it.
         for step in range(nx):
             column = step if row % 2 == 0 else nx - 1 - step
+            # The center, on the grid; the last cells may reach beyond the box.
             x = min(np.rint((frame.x0 + (column + 0.5) * frame.hint_cell) / cell) * cell, frame.x1)
             y = min(np.rint((frame.y0 + (row + 0.5) * frame.hint_cell) / cell) * cell, frame.y1)
             t = locate(m, x, y, t)

@@ -27,7 +27,10 @@ BUILDERS = ("own", "triangle")
 
 
 def mesh_frame(points: Floats) -> NDArray[Any]:
-    """Return the frame (1,) of an empty mesh around ``points`` (n, 2), with hint cells for about two points each."""
+    """Return the frame (1,) of an empty mesh around ``points`` (n, 2) [m], with hint cells for about two points each.
+
+    The box is wider than the points by 5 % of their extent on each side. At most 1024 hint cells lie along a side.
+    """
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * float((high - low).max())
     frame = np.zeros(1, FRAME)
@@ -41,7 +44,10 @@ def mesh_frame(points: Floats) -> NDArray[Any]:
 
 
 def _rings(area: shapely.Polygon | shapely.MultiPolygon) -> tuple[Rings, NDArray[Any]]:
-    """Return the rings of a valid area, snapped to the grid, and the frame that fits them."""
+    """Return the rings of a valid area, snapped to the grid, and the frame that fits them.
+
+    Outlines run clockwise and holes counter-clockwise, so blocked ground is on the left.
+    """
     rings = shapely.get_rings(shapely.get_parts(shapely.orient_polygons(area, exterior_cw=True)))
     coordinates = shapely.get_coordinates(rings)
     counts = shapely.get_num_coordinates(rings)
@@ -66,11 +72,13 @@ def insertion_order(points: Floats, frame: NDArray[Any]) -> Ints:
     levels, points along two opposite walls, inserted wall after wall, would flip about as many sides for each point as
     there are points.
     """
+    # Places along the curve in the high bits, indices of points in the low 31: one sort of numbers gives the order.
     x0, y0, x1, y1 = frame[["x0", "y0", "x1", "y1"]][0].item()
     x, y = ((points - (x0, y0)) * (65536.0 / max(x1 - x0, y1 - y0))).astype(np.int64).T  # none is on the box
     along = (_spread(x) | _spread(y) << 1) << 31 | np.arange(len(points))
     along.sort()
     along &= (1 << 31) - 1
+    # Levels: -7 comes first, for every 8**7th point, 0 last; two million points have more than one of level -7.
     level = np.zeros(len(points), np.int8)
     for power in range(1, 8):
         level[:: 1 << 3 * power] -= 1
@@ -101,9 +109,11 @@ def triangulate(area: shapely.Polygon | shapely.MultiPolygon, builder: str = "ow
         from crowdsim.navmesh.triangulation import triangle_builder
 
         found = triangle_builder.triangulation(rings, order, frame)
-        rings, ids, order = found.rings, found.ids, order[:0]
+        rings, ids, order = found.rings, found.ids, order[:0]  # no point is left to insert
     else:
         ids = np.empty(len(rings.points), np.int64)
+    # How many vertices refinement and crossings add is not known beforehand: double the room until it is enough. Beyond
+    # a hundred times the corners something is wrong.
     room = 2 * len(rings.points) + 64
     while True:
         mesh = empty_mesh(room, frame)

@@ -6,7 +6,8 @@ sides and the heights of corners alone decide what fits where (docs/navmesh.md, 
 
 ``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
 :mod:`crowdsim.navmesh.mesh.mesh_arrays`; h and s are half-edges, v a vertex, t a triangle; ``sight`` is a record SIGHT.
-A segment leads from a to b, l = (l0, l1) is a ray; vectors are relative to the vertex that looks [m].
+A segment leads from a to b, and a part lo..hi of it is a pair of shares, 0 at a and 1 at b, empty if lo > hi; l = (l0,
+l1) is a ray; vectors are relative to the vertex that looks [m]. Of what is returned, FULL and STUCK are negative.
 """
 
 import math
@@ -26,10 +27,7 @@ from crowdsim.navmesh.triangulation.work_kernels import CHANGED, STUCK, dequeue,
 
 @helper
 def _cut(lo, hi, at0, at1):
-    """Return the part of lo..hi of a segment where a function, linear from at0 to at1 along it, is not positive.
-
-    The part is empty (lo > hi) if the function is positive at both ends.
-    """
+    """Return the part of lo..hi of a segment where a function, linear from at0 at a to at1 at b, is not positive."""
     if at0 > 0.0 and at1 > 0.0:
         return 1.0, 0.0
     if at0 > 0.0:
@@ -41,7 +39,10 @@ def _cut(lo, hi, at0, at1):
 
 @helper
 def _nearer(lo, hi, ax, ay, bx, by, wx, wy):
-    """Return the part of lo..hi of segment ab that lies, along the direction of w, no farther than w itself."""
+    """Return the part of lo..hi of segment ab that lies, along the direction of w, no farther than vertex w itself.
+
+    Other feet than these are out: the disc on the looking vertex and its foot f holds w if f . w > w . w.
+    """
     most = wx * wx + wy * wy
     return _cut(lo, hi, ax * wx + ay * wy - most, bx * wx + by * wy - most)
 
@@ -61,12 +62,13 @@ def _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
     All are relative to v; xx, xy, yx and yy are the coordinates of x and y, which is to the left of x. q need not be of
     unit length: a foot f counts if f . q >= ``least`` [m2].
 
-    The foot is in the hull of v, x, y and the point opposite of v on their circle, so one of these must be far enough.
+    A foot f has f . x <= x . x and f . y <= y . y (`_nearer`), so it is in the hull of v, x, y and the point opposite
+    of v on their circle: one of these must be far enough.
     """
     x2 = xx * xx + xy * xy
     y2 = yx * yx + yy * yy
-    # Dot products of x and y with q, then of the point opposite of v: twice the center of the circle through v, x and
-    # y.
+    # Dot products of x and y with q, then of the point opposite of v, twice the center of the circle through v, x and
+    # y; this one is multiplied by the denominator of the center, which is positive.
     return (
         xx * qx + xy * qy >= least
         or yx * qx + yy * qy >= least
@@ -76,7 +78,7 @@ def _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
 
 @helper
 def _foot_at(m, s, part, x, y, near):
-    """Test for a bottleneck between (x, y) and the place at ``part`` (0 to 1) of wall s: (bool, foot x, foot y).
+    """Test for a bottleneck between (x, y) and the place at ``part`` (0 to 1) of wall s: (found, foot x, foot y) [m].
 
     It is one if the disc around the middle, as wide as the two are apart, touches nothing else. ``near`` is a triangle
     nearby. Close to an end of the side there is none, as the side to that end measures the passage as well.
@@ -90,9 +92,11 @@ def _foot_at(m, s, part, x, y, near):
     fy = np.rint((a.y + part * ey) / cell) * cell
     width = hypot(fx - x, fy - y)
     aside = min(part, 1.0 - part) * math.sqrt(ex * ex + ey * ey)
-    # Within eight cells of an end, a new vertex would make slivers.
+    # Within eight cells of an end, a new vertex would make slivers. The second bound: the side to the end is then
+    # longer than the passage by at most 5e-8 of it, much less than the tolerance of queries.
     if aside < 8.0 * cell or aside * aside < 1e-7 * width * width:
         return False, fx, fy
+    # Empty but for a cell, as the foot moved to the grid.
     middle, _ = disc_clearance(m, 0.5 * (x + fx), 0.5 * (y + fy), width, near)
     return middle >= 0.5 * width - cell and split_is_robust(m.sides, m.vertices, s, fx, fy), fx, fy
 
@@ -101,8 +105,8 @@ def _foot_at(m, s, part, x, y, near):
 def _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1):
     """Return the part of lo..hi of side ab (0 at a, 1 at b) that may hold the foot of the origin; lo > hi if none.
 
-    It is in view from ray r = (r0, r1) to ray l, and w . foot <= w . w for each vertex w seen (x, y, a, b), or their
-    disc holds w.
+    The foot is in view between ray r = (r0, r1) and ray l, and w . foot <= w . w for each vertex w seen (x, y, a, b),
+    as the disc on the origin and the foot would hold w otherwise.
     """
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, xx, xy)
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, yx, yy)
@@ -120,8 +124,8 @@ def find_bottleneck(m, v, qx, qy, w):
 
     Return (half-edge, foot x, foot y), with -1 for the half-edge if there is none. As the disc between v and the foot
     holds no vertex, the foot is not farther along any seen vertex w than w itself, which bounds the search. Only discs
-    that hold (qx, qy) count: their feet are at least as far along q as q itself. If q is at v all count. ``w`` is the
-    workshop.
+    that hold (qx, qy) [m] count: their feet are at least as far along q as q itself. If q is at v all count. Views for
+    which ``sights`` has no room are left out.
     """
     sights = w.sights
     sides = m.sides
@@ -214,11 +218,11 @@ def find_bottleneck(m, v, qx, qy, w):
 def _find_foot(m, s, w):
     """Find the foot on the constrained side s of a vertex seen across other sides, if the two are a bottleneck.
 
-    Return (bool, x, y): the same places as :func:`find_bottleneck` finds from the vertex. A disc between the two that
-    touches nothing else holds no corner of the triangles it crosses. So behind each side that it crosses on the way to
-    the vertex, it lies within the circle of the triangle there (before that side). The foot is thus in all these
-    circles, which bounds the search. It is also in front of each of these sides; without this bound the search would
-    circle around a vertex next to s.
+    Return (found, x, y) [m]: the same places as :func:`find_bottleneck` finds from the vertex. A disc between the two
+    that touches nothing else holds no corner of the triangles it crosses. So at each side that it crosses on the way to
+    the vertex, its part before the side lies within the circumcircle of the triangle behind the side. The foot is thus
+    in all these circles, which bounds the search. It is also in front of each of these sides; without this bound the
+    search would circle around a vertex next to s.
     """
     sights = w.sights
     sides = m.sides
@@ -259,7 +263,8 @@ def _find_foot(m, s, w):
         zx = z.x
         zy = z.y
         part = ((zx - ax) * ex + (zy - ay) * ey) / length2
-        # The far corner z is a corner of an obstacle and its foot falls into that part.
+        # The far corner z is a corner of an obstacle and its foot falls into that part. (Vertices that refinement added
+        # are inside of walls: two walls are closest at an end of one of them.)
         if z.vref > 0 and part >= lo - TOLERANCE and part <= hi + TOLERANCE:
             found, fx, fy = _foot_at(m, s, part, zx, zy, g // 3)
             if found:

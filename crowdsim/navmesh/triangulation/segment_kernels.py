@@ -1,11 +1,12 @@
 """Segments of a constrained Delaunay triangulation.
 
-Flips change the numbers of half-edges, so a side that must survive a flip is kept as a pair of vertices.
+A way is a straight line between two vertices that is to become constrained sides (:data:`_WAY`). Flips change the
+numbers of half-edges, so a side that must survive a flip is kept as a pair of vertices.
 
 ``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
 :mod:`crowdsim.navmesh.mesh.mesh_arrays`; h and e are half-edges, a, b, ``start`` and ``goal`` vertices;
-``constraints``, ``winding`` and ``use`` are what a way adds to its half-edges, and ``back`` is its list of uses in the
-opposite direction.
+``constraints``, ``winding`` and ``use`` are what a way adds to its half-edges (its load), and ``back`` is its list of
+uses in the opposite direction. Of what is returned, 0 is success; FULL and STUCK are negative.
 """
 
 import math
@@ -41,9 +42,9 @@ _WAY = np.dtype(
     + [(name, np.int64) for name in ("constraints", "winding", "use", "back")],
     align=True,
 )
-"""Two vertices still to join, and the load of the join.
+"""Two vertices still to join, and the load of the join: what is added to the fields of these names in SIDE.
 
-constraints, winding, use: what the sides from start to goal get added; back: the use of their twins.
+constraints, winding, use: for the half-edges from start to goal; back: the use of their twins.
 """
 
 
@@ -60,7 +61,7 @@ def _set_way(way, start, goal, constraints, winding, use, back):
 
 @helper
 def _cross(m, e, ways, top, w):
-    """Let the last of the ``top`` ways cross the constrained side e; return the new number of ways.
+    """Let the last of the ``top`` ``ways`` cross the constrained side e; return their new number, FULL or STUCK.
 
     The crossing moves to the grid. If it is then inside the two triangles at e, e is split there. Otherwise e is taken
     out, and both the way and e go through the vertex nearest to the crossing, or through a new one if none is near. So
@@ -94,7 +95,8 @@ def _cross(m, e, ways, top, w):
             return p
     else:
         f = sides[e].twin
-        # Take a vertex near the crossing if there is one: new ones beside it could go on crossing for long.
+        # Take a vertex near the crossing if there is one: new ones beside it could go on crossing for long. 1.5 cells
+        # reach all four corners of the crossing's grid cell.
         p = NONE
         least = 1.5 * cell
         for c in (a, b, u, v, sides[prv(e)].org, sides[prv(f)].org):
@@ -102,7 +104,7 @@ def _cross(m, e, ways, top, w):
             if distance < least:
                 least = distance
                 p = c
-        # Take e out of the mesh, and keep its load as a way u -> p -> v.
+        # Take e out of the mesh, and keep its load as ways u -> p and p -> v; p is entered when it is known.
         forth = sides[e]
         way = ways[top]
         _set_way(
@@ -143,7 +145,7 @@ def _cross(m, e, ways, top, w):
 
 @helper
 def _clear_way(m, w, a, b, crossed):
-    """Flip the ``crossed`` sides in ``pairs`` until vertices a and b are joined; return 0 or STUCK.
+    """Flip the ``crossed`` sides in ``pairs`` until vertices a and b are joined; return 0, FULL or STUCK.
 
     Sloan's algorithm (1993): flip a crossed side if the two triangles at it are convex together, otherwise try it again
     after the others. Afterwards the new sides are made Delaunay. ``pairs`` is first the ring buffer of crossed sides,
@@ -153,6 +155,7 @@ def _clear_way(m, w, a, b, crossed):
     vertices = m.vertices
     pairs = w.pairs
     room = pairs.shape[0]
+    # New sides, as pairs; each crossed side leaves at most one.
     fresh = np.empty((2 * crossed + 8, 2), np.int64)
     made = 0
     head = 0
@@ -222,7 +225,7 @@ def _clear_way(m, w, a, b, crossed):
 def _look_ahead(m, cur, goal, near):
     """Find how the way to ``goal`` leaves vertex cur: (half-edge along the way, side that it crosses), -1 for none.
 
-    A neighbor counts as on the way if twice the area of the triangle it forms with both ends is at most ``near``.
+    A neighbor counts as on the way if twice the area of the triangle it forms with both ends is at most ``near`` [m2].
     """
     sides = m.sides
     vertices = m.vertices
@@ -246,6 +249,7 @@ def _look_ahead(m, cur, goal, near):
             y = vertices[sides[prv(h)].org]
             sy = side(vertices, cur, goal, y.x, y.y)
             if sy > 0.0:
+                # The next neighbor may be close to the way itself, which comes before the crossing.
                 ahead = (y.x - cx) * gx + (y.y - cy) * gy
                 if sy <= near and ahead > 0.0 and ahead < length2:
                     return sides[prv(h)].twin, NONE
@@ -309,6 +313,7 @@ def insert_segment(m, a, b, winding, use, w):
         gx = vertices[goal].x - cx
         gy = vertices[goal].y - cy
         length2 = gx * gx + gy * gy
+        # Twice the area [m2], as `side` returns it, of a triangle on the way that is _NEAR cells high.
         near = _NEAR * m.frame[0].cell * math.sqrt(length2)
         along, e = _look_ahead(m, cur, goal, near)
         if along < 0 and e < 0:
@@ -319,6 +324,7 @@ def insert_segment(m, a, b, winding, use, w):
             if is_spent(w):
                 return STUCK
             if sides[e].constraints != 0:
+                # _cross adds up to three ways.
                 if count + 3 > ways.size:
                     ways = longer(ways)
                 count = _cross(m, e, ways, count, w)

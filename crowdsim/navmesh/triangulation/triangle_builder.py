@@ -55,8 +55,9 @@ def _package() -> ModuleType:
 def _distinct(points: Floats, order: Ints, frame: NDArray[Any]) -> tuple[Floats, Ints]:
     """Return the distinct ``points`` in the order they are first met, and the index of each point among them (n,).
 
-    ``points`` is (n, 2); ``order`` (n,) says in which order they are met.
+    ``points`` is (n, 2) on the grid [m]; ``order`` (n,) says in which order they are met.
     """
+    # A point as one whole number: its row and column of grid cells.
     x0, y0, cell = frame[["x0", "y0", "cell"]][0].item()
     x, y = ((points[order] - (x0, y0)) / cell).astype(np.int64).T
     _, first, same = np.unique(x << 31 | y, return_index=True, return_inverse=True)
@@ -78,18 +79,21 @@ def _next_points(rings: Rings) -> Ints:
 
 
 def _through(rings: Rings, order: Ints, places: Floats, cell: float) -> tuple[Rings, Ints]:
-    """Lead each side of the rings through those ``places`` (k, 2) whose grid cells it meets.
+    """Lead each side of the rings through those ``places`` (k, 2) [m] whose grid cells it meets.
 
-    Return rings and their order.
+    Return the rings with these new corners, and ``order`` (n,) with the numbers that points have now; new ones come
+    last. This is snap rounding: sides that cross meet in the place that their crossing moved to.
     """
     ends = rings.points[_next_points(rings)]
     tree = shapely.STRtree(shapely.linestrings(np.stack([rings.points, ends], axis=1)))
     low, high = places - 0.5 * cell, places + 0.5 * cell
+    # Pairs of a place and a side; a place that is an end of the side needs no corner there.
     which, side = tree.query(shapely.box(*low.T, *high.T), predicate="intersects")
     at = places[which]
     inner = (at != rings.points[side]).any(axis=1) & (at != ends[side]).any(axis=1)
     at, side = at[inner], side[inner].astype(np.int64)
     along = ((at - rings.points[side]) * (ends[side] - rings.points[side])).sum(axis=1)
+    # Several places on one side, in the order along it.
     by_place = np.lexsort((along, side))
     at, after = at[by_place], side[by_place] + 1
     points = np.insert(rings.points, after, at, axis=0)
@@ -138,6 +142,7 @@ def triangulation(rings: Rings, order: Ints, frame: NDArray[Any]) -> Triangulati
     # Triangle drops all that no ring encloses, so the box is a ring.
     border = np.array([(0, 1), (1, 2), (2, 3), (0, 3)])
     for _ in range(_MOST_PASSES):
+        # Crossings first become corners of the rings.
         met = crossings(rings)
         if len(met):
             rings, order = _through(rings, order, np.unique(snap(met, cell), axis=0), cell)
@@ -146,7 +151,9 @@ def triangulation(rings: Rings, order: Ints, frame: NDArray[Any]) -> Triangulati
         vertices, ids = np.concatenate([box, corners]), ids + BOX_CORNERS
         sides = np.sort(np.column_stack([ids, ids[_next_points(rings)]]), axis=1)
         sides = sides[sides[:, 0] != sides[:, 1]]
+        # Switches of Triangle: p, keep the segments; n, return the neighbors.
         found = package.triangulate({"vertices": vertices, "segments": np.concatenate([border, sides])}, "pn")
+        # Vertices that it added, where it found sides that still cross.
         met = found["vertices"][len(vertices) :]
         if len(met) == 0:
             return Triangulation(rings, ids, vertices, found["triangles"], found["neighbors"])
@@ -161,6 +168,7 @@ def fill(mesh: MeshArrays, found: Triangulation) -> None:
     """Enter vertices and triangles into an empty mesh that has room for them; ``build`` adds the constraints."""
     count, triangles = len(found.vertices), found.triangles.astype(np.int64)
     opposite = found.neighbors.astype(np.int64)[:, [2, 0, 1]]  # across the side that starts at each corner
+    # The twin of side i -> i + 1 is the side of that neighbor that starts at corner i + 1.
     starts_there = triangles[opposite] == triangles[:, [1, 2, 0], None]
     twins = np.where(opposite < 0, -1, 3 * opposite + starts_there.argmax(axis=2))
     vertices, sides = mesh.vertices[:count], mesh.sides[: triangles.size]

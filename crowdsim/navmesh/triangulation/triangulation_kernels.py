@@ -3,7 +3,7 @@
 ``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
 :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records SIDE and VERTEX; ``cell`` is the
 side of a grid cell [m]; e, f and h are half-edges, t is a triangle; ``hint`` is one from which a search begins; u, v, p
-and q are vertices.
+and q are vertices. Of what is returned, 0 is success; FULL and STUCK are negative, so they differ from any vertex.
 """
 
 import math
@@ -36,7 +36,10 @@ def link(sides, h, g):
 
 @helper
 def take(sides, h, source):
-    """Give half-edge h the twin and the constraint of half-edge ``source``."""
+    """Give half-edge h the twin, constraint, winding and use of half-edge ``source``: it takes the place of this side.
+
+    The twin's load is the same as before.
+    """
     target = sides[h]
     target.constraints = sides[source].constraints
     target.winding = sides[source].winding
@@ -48,7 +51,7 @@ def take(sides, h, source):
 def flip(sides, vertices, e):
     """Replace the side shared by two triangles by the other diagonal.
 
-    Half-edge e = u -> w of triangle (u, w, p) and its twin f of (w, u, q) become u -> q of (u, q, p) and w -> p of (w,
+    Half-edge e = u -> v of triangle (u, v, p) and its twin f of (v, u, q) become u -> q of (u, q, p) and v -> p of (v,
     p, q).
     """
     # n: the half-edge after e or f in its triangle; p: the one before it.
@@ -66,7 +69,7 @@ def flip(sides, vertices, e):
     vertices[q].vhe = fp
     sides[en].org = q
     sides[fn].org = p
-    # The outer sides w -> p and u -> q move to e and f; the numbers after them become the diagonal p-q.
+    # The outer sides u -> q and v -> p, until now fn and en, move to e and f; fn and en become the diagonal p-q.
     take(sides, e, fn)
     take(sides, f, en)
     for h in (en, fn):
@@ -87,12 +90,16 @@ def not_delaunay(sides, vertices, h, cell):
     b = vertices[sides[nxt(h)].org]
     c = vertices[sides[prv(h)].org]
     d = vertices[sides[prv(g)].org]
+    # In units of a cell all coordinates are whole numbers, in which the test is exact.
     return incircle(a.x, a.y, b.x, b.y, c.x, c.y, d.x, d.y, 1.0 / cell) > 0
 
 
 @helper
 def _fill(sides, vertices, t, u, v, w):
-    """Set the corners of triangle t and clear the constraints of its second and third side."""
+    """Set the corners of triangle t and clear the constraints of its second and third side, which are new.
+
+    The first side is an old one, which the caller has set already (:func:`take`).
+    """
     h = 3 * t
     for corner in (u, v, w):
         sides[h].org = corner
@@ -123,7 +130,7 @@ def _legalize(m, w, top):
         top -= 1
         e = stack[top]
         if not_delaunay(sides, vertices, e, cell):
-            # Lawson's flip joins the new vertex to the far corner; two sides opposite of it are new.
+            # Lawson's flip joins the new vertex to the far corner; two more sides are now opposite of the new vertex.
             far = prv(sides[e].twin)
             flip(sides, vertices, e)
             stack[top] = e
@@ -187,7 +194,7 @@ def _new_vertex(m, x, y):
         p = frame.vertices
         frame.vertices += 1
     else:
-        frame.spare = -1 - m.vertices[p].vhe
+        frame.spare = -1 - m.vertices[p].vhe  # the next removed vertex, see VERTEX
     frame.triangles += 2
     vertex = m.vertices[p]
     vertex.x = x
@@ -198,7 +205,10 @@ def _new_vertex(m, x, y):
 
 @helper
 def split_edge(m, h, x, y, w):
-    """Put a new vertex at (x, y) on side h and split both triangles at it; return the vertex, FULL or STUCK."""
+    """Put a new vertex at (x, y) [m] on side h and split both triangles at it; return the vertex, FULL or STUCK.
+
+    h must have a twin.
+    """
     sides = m.sides
     vertices = m.vertices
     cover = m.cover
@@ -234,14 +244,14 @@ def split_edge(m, h, x, y, w):
         # The third side of each new triangle is the second one of the next around the new vertex.
         link(sides, 3 * t + 2, 3 * after + 1)
         w.stack[i] = 3 * t
-    # Both halves of h keep its constraint; winding and use depend on the direction.
+    # Both halves of h keep its constraint; winding and use depend on the direction (sign 1: along h).
     for e, sign in ((3 * t0 + 1, 1), (3 * t3 + 2, -1), (3 * t1 + 2, 1), (3 * t2 + 1, -1)):
         sides[e].constraints = count
         sides[e].winding = sign * winding
         sides[e].use = along if sign > 0 else against
     status = _legalize(m, w, np.int64(4))
     if status == 0 and count != 0:
-        # A constraint bends by up to a cell if it is split, so the new sides across it may not be Delaunay.
+        # A constraint bends by up to a cell if it is split, as p is on the grid. So p-c and p-d may not be Delaunay.
         w.pairs[0, 0] = p
         w.pairs[0, 1] = c
         w.pairs[1, 0] = p
@@ -252,7 +262,7 @@ def split_edge(m, h, x, y, w):
 
 @helper
 def insert_point(m, x, y, hint, w):
-    """Return the vertex at the grid point (x, y), which must be inside the box, a new one if needed.
+    """Return the vertex at the grid point (x, y) [m], which must be inside the box; insert one if there is none.
 
     Return FULL or STUCK if that fails.
     """
@@ -313,9 +323,9 @@ def split_is_robust(sides, vertices, h, x, y):
 
 @helper
 def inside_circle(m, t, ax, ay, bx, by, lo, hi):
-    """Return the part of lo..hi of segment ab (0 at a, 1 at b) inside the circle of triangle t, slightly widened.
+    """Return the part of lo..hi of segment ab inside the circumcircle of triangle t, widened by about TOLERANCE.
 
-    It is empty if the first number is greater than the second.
+    Parts are pairs of shares of the segment, 0 at a and 1 at b; empty if the first is greater than the second.
     """
     sides = m.sides
     vertices = m.vertices
@@ -336,8 +346,8 @@ def inside_circle(m, t, ax, ay, bx, by, lo, hi):
     ey = by - ay
     wx = ax - p.x
     wy = ay - p.y
-    # At parameter s the power of the point is length2 s * s + 2 middle s + first. It is taken relative to p, which
-    # loses no digits for large circles.
+    # The share s is inside if its power, length2 s * s + 2 middle s + first, is negative; ``root`` is the discriminant.
+    # The power is taken relative to p, which loses no digits for large circles.
     length2 = ex * ex + ey * ey
     middle = (wx - cx) * ex + (wy - cy) * ey
     first = wx * (wx - 2.0 * cx) + wy * (wy - 2.0 * cy)

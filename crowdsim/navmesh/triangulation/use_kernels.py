@@ -4,7 +4,10 @@ Lists are sorted by owner, kept in a pool and never changed, so that half-edges 
 
 ``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
 :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``uses`` is the pool of records USE, ``use``, ``one`` and ``other`` are lists
-in it: the number of their first record, -1 if they are empty.
+in it: the number of their first record, -1 if they are empty; ``owner`` is twice the slot of an inserted obstacle plus
+its winding. If the pool is full, ``full`` of the workshop's progress is set and the returned list is incomplete.
+
+np.int64 gives the int32 fields the type of other numbers: numba would compile a helper again for each type.
 """
 
 import numpy as np
@@ -110,11 +113,9 @@ def same_uses(uses, one, other):
 
 @kernel
 def keep_used(m, uses, kept):
-    """Copy the lists of ``uses`` (k,) that half-edges refer to, to the start of ``kept`` (k,).
+    """Copy the lists of ``uses`` (k,) that half-edges refer to, to the start of ``kept`` (k,); return how many items.
 
-    Return how many items they have.
-
-    The half-edges then refer to ``kept``.
+    The half-edges then refer to ``kept``, and what no half-edge refers to any longer is left behind.
     """
     sides = m.sides
     # ``place``: where an item was copied to.

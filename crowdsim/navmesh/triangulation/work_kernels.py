@@ -1,5 +1,7 @@
 """Lists of vertices that an edit still has to look at; each vertex is at most once in each list.
 
+``to_do`` of the workshop holds them as columns: ``mark`` is indexed by vertex, the others by position in their list.
+
 The marks are bits of the field ``mark`` of :data:`crowdsim.navmesh.mesh.mesh_arrays.TO_DO`.
 
 ``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
@@ -29,6 +31,7 @@ STUCK = -3
 @helper
 def bound_turns(m, w, corners):
     """Begin an edit of ``corners`` corners: set the bound of its loop turns."""
+    # 1024 more, so that an edit of a mesh of few triangles has turns enough as well.
     w.progress[0].left = TURNS * (m.frame[0].triangles + corners + 1024)
 
 
@@ -54,7 +57,8 @@ def touch(w, v):
 @helper
 def touch_triangle(sides, w, t):
     """Note that triangle t changed, at its first corner that is not one of the box."""
-    # One such corner is enough: the walk around it finds the triangle.
+    # One such corner is enough: the walk around it finds the triangle. Corners of the box need no mark: once touched,
+    # they always count as changed (`settle`).
     for h in range(3 * t, 3 * t + 3):
         v = sides[h].org
         touch(w, v)
@@ -65,9 +69,9 @@ def touch_triangle(sides, w, t):
 
 @helper
 def note_changed(w, t, cell):
-    """List triangle t, which changed or got another number, with its hint cell, so that the edit can be undone.
+    """List triangle t, which changed or got another number, so that the edit can be undone.
 
-    Triangles for which there is no room are counted only.
+    cell: the cell of the hint grid that t is entered in. Triangles for which there is no room are counted only.
     """
     progress = w.progress[0]
     # Count on beyond the room, so that the overflow shows.

@@ -77,6 +77,7 @@ def annotated_in_3d(query: Query, bodies: Bodies, points: Floats) -> AnnotatedPa
     for stride, facing in zip(bodies.strides, bodies.facings, strict=True):
         for k in np.flatnonzero(free):
             free[k] = not bodies.scene.collides(stride.body(at[k]), places[k, 0], places[k, 1], bearing[k] + facing)
+        # A tested place stands for the path up to halfway to the next ones.
         half = 0.5 * arc[-1] / count
         hits = at[~free]
         blocked.append(np.column_stack([np.maximum(hits - half, 0.0), np.minimum(hits + half, arc[-1])]))

@@ -64,6 +64,7 @@ def plan_greedy(query: Query, copies: MeshCopies) -> AnnotatedPath | None:
     detours.aim(query.ends[0], query.ends[1], query.need.search_radius)
     with detours.lent() as search:
         status, cost, points, sections = plan_around(search, query.fitting())
+    # The copy is not given back, as its mesh may be unusable.
     if status != DONE:
         return plan_step_by_step(query, query.annotated)
     copies.give_back(revision, detours)
@@ -75,12 +76,14 @@ def plan_step_by_step(query: Query, annotate: Annotate) -> AnnotatedPath | None:
     mesh = query.meshes[0].with_points(np.empty((0, 2)))
 
     def shortest() -> AnnotatedPath:
+        """Return the shortest path for the legs in the mesh as it is; infinite cost if there is none."""
         try:
             return annotate(mesh.find_path(query.ends[0], query.ends[1], query.need.search_radius).points)
         except PathNotFound:
             return AnnotatedPath(np.empty((0, 2)), np.zeros(1), (), np.inf)
 
     def around(place: Floats) -> AnnotatedPath:
+        """Return the shortest path while an obstacle stands at the point ``place`` (2,) [m]."""
         handle = mesh.insert_obstacle(place)
         path = shortest()
         mesh.remove(handle)
@@ -96,7 +99,11 @@ def plan_step_by_step(query: Query, annotate: Annotate) -> AnnotatedPath | None:
 
 
 def conflict_points(query: Query, path: AnnotatedPath) -> Floats:
-    """Return points (k, 2) every ``MIN_SECTION`` along the narrowest behavior's sections, away from both ends."""
+    """Return points (k, 2) every ``MIN_SECTION`` along the narrowest behavior's sections, away from both ends.
+
+    If no behavior fits the path, the points lie along all of it. Within a radius of an end, a blocker would block the
+    end itself; twice that leaves room around it.
+    """
     narrow = [section for section in path.sections if section.behavior == 0]
     if not path.sections and len(path.points):
         narrow = [Section(0, 0.0, path.length)]

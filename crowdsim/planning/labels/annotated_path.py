@@ -41,7 +41,10 @@ class PathSamples(NamedTuple):
 
 @dataclass(frozen=True)
 class AnnotatedPath:
-    """Polyline (n, 2) with its arc lengths (n,) and contiguous sections from start to goal.
+    """Polyline (n, 2) with its arc lengths (n,) [m] and contiguous sections from start to goal.
+
+    cost: sum of length times cost per meter of each section's behavior, and of the cost of changes; infinite, without
+    sections, if no behavior fits somewhere.
 
     missing: largest shortfall of the planned clearance [m] next to the start and next to the goal, if these are closer
     to obstacles than plans allow (see :mod:`crowdsim.planning.query.clear_ends`).

@@ -125,7 +125,10 @@ def _add_span(spans, lasts, count, owner, lo, hi):
 
 @helper
 def _add_corner(spans, lasts, count, radii, k, x, y, piece):
-    """Record where the piece is too close to a corner at (x, y), for each behavior; return the new count."""
+    """Record where the piece is too close to a corner at (x, y), for each behavior; return the new count.
+
+    x and y are in the frame of the piece.
+    """
     for b in range(radii.shape[0] - 1, -1, -1):
         # The disc of the behavior's radius around the corner cuts the piece's line in x - half .. x + half.
         half2 = radii[b, k] * radii[b, k] - y * y
@@ -153,6 +156,7 @@ def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece):
     from_a = -ex * ax - ey * ay
     least = 0.0
     most = piece.length
+    # For a side at a right angle to the piece, that is the whole piece or nothing.
     if ex == 0.0:
         if from_a <= 0.0 or from_a >= size:
             return count

@@ -62,6 +62,7 @@ def required_length(before, label, after, turned, terms):
         return terms[LEAST_SECTION]
     if turns == 2:
         return terms[FOR_BETWEEN]
+    # One turn: at an end of the path its room is enough, elsewhere the least length comes on top.
     return terms[FOR_TURN] if ends == 1 else terms[FOR_TURN] + terms[LEAST_SECTION]
 
 

@@ -39,11 +39,15 @@ _ROOMY = 1e-6
 """Clearance beyond the margin that skips the search at once [m]; covers rounded coordinates."""
 
 _ROUNDS = 4
+"""Largest number of attempts; after each, stations whose straight pieces cut a corner keep their places."""
+
 _STAY = len(SHIFTS) // 2
+"""Index of no shift in SHIFTS."""
 
 
 def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
     """Return the route with more clearance if there is room: through the middle of gaps, wide around corners."""
+    # Too short: at most one station lies between the ends, which do not shift.
     if path.length < 2.0 * STATION:
         return path
     # One cheap sweep: if the whole path has the margin already, nothing can be gained.
@@ -51,6 +55,7 @@ def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
     layers = layers_of(query.meshes)
     if are_free(layers, query.need.radii.max(axis=0) + MARGIN + _ROOMY, pieces):
         return path
+    # Places of each station (n, SHIFTS, 2), along the normal of the chord between its neighbors.
     arc = np.linspace(0.0, path.length, int(np.ceil(path.length / STATION)) + 1)
     along = path.at(arc + STATION) - path.at(arc - STATION)
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / hypot(*along.T)[:, None]
@@ -140,9 +145,12 @@ def _shifted(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the path through its shifted stations, and the indices of its points that are stations.
 
-    Between two stations that do not shift, it is the path itself.
+    Between two stations that do not shift, it is the path itself. arc: (n,) arc length of each station [m]. places: (n,
+    SHIFTS, 2) where it may be [m]. chosen: (n,) its shift.
     """
     stays = chosen == _STAY
+    # own: the station at or before each vertex of the path. kept: vertices between two stations that stay, unless one
+    # of these is the vertex itself.
     own = np.searchsorted(arc, path.arc, side="right") - 1
     own = np.minimum(own, len(arc) - 2)
     kept = stays[own] & stays[own + 1] & (path.arc > arc[own] + 1e-9) & (path.arc < arc[own + 1] - 1e-9)

@@ -96,6 +96,7 @@ def make_areas(
     if given is not None:
         least = need.search_radius
         areas = [BehaviorArea(mesh, least, k) for k, mesh in enumerate(given) if mesh is not None]
+        # The area of the narrowest behavior is the legs' layer, unless an upper layer takes something from it.
         if given[0] is None or need.radii[0].max() > least:
             areas.insert(0, BehaviorArea(meshes[0], least))
         return tuple(areas[::-1])

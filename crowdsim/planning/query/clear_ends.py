@@ -79,7 +79,7 @@ def nearby_place(mesh: NavMesh, point: NDArray[np.float64], radius: float) -> ND
 
 @cache
 def _rings() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return ring number (n,) and offset (n, 2) of the origin and of places around it out to REACH."""
+    """Return ring number (n,) and offset (n, 2) [m] of the origin (ring 0) and of places around it out to REACH."""
     ring = np.append(0, np.repeat(np.arange(1, _RINGS + 1), _DIRECTIONS))
     angle = np.append(0.0, np.tile(np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS, _RINGS))
     return ring, (ring * REACH / _RINGS)[:, None] * np.stack([cos(angle), sin(angle)], axis=1)

@@ -59,6 +59,7 @@ def _narrowest_place(query: Query, layer: int, points: NDArray[np.float64], radi
     clearances = mesh.clearances(places, radius)
     k = int(np.argmin(clearances))
     x, y = places[k]
+    # The passage must widen by twice what a radius lacks, rounded up to a centimeter.
     return (
         f"no path: the {name} is too narrow for every behavior, most of all near ({x:.2f}, {y:.2f}), where a body of"
         f" radius {radius:.2f} m (margin included) has {clearances[k]:.2f} m; widen the passage by"

@@ -16,8 +16,8 @@ def lower_bound(query: Query) -> float:
     """Return a cost below which no path joins ends[0] and ends[1], whatever its sections.
 
     Let k be the worst behavior of a path. The path stays where k fits, so it is at least as long as the shortest path
-    there. And it has a section of k: two changes and the least length, or one change at an end of the path and the way
-    out of the region in which the preferred behavior does not fit. The least sum over all k is the bound.
+    there. And it has a section of k: two changes and the least length, or, at an end of the path, one change and the
+    way from there to where the preferred behavior stops fitting (`way_out`). The least sum over all k is the bound.
     """
     need = query.need
     preferred = float(need.costs[-1])

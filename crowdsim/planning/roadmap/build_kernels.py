@@ -79,6 +79,7 @@ def _add_point(points, count, x, y, level, h):
 def _border(layers, hints, radii, ax, ay, ux, uy, inside, outside):
     """Bisect between s = ``inside`` and ``outside`` for the end of the stretch of a + s * u that fits all behaviors."""
     top = radii.shape[0] - 1
+    # Six halves of a step between samples leave about a millimeter.
     for _ in range(6):
         middle = 0.5 * (inside + outside)
         if room_at(layers, hints, radii, top, ax + middle * ux, ay + middle * uy) >= 0.0:
@@ -165,7 +166,7 @@ def place_points(layers, radii):
                     low = _border(layers, hints, radii, ax, ay, ux, uy, low, length * (begin - 1) / steps)
                 if k <= steps:
                     high = _border(layers, hints, radii, ax, ay, ux, uy, high, length * k / steps)
-                # A stretch of less than 5 cm gets one point, in its middle.
+                # A stretch of less than 5 cm, shorter than a step, gets one point, in its middle.
                 parts = min(1 + _MOST_BETWEEN, math.ceil((high - low) / _BETWEEN))
                 if high - low < 0.05:
                     s = 0.5 * (low + high)
@@ -194,7 +195,8 @@ def corner_radii(layers, radii):
     for v in range(vertices.size):
         for k in range(len(layers)):
             stands = k == 0
-            # On other layers, an obstacle counts that is within 1 mm of the vertex or covers it (distance -1).
+            # On other layers, an obstacle counts that is within 1 mm of the vertex (looked for up to 1 cm) or covers it
+            # (distance -1).
             if not stands:
                 distance, _ = disc_clearance(mesh_at(layers[k]), vertices[v].x, vertices[v].y, 0.01, np.int64(NONE))
                 stands = distance < 0.001
@@ -225,7 +227,8 @@ def join_points(layers, radii, around, points, spans):
     stack = np.empty(64, SWEPT)
     pairs = np.empty(8 * points.size + 16, _PAIR)
     count = np.int64(0)
-    # legs_suffice: on every layer, the narrowest behavior needs no more clearance than the legs do on theirs.
+    # width: the legs' diameter less the tolerance of a millionth. legs_suffice: on every layer, the narrowest behavior
+    # needs no more clearance than the legs do on theirs.
     width = 2.0 * radii[0, 0] * (1.0 - 1e-6)
     legs_suffice = True
     for k in range(1, len(layers)):
@@ -290,11 +293,10 @@ def join_points(layers, radii, around, points, spans):
 
 @helper
 def see_points(layers, hints, radii, around, points, spans, x, y, seen):
-    """Find the ways from (x, y) to the points on the sides of its triangle; return (seen, count).
+    """Find the ways from (x, y) [m] to the points on the sides of its triangle; return (seen, count).
 
-    They are written to ``seen``, an array of :data:`ROAD_WAY` that grows.
-
-    No ways if no behavior fits at (x, y). Other parameters as of `join_points`.
+    They are the first ``count`` rows of ``seen``, an array of :data:`ROAD_WAY` that grows; there are none if no
+    behavior fits at (x, y). Other parameters are as of `join_points`.
     """
     m = mesh_at(layers[0])
     sides = m.sides

@@ -29,7 +29,7 @@ channel that ends here.
 """
 
 FULL = 0.98
-"""Share of a gap that the circles around its two ends may fill."""
+"""Share of a gap that the circles around its two ends may fill; the rest lets the string pass between them."""
 
 _LOOK_BACK = 16
 """Number of latest corners among which a vertex is looked up, so that it is not listed twice."""
@@ -147,9 +147,10 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
 
 @helper
 def fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach):
-    """Set the reach of all corners to what the behaviors that pass there need, and ``reach`` (nv,) likewise.
+    """Set the reach [m] of all corners to what the behaviors that pass there need, and ``reach`` (nv,) likewise.
 
-    levels (count,): behavior at each side of the channel. A side with a narrower behavior limits both of its ends.
+    levels (count,): behavior at each side of the ``channel``. A side with a narrower behavior limits both of its ends.
+    around, radius: as of `channel_corners`; corners: CORNER[filled].
     """
     sides = m.sides
     top = around.shape[1] - 1
@@ -170,9 +171,9 @@ def fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
 def keep_off(nodes, size, corners, filled, low, high):
     """Wind the string around all corners that it is closer to than their reach; return its new size, -1 if it tangles.
 
-    Only corners count that end a side of the channel from ``low`` to ``high``. This repairs the funnel's result: the
-    funnel takes the ends of sides one after the other, but wide circles of close corners may touch the string in
-    another order.
+    The string is the first ``size`` of ``nodes``. Only corners count that end a side of the channel from number ``low``
+    to ``high``. This repairs the funnel's result: it takes the ends of sides one after the other, but wide circles of
+    close corners may touch the string in another order.
     """
     size, _ = tighten(nodes, size, np.int64(1), size)
     i = np.int64(0)

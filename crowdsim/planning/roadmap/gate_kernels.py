@@ -167,10 +167,12 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
                             before >= 0 and _is_beside(corner, gates[before])
                         )
                         corner.reach = around[corner.vertex, top] if beside else corner.most
-                # No circle may cover an end of the part.
+                # No circle may cover an end of the part; pins stay off the widest circles by _OFF, so half of it is
+                # left.
                 near = min(hypot(corner.x - fx, corner.y - fy), hypot(corner.x - tx, corner.y - ty))
                 corner.reach = min(corner.reach, near - 0.5 * _OFF)
-            # Start from the corners that the unpinned path winds around, with their reach on this part.
+            # Start from the corners that the unpinned path winds around, with their reach on this part: through a gate
+            # those beside it or the gate before, between gates the others.
             for i in range(1, size - 1):
                 for c in range(filled):
                     corner = corners[c]

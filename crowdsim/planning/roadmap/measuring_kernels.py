@@ -20,7 +20,7 @@ _TIGHT_STEP = 0.06
 """Distance between samples of a way that tell how much of it is tight [m]."""
 
 REACH = 0.5
-"""Clearance is measured up to this much beyond the required one [m]."""
+"""Clearance is measured up to this much beyond the required one [m]; more makes measuring slower."""
 
 SOFT = 0.005
 """Clearance that a way may lack [m]: pulling the path taut bends it away."""
@@ -98,7 +98,10 @@ def _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
 
 @helper
 def _pushed_off(x, y, cx, cy, radius):
-    """Return (x, y), or the nearest point on the circle of ``radius`` around c if (x, y) is inside it."""
+    """Return (x, y), or the nearest point on the circle of ``radius`` around c if (x, y) is inside it.
+
+    At c itself no point is the nearest: it stays.
+    """
     dx = x - cx
     dy = y - cy
     off = hypot(dx, dy)

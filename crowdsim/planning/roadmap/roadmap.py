@@ -54,11 +54,13 @@ class Roadmap:
         self.terms = terms
         radii = np.ascontiguousarray(need.radii)
         self._radii = radii
+        # Clearance that the legs must keep: theirs less the tolerance of the mesh, as of `NavMesh.tolerance`.
         self._least = float(radii[0, 0] - 1e-6 * radii[0, 0] - 2.0 * self._kept[0].frame["cell"][0])
         self.fitting = need.fitting(self.layers, terms)
         self.points, self.spans = build_kernels.place_points(self.layers, radii)
         self.around = build_kernels.corner_radii(self.layers, radii)
         self.ways = build_kernels.join_points(self.layers, radii, self.around, self.points, self.spans)
+        # A change costs what the terms say, and a part of the least section; without least lengths, no such part.
         steps = np.abs(need.costs[:, None] - need.costs)
         self.change = terms[CHANGE_COST] * need.costs[-1] + steps * (_ENTRY if terms[LEAST_SECTION] > 0.0 else 0.0)
         self._prices = search_kernels.Prices(need.costs, need.turned, terms, self.change)
@@ -68,7 +70,10 @@ class Roadmap:
         self._idle: list[tuple[NDArray[Any], int]] = []
 
     def _landmarks(self) -> NDArray[np.float32]:
-        """Return (states, l) costs from landmarks, each landmark as far as possible from those before."""
+        """Return (states, l) costs from landmarks, each landmark as far as possible from those before.
+
+        State s is behavior s % n at point s // n; states that a landmark does not reach cost _NEVER.
+        """
         n, count = self.need.count, len(self.points)
         costs = np.empty((min(LANDMARKS, count), count * n))
         nearest = np.full(count, np.inf)

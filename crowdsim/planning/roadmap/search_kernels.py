@@ -108,7 +108,8 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
         needed = terms[LEAST_SECTION] + terms[FOR_TURN]
     if run >= needed:
         return 0.0
-    # Too short, it is given to the narrower of its neighbors, which saves two changes.
+    # Too short, it is given to the narrower of its neighbors, which saves two changes. If one of them is turned, the
+    # dearest turned behavior stands for it, as it is not known which one came before.
     narrow = costs[j]
     for k in range(costs.size):
         if turned[k] and (turned[j] or since == run):
@@ -179,8 +180,8 @@ def choose_landmarks(marks, of_goal, seen, starts, behaviors, telling):
     By the triangle inequality, a way from state to goal costs at least the difference of their costs from a landmark;
     the bounds are summed over the points that the start sees, ``seen[:starts]``.
 
-    marks: (states, K) cost of each state from each landmark [m]. of_goal: (K,) the goal's. telling: int64, filled with
-    landmarks, the best one first.
+    marks: (states, l) cost between each state and each landmark. of_goal: (l,) the goal's. seen: records ROAD_WAY, the
+    first ``starts`` in use. behaviors: their number. telling: (k,) int64, filled with landmarks, the best one first.
     """
     bounds = np.zeros(of_goal.size)
     for k in range(of_goal.size):
@@ -265,7 +266,8 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
     near, goals = see_points(layers, hints, radii, around, points, spans, ends[1, 0], ends[1, 1], near)
     hints[:] = NONE
     seen, starts = see_points(layers, hints, radii, around, points, spans, ends[0, 0], ends[0, 1], seen)
-    # Points that see the goal, and the goal's cost from each landmark: the least over these points.
+    # Points that see the goal (``to_goal``: 1 + the row in ``near``, 0 for none), and the goal's cost from each
+    # landmark: the least over these points.
     goal = _Goal(
         ends[1, 0], ends[1, 1], np.full(marks.shape[1], math.inf), np.empty(min(TELLING, marks.shape[1]), np.int64)
     )
@@ -310,7 +312,8 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
             if end.level >= i and cost + way_cost(end, i, costs) < best:
                 best = cost + way_cost(end, i, costs)
                 last = at
-        # Change the behavior at the point; a section that was too short costs extra.
+        # Change the behavior at the point; a section that was too short costs extra. ``change`` holds more than the
+        # cost of a change: a part of the least length, which counts for both ends of the section (``paid``).
         for j in range(points[p].level + 1):
             if j == i or not _may_follow(i, j, turned):
                 continue
