@@ -71,6 +71,7 @@ def read_kernels() -> list[FirstKernel]:
 
 
 def _content() -> dict[str, Any]:
+    """Return the content of the file: ``types``, and ``kernels`` as (function, seconds, indices of types or None)."""
     content: dict[str, Any] = json.loads(files("crowdsim").joinpath(_FILE).read_text(encoding="utf-8"))
     return content
 

@@ -53,6 +53,7 @@ numba.config.LOOP_VECTORIZE = 0
 
 
 _IMPORTED = re.compile(rb"^from crowdsim\.([\w.]+) import", re.MULTILINE)
+"""Line of a source that imports a module of this package; the group is its name."""
 
 
 def kernel_sources(package: Path) -> dict[Path, bytes]:
@@ -158,7 +159,10 @@ def is_cold() -> bool:
 
 
 def compiled_kernels() -> set[str]:
-    """Return the names of the kernels that are compiled on this machine, as :func:`kernel_name` gives them."""
+    """Return the names of the kernels that are compiled on this machine, as :func:`kernel_name` gives them.
+
+    They are taken from the names of cache files: ``folder_HASH/file.name-...``.
+    """
     return {f"{file.parent.name.rpartition('_')[0]}/{file.name.partition('-')[0]}" for file in _FOLDER.rglob("*.nbc")}
 
 
@@ -208,6 +212,8 @@ if _INTERNALS is None:
 
     @intrinsic
     def _pointer(_: Any, address: Any) -> Any:
+        """Return an integer ``address`` as a pointer."""
+
         def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
             return builder.inttoptr(values[0], context.get_value_type(types.voidptr))
 

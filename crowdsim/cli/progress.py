@@ -113,7 +113,8 @@ class FirstRun:
             kept = self._compiled_kernels()
             rest = sum(taken for name, taken in self._seconds.items() if name not in kept)
             done = self.missing - rest
-            # Begin with the pace of the machine that wrote the file; later use the pace measured here.
+            # Begin with the pace of the machine that wrote the file; use the pace measured here once 5 s of that CPU
+            # time are compiled.
             pace = (now - self._begin) / done if done > 5.0 else 1.0 / self.processes
             left = f"about {max(round(pace * rest), 1)} s left" if rest > 0.0 else ""
             self._state = sum(name in kept for name in self._seconds), len(self._seconds), left

@@ -18,7 +18,7 @@ def frame_between(
     steps_per_second: int,
     ends: Ends | None = None,
 ) -> RecordedFrame:
-    """Return the frame at ``share`` of the step from ``old`` to ``new``, in (0, 1).
+    """Return the frame at ``share``, in (0, 1), of the way from ``old`` to ``new``; states are those of ``old``.
 
     Parameters
     ----------
@@ -27,20 +27,23 @@ def frame_between(
     share : float
         Elapsed part of the step.
     node_frames : (nodes,) int32
-        Number of frames of each node.
+        Last frame of each node; the first one is 0.
     steps_per_second : int
         Steps per second of the recording.
     ends : Ends or None
         Ends of a periodic floor; agents that cross them are interpolated across.
     """
+    # Frames that a step takes at the natural rate.
     natural = CAPTURE_RATE // steps_per_second
+    # Agents without a node have the index NONE (-1), which finds the 0 at the end.
     last = np.append(node_frames, 0)[old.node]
-    # Frames played during the step, at whatever rate the node is played. An agent that leaves an idle node skips the
-    # rest of it: the sum would then be too large, and the natural rate is used.
+    # Frames played during the step, at whatever rate the node is played: at most 1.15 times the natural one. An agent
+    # that leaves an idle node skips the rest of it: the sum is then beyond 1.5 times, and the natural rate is used.
     same = (new.node == old.node) & (new.frame >= old.frame)
     advance = np.where(same, new.frame - old.frame, last - old.frame + new.frame)
     advance = np.where(same | (2 * advance <= 3 * natural), advance, natural)
     shown = share * advance
+    # Only these are interpolated; absent and arrived agents keep their old pose.
     moving = (old.state == AgentState.MOVING) | (old.state == AgentState.WAITING)
     both = moving & (new.state != AgentState.ABSENT)
 

@@ -37,7 +37,7 @@ _MOST_FRAMES = 1 << 17
 
 _STEPS_KEPT = 64
 _MOST_KEPT = 250_000
-"""Largest number of values of a column that stay in memory when steps are read one after another."""
+"""Largest number of steps, and of values, of a column that stay in memory when steps are read one after another."""
 
 _PACKED = 2000
 """Largest compression ratio that a filter of HDF5 reaches; a dataset that claims more is damaged."""
@@ -86,6 +86,7 @@ class CheckedColumn:
         return self.shape[0]
 
     def __getitem__(self, key: Any, /) -> Any:
+        # Slices, steps so large that nothing more is kept, and steps from the end or outside go to HDF5 as they are.
         if not isinstance(key, int | np.integer) or self._kept == 1 or not 0 <= key < len(self):
             return self._checked(self._read(key))
         # Steps are mostly read in sequence: keep a block, so that each chunk of the file is unpacked only once.

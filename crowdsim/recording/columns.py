@@ -90,7 +90,11 @@ class RecordedPoses(RecordedTracks, Protocol):
         at: ArrayLike,
         track: ArrayLike,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return joint positions and rotations of ``agents`` that play nodes."""
+        """Return the bodies of agents that play frames of nodes.
+
+        ``node``, ``previous`` and the frame ``at`` are (A,), ``track`` (A, 3) [m], [rad]. Positions (A, J, 3) [m] and
+        rotations (A, J, 4) are those in the world at ``time`` [s].
+        """
         ...
 
     def at_step(self, step: int) -> RecordedFrame:

@@ -70,7 +70,7 @@ class RecordedEvents(ShownBodies):
         try:
             rows = zip(*(values_of(group, name) for name in ("movable", "step", "footprint")), strict=True)
             changes = tuple(MovableChange(int(movable), int(step), shape or None) for movable, step, shape in rows)
-            shapely.from_wkt([change.footprint for change in changes])
+            shapely.from_wkt([change.footprint for change in changes])  # raises an error for what is no outline
             if any(change.movable not in range(len(self.header.movables)) for change in changes):
                 raise ValueError("a change of a movable that does not exist")
         except (RecordingError, *UNREADABLE) as error:
@@ -91,6 +91,7 @@ class RecordedEvents(ShownBodies):
             The movables where they then stand, in the order of the header.
         """
         step = self._step_at(time)
+        # A movable is absent until its first change; what stands from the start has a change at step 0.
         latest = {change.movable: change.footprint for change in self.changes if change.step <= step}
         return tuple(
             replace(self.header.movables[movable], footprint=footprint)
@@ -130,12 +131,13 @@ class RecordedEvents(ShownBodies):
         if not self.header.scenario_keys:
             raise RecordingError(f"{self.path} was written before overrides and commands were kept; {AGAIN}")
         keys = dict(read_document(self.header.scenario_keys, str(self.path))[0].value)
-        # The last command may be of a step that a kill cut off.
+        # Commands of the scenario up to step ``done`` are among those that the run carried out. The last one of these
+        # may be of a step that a kill cut off.
         done = max((round(command["at"] * self.steps_per_second) for command in self.commands), default=-1)
         done = max(done, self.steps - 1)
         later = [each for each in keys.get("commands", ()) if round(each["at"] * self.steps_per_second) > done]
         return written_document({**keys, "commands": [*self.commands, *later]})
 
     def _step_at(self, time: float) -> int:
-        """Return the last step recorded by ``time`` [s]."""
+        """Return the last step recorded by ``time`` [s]; 1e-9 makes up for rounding of times."""
         return int(np.floor(time * self.steps_per_second + 1e-9))

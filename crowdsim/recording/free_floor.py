@@ -37,6 +37,7 @@ def free_floor(recording: RecordedFile, layer: str | None, movables: Sequence[So
 
 
 def _is_in(solid: SolidRecord, layer: LayerRecord) -> bool:
+    """Return whether a solid stands in a layer: shares heights with its band, or is cut by it if it is a plane."""
     if layer.low == layer.high:
         return solid.bottom <= layer.low < solid.top
     return solid.bottom < layer.high and solid.top > layer.low

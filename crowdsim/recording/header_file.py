@@ -46,6 +46,7 @@ def _read_strings(group: h5py.Group, name: str) -> list[str]:
 
 def _write_array(group: h5py.Group, name: str, values: object, dtype: str) -> None:
     data = np.asarray(values, dtype=dtype)
+    # Packing small arrays saves nothing.
     packing = PACKED if data.size > 256 else {}
     group.create_dataset(name, data=data, **packing)
 
@@ -249,6 +250,7 @@ def _read_meshes(environment: h5py.Group) -> tuple[MeshRecord, ...]:
     ends = np.cumsum(values_of(environment, "mesh_counts").reshape(-1, 2), axis=0)
     cut_points, cut_triangles = np.split(points, ends[:, 0]), np.split(triangles, ends[:, 1])
     names = _read_strings(environment, "mesh_names")
+    # Not strict: a split at the last end leaves an empty part after it.
     return tuple(MeshRecord(*row) for row in zip(names, cut_points, cut_triangles, strict=False))
 
 
@@ -271,7 +273,9 @@ def _read_motion(group: h5py.Group) -> MotionRecord:
 
 
 def _read_gaits(group: h5py.Group) -> tuple[GaitRecord, ...]:
+    """Return the gaits, whose frames are stored one after the other."""
     ends = np.cumsum(values_of(group, "gait_frames"))
     roots, rotations = (np.split(values_of(group, f"gait_{name}"), ends) for name in ("root", "rotations"))
     names = _read_strings(group, "gait_names")
+    # Not strict: a split at the last end leaves an empty part after it.
     return tuple(GaitRecord(*row) for row in zip(names, roots, rotations, strict=False))

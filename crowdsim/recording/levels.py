@@ -14,12 +14,13 @@ from crowdsim.recording.header import AgentState
 from crowdsim.recording.shown.switches import Switches
 
 STEPS_AT_ONCE = 256
+"""Steps that are read at once, so that long recordings need not fit in memory."""
 
 Ints = NDArray[np.int64]
 
 
 class Level(IntEnum):
-    """How an agent moves in one step."""
+    """How an agent moves in one step; NOBODY if it is absent, or plays neither a node nor a gait."""
 
     NOBODY = -1
     CAPTURED = 0
@@ -27,7 +28,10 @@ class Level(IntEnum):
 
 
 def levels_of(state: NDArray[Any], node: NDArray[Any], phase: NDArray[Any]) -> NDArray[np.int8]:
-    """Return the levels, int8: STEERED if the phase is finite, else CAPTURED if a node is played; NOBODY if absent."""
+    """Return the levels, int8: STEERED if the phase is finite, else CAPTURED if a node is played, else NOBODY.
+
+    All arrays have one shape. Absent agents are NOBODY, whatever their other columns hold.
+    """
     moves = np.where(np.asarray(node) != NONE, Level.CAPTURED, Level.NOBODY)
     levels = np.where(np.isfinite(phase), Level.STEERED, moves)
     return np.where(np.asarray(state) == AgentState.ABSENT, Level.NOBODY, levels).astype(np.int8)
@@ -75,4 +79,5 @@ def find_switches(recording: RecordedTracks, levels: Column) -> Switches:
         for k in range(3)
     )
     order = np.lexsort((steps, agents))
+    # Shown: one step before a switch to steered (steered is True, 1), in the step of a switch to captured.
     return Switches(agents[order], steps[order], (steps - steered)[order], steered[order])

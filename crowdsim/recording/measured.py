@@ -14,7 +14,7 @@ from crowdsim.recording.storage.values import PACKED, values_of
 GROUP = "measured"
 
 LEAST_CROSSINGS = 20
-"""Number of crossings below which a line has no flow."""
+"""Number of crossings below which a line has no flow: too few for a mean."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,10 @@ def read_measured(file: h5py.File) -> Measured:
 
 
 def flow_of(times: NDArray[np.float64]) -> float | None:
-    """Return the flow between the first and the last tenth of ascending times [1/s], None for few crossings."""
+    """Return the flow [1/s] of crossings at ascending times [s], None for few crossings.
+
+    It is counted between the first and the last tenth of the crossings, without the few that come early or late.
+    """
     few = len(times) // 10
     if len(times) < LEAST_CROSSINGS or times[-few - 1] <= times[few]:
         return None

@@ -71,7 +71,7 @@ class Shares(NamedTuple):
 
 
 def share_out(agents: int, processes: int) -> Shares:
-    """Return shares of about as many agents each."""
+    """Return shares of about equal size, in equally wide chunks of at most AGENTS_PER_CHUNK agents."""
     each = -(-agents // processes)
     chunks = -(-each // AGENTS_PER_CHUNK)
     return Shares(agents, -(-each // chunks), chunks)
@@ -89,7 +89,7 @@ def steps_held(header: RecordingHeader) -> int:
 
 
 def packing_of(header: RecordingHeader) -> Mapping[str, Any]:
-    """Return the filters of HDF5 for the columns of steps."""
+    """Return the filters of HDF5 for the columns of steps: quick ones for steered crowds, whose steps are many."""
     return PACKED_QUICKLY if header.motion.gaits else PACKED
 
 
@@ -117,6 +117,7 @@ def pack_steps(
             steps, agents = values.shape
             if not agents:
                 continue
+            # Whole chunks, as the file holds them, also if there are fewer steps or agents.
             whole = (chunk[0], -(-agents // width) * width)
             stored = file.create_dataset(name, whole, values.dtype, chunks=chunk, **packing_of(header))
             stored[:steps, :agents] = values

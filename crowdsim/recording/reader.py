@@ -138,6 +138,7 @@ class Recording(RecordedEvents):
             raise RecordingError(
                 f"{path} is unfinished: its run was stopped or has not ended yet; see 'crowdsim recover {path}'"
             )
+        # Recordings are not read into memory, so their size has no limit.
         require_regular(path, RecordingError, 1 << 60)
         if not path.is_file():
             raise RecordingError(f"there is no recording {path}; write one with 'crowdsim run SCENARIO -o {path}'")
@@ -159,6 +160,7 @@ class Recording(RecordedEvents):
             return cls(path, file)
         except (CrowdSimError, *UNREADABLE) as error:
             file.close()
+            # An error that names the file already says what to do.
             if str(error).startswith(str(path)):
                 raise
             raise RecordingError(f"{path} is damaged ({error}); {AGAIN}") from None

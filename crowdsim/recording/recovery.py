@@ -75,6 +75,7 @@ def _append(file: h5py.File, left: list[tuple[int, memoryview]]) -> None:
     for kind, content in left:
         if kind == STEP:
             number, state_hash = STEP_HEAD.unpack_from(content)
+            # Only the step that comes next: any other is in HDF5 already, or does not follow.
             if number != steps["state_hash"].shape[0]:
                 continue
             place = STEP_HEAD.size
@@ -85,6 +86,7 @@ def _append(file: h5py.File, left: list[tuple[int, memoryview]]) -> None:
             extend(steps["state_hash"], np.array([state_hash], np.uint64))
         elif kind == PATH:
             agent, step, points = PATH_HEAD.unpack_from(content)
+            # Points of two float64, 16 bytes each, then a byte of behavior for each.
             extend(paths["points"], np.frombuffer(content, np.float64, 2 * points, PATH_HEAD.size).reshape(-1, 2))
             extend(paths["behaviors"], np.frombuffer(content, np.int8, points, PATH_HEAD.size + 16 * points))
             for name, value in (("agent", agent), ("step", step), ("count", points)):

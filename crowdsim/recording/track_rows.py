@@ -124,6 +124,7 @@ def _part(values: NDArray[Any], rows: NDArray[np.int64], columns: NDArray[np.int
 
 def all_rows(blocks: Iterator[TrackRows]) -> TrackRows:
     """Return the rows of all ``blocks`` together."""
+    # Without blocks, the empty arrays in front give each column its type.
     types = (np.int64, np.int64, np.float32, np.float32, np.float32, np.int8, np.int8)
     parts = list(zip(*blocks, strict=True)) or [()] * len(types)
     return TrackRows(*(np.concatenate([np.zeros(0, kind), *part]) for kind, part in zip(types, parts, strict=True)))

@@ -239,6 +239,7 @@ class RecordingWriter:
         chunks = checked_chunks(file)
         file.close()
         disk = self._open_disk()
+        # The checksums follow HDF5; the file gets its name only when all of it is on the disk.
         try:
             size = disk.commit()
             disk.append(checksum_frame(disk, size, chunks))

@@ -72,6 +72,7 @@ def build_environment(
         commanded, complaints = reader.timetable(), reader.wrong
     if keys.planner == "collision3d" and commanded.events:
         complaints = [(("planner",), "the planner 'collision3d' supports no events; drop them, or use another planner")]
+    # Layers of one name cannot be built; the checks across keys complain of them.
     if len({layer.name for layer in keys.bands}) < len(keys.bands):
         return None, complaints
     bands = [layer.band() for layer in keys.bands]

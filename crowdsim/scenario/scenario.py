@@ -76,6 +76,7 @@ def _signature() -> inspect.Signature:
         key = field.alias or name
         if key not in ScenarioKeys.__annotations__:
             continue  # the version of the format
+        # A TypedDict keeps its annotations as text, not evaluated: ``__forward_arg__``.
         default = _USUAL.get(key, inspect.Parameter.empty if field.is_required() else field.default)
         annotation = ScenarioKeys.__annotations__[key].__forward_arg__
         parameters.append(

@@ -64,7 +64,7 @@ def _behaviors(keys: ScenarioFields, folder: Path) -> list[Complaint]:
     # Only behaviors that the file names are checked: the default ones ship with the package.
     if "behaviors" not in keys.model_fields_set:
         return []
-    # Not before it is needed, as it knows clips.
+    # Imported only here, as it loads the modules of clips.
     from crowdsim.behaviors.behavior import FILE_NAME, behavior_folder, is_own
 
     library = library_folder("behaviors")

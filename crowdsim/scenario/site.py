@@ -34,8 +34,10 @@ _KEPT_CLEAR = 0.5
 """Distance around starts and goals that is kept free of clutter [m]."""
 
 _CLUTTER_STREAM = 1 << 20
+"""Key of the random stream of clutter; those of groups begin with the number of the group."""
 
 _NO_FLOOR = shapely.box(0.0, 0.0, 1.0, 1.0)
+"""What stands for a floor that could not be read; it is never used, as there are complaints."""
 
 
 class Site(NamedTuple):
@@ -139,6 +141,7 @@ class _Reader:
             ]
             if floor is not None and not placed:
                 return floor
+            # None: the height of a derived floor is found, too. A given floor lies at 0 unless it has a height.
             height = given.height if floor is None else given.height or 0.0
             placed_solids = place_on_floor([solid for _, solid in placed], floor, height)
         except (PlaceError, GeometryError) as error:

@@ -23,6 +23,7 @@ Placing = tuple[float, float, float, float, float, float]
 stands."""
 
 AS_DRAWN: Placing = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+"""Placing of a thing where the file draws it."""
 
 
 def placed(shape: BaseGeometry, placing: Placing) -> BaseGeometry:
@@ -128,6 +129,7 @@ class TimetableReader:
         commands: Sequence[Command] = (),
     ) -> None:
         self.wrong: list[Complaint] = []
+        # When a thing of a name is first inserted: the list is reversed so that the first event of a name counts.
         self._coming = {event.insert.name: event.at for event in reversed(keys.events) if event.insert is not None}
         self._doors = {door.name for door in keys.doors}
         self._fixed: list[AnySolid] = []
@@ -135,6 +137,7 @@ class TimetableReader:
         self._movables: list[Movable] = []
         self._inserted: dict[KeyPath, int] = {}
         self._events: list[ScheduledEvent] = []
+        # Index and present placing of each movable by name, and since when it is so, in words.
         self._where: dict[str, tuple[int, Placing | None]] = {}
         self._since: dict[str, str] = {}
         self._place(keys, things)
@@ -186,6 +189,7 @@ class TimetableReader:
         self._movables.append(Movable(name, solids, placing))
 
     def _number(self, path: KeyPath, event: Event) -> None:
+        """Add the thing that an event inserts to the movables, absent at first, in the order of the file."""
         if event.insert is not None:
             self._inserted[path] = len(self._movables)
             self._movables.append(Movable(event.insert.name, event.insert.solids(), None))
@@ -249,6 +253,7 @@ def _moved(movable: Movable, placing: Placing, move: Move) -> Placing:
     dx, dy = move.by or (0.0, 0.0)
     if move.to is not None:
         dx, dy = move.to[0] - center.x, move.to[1] - center.y
+    # The map of the placing, then the rotation about the center, then the shift.
     cosine, sine = rotation(move.rotation)
     a, b, d, e, x, y = placing
     x, y = x - center.x, y - center.y

@@ -50,6 +50,7 @@ _HEX = re.compile(r"0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _MAX_DIGITS = 400
+"""Largest length of an integer [characters]: far more than any key accepts."""
 
 
 @dataclass(frozen=True)
@@ -311,5 +312,5 @@ def _scalar(event: ScalarEvent) -> Any:
                 raise ValueError(f"a number of {len(text)} digits is too large")
             return int(text, base)
     if _SPECIAL.fullmatch(text):
-        return float(text.replace(".", ""))
+        return float(text.replace(".", ""))  # Python reads inf and nan without the point
     return float(text) if _FLOAT.fullmatch(text) else text

@@ -30,6 +30,7 @@ def schema_problems(error: ValidationError, document: Document, model: type[Base
         path: Path = detail["loc"]
         if any(path[:length] in document.broken for length in range(len(path) + 1)) or _follows_from_another(detail):
             continue
+        # A missing item has no place in the text: the list that lacks it is at fault.
         if detail["type"] == "missing" and isinstance(path[-1], int):
             path = path[:-1]
         message = _message(detail, path, model)

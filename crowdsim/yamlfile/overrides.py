@@ -69,6 +69,7 @@ def _write(document: Document, parts: list[str], value: Document, position: Posi
 
 
 def _forget(document: Document, path: Path) -> None:
+    """Forget the positions and faults of an entry that is replaced, and of all that is in it."""
     for places in (document.values, document.keys):
         for inner in [p for p in places if p[: len(path)] == path]:
             del places[inner]

@@ -61,7 +61,11 @@ def coverage(
 
 
 def _load(motions: str, meters_per_unit: float | None, joints: dict[str, str]) -> tuple[MotionGraph, Any]:
-    """Return the graph of a folder of captures or a motion set, and the facings of its behaviors, preferred last."""
+    """Return the graph of a folder of captures or a motion set, and the facings of its behaviors, preferred last.
+
+    Facings (behaviors, most) are angles off the direction of motion [rad], padded with nan. Of captures only the
+    frontal walk is taken, which faces ahead.
+    """
     import numpy as np
 
     from crowdsim.behaviors.behavior import FRONTAL

@@ -16,7 +16,7 @@ from crowdsim.cli.summary import tell_summary
 from crowdsim.errors import CrowdSimError
 
 _APART = 0.2
-"""Time by which a rank waits for one before it to print an error that both have [s]."""
+"""Time that each rank waits longer than the one before it to print an error, as one may have come to all [s]."""
 
 
 def run_on_ranks(

@@ -12,6 +12,7 @@ from crowdsim.playback.surfaces import Floats, loft, unit, vertex_normals
 MOST_VERTICES = 120
 
 _SIDES = 4
+"""Corners of a prism's cross-section."""
 _ADULT_LEG = 0.84
 """Distance from hip to ankle of the adult for whom the sizes below are given [m]."""
 
@@ -31,7 +32,7 @@ def build_far_body(skeleton: Skeleton) -> BodyMesh:
     parts.trunk("chest", belt, shoulders + [0.0, 0.0, 0.05 * k], (0.15 * k, 0.95 * half), 0.10 * k, Tissue.SHIRT)
     skull = at("head")
     parts.limb("head", at("neck"), skull + [0.015 * k, 0.0, 0.19 * k], (0.055 * k, 0.085 * k, 0.05 * k), Tissue.HAIR)
-    parts.tissue[-1][:_SIDES] = Tissue.SKIN
+    parts.tissue[-1][:_SIDES] = Tissue.SKIN  # the lowest ring of the head is the neck
     for side in ("left", "right"):
         shoulder, elbow, wrist = (f"{side}_{part}" for part in ("shoulder", "elbow", "wrist"))
         hip, knee, ankle, toe = (f"{side}_{part}" for part in ("hip", "knee", "ankle", "toe"))
@@ -63,15 +64,20 @@ class _Parts:
         return place
 
     def trunk(self, role: str, low: Floats, high: Floats, widths: tuple[float, float], depth: float, what: int) -> None:
-        """Add a box between two points, wide from left to right."""
+        """Add a box of tissue ``what`` between two points, to the joint of ``role``.
+
+        ``widths``, to the sides at the lower and the upper end, and ``depth``, ahead, are the half axes of the ellipses
+        through its corners [m].
+        """
         across = np.array([[depth, 0.0, 0.0]] * 2)
         beside = np.array([[0.0, width, 0.0] for width in widths])
         self._add(role, np.array([low, high]), across, beside, what)
 
     def limb(self, role: str, start: ArrayLike, end: ArrayLike, radii: tuple[float, ...], what: int) -> None:
-        """Add prisms along a bone, with ``radii`` at even distances."""
+        """Add prisms from ``start`` to ``end``, with ``radii`` [m] at even distances, to the joint of ``role``."""
         start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
         along = unit(end - start)
+        # Any axis that is not nearly parallel gives the two directions (u, v) of a cross-section.
         aside = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
         u = unit(np.cross(aside, along))
         v = np.cross(along, u)
@@ -79,7 +85,10 @@ class _Parts:
         self._add(role, np.linspace(start, end, len(radii)), width * u, width * v, what)
 
     def _add(self, role: str, centers: Floats, across: Floats, beside: Floats, what: int) -> None:
-        """Add a square limb along ``centers`` to the joint of ``role``, with flat ends, of tissue ``what``."""
+        """Add a square limb along ``centers`` (n, 3) [m] to the joint of ``role``, with flat ends, of tissue ``what``.
+
+        ``across`` and ``beside`` (n, 3) are the half axes of ellipses through the corners of its cross-sections [m].
+        """
         # Rotate the square section by 45 degrees, so that its sides, not its corners, face ahead and aside.
         turned = np.sqrt(0.5) * (across + beside), np.sqrt(0.5) * (beside - across)
         surface = loft(centers, *turned, _SIDES)

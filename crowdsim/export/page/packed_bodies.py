@@ -26,7 +26,10 @@ _SIDES = ((40, 16), (10**9, 10))
 
 
 def pack_bodies(block: Block, skeleton: Skeleton, most_present: int) -> dict[str, Any]:
-    """Add the bodies to the block; return the number of vertices of each."""
+    """Add the bodies to the block; return the number of vertices of each: ``near``, and ``far`` if there is one.
+
+    ``most_present`` is the largest number of agents present at once.
+    """
     sides = next(sides for limit, sides in _SIDES if most_present <= limit)
     near = build_body(skeleton, sides)
     _pack(block, "near", near)

@@ -18,8 +18,9 @@ FRAMES = 1000
 def pack_feet(block: Block, recording: Recording, chosen: Chosen, played: Ints) -> None:
     """Add the places of the feet in the nodes ``played``, row by row, and the changes of the feet of the agents.
 
-    A change has its time since the one before of the same foot, mode, node, frames, and a planar pose, as
-    :mod:`crowdsim.motion.planted.pin_kernels` has them.
+    ``played`` holds the nodes of the page, ascending, which numbers them in this order. A change has its time since the
+    one before of the same foot, mode, node, frames, and a planar pose, as :mod:`crowdsim.motion.planted.pin_kernels`
+    has them.
     """
     table = recording.foot_table
     if table is None or not len(played):
@@ -43,6 +44,7 @@ def pack_feet(block: Block, recording: Recording, chosen: Chosen, played: Ints) 
             times, states = times[some], states[some]
             node = np.searchsorted(played, states[:, NODE].astype(np.int64))
             node = np.minimum(node, len(played) - 1)
+            # Changes in nodes that the page does not play have no effect in it.
             mine = played[node] == states[:, NODE]
             counts[2 * number + foot] = np.count_nonzero(mine)
             ticks = np.rint(np.maximum(times[mine] - begin, 0.0) * PLACES).astype(np.int64)

@@ -24,6 +24,7 @@ _SIMPLIFIED = 0.02
 """Largest deviation of a drawn path from the planned one [m]."""
 _STEPS_AT_ONCE = 256
 _MOST_CELLS = 1_000_000
+"""Steps that are read at once, and largest number of cells of the density map."""
 
 
 def pack_place(block: Block, recording: Recording, chosen: Chosen) -> dict[str, Any]:
@@ -120,10 +121,12 @@ def pack_paths(block: Block, recording: Recording, chosen: Chosen) -> int:
     rows = {agent: row for row, agent in enumerate(chosen.agents.tolist())}
     last = chosen.first + chosen.steps
     paths = [path for path in recording.paths if path.agent in rows and path.step < last and len(path.points) > 1]
+    # The path that each agent follows at the first step, and all later ones.
     latest = {path.agent: path.step for path in paths if path.step <= chosen.first}
     paths = [path for path in paths if path.step >= latest.get(path.agent, 0)]
     pieces, owners, kinds = [], [], []
     for number, path in enumerate(paths):
+        # Behaviors of the segments, and pieces of equal behavior; each piece ends with the first point of the next.
         kind = path.behaviors[:-1]
         cuts = np.flatnonzero(np.diff(kind)) + 1
         for first, end in zip([0, *cuts.tolist()], [*cuts.tolist(), len(kind)], strict=True):

@@ -25,9 +25,11 @@ ROOTS = 10_000
 """Integer units per meter for positions of the root."""
 
 _SWITCH_SECONDS = 5
+"""Time of a block of switches whose steps are read at once [s]."""
 _FEET = 10_000
 """Integer units per second for the times of feet."""
 
+# Fields of a gait's model that the viewer needs: arrays, and numbers.
 _GAIT_FIELDS = ("mean", "upper", "swings", "waves", "root", "legs", "hips", "turns", "bones", "pitch", "lift", "prints")
 _GAIT_NUMBERS = ("stride", "stand", "width", "spine")
 
@@ -61,7 +63,10 @@ def pack_nodes(block: Block, motion: MotionRecord, played: Ints) -> list[str]:
 
 
 def pack_gaits(block: Block, motion: MotionRecord) -> list[dict[str, Any]]:
-    """Add the models of all gaits to the block; return their shapes and numbers, empty if nobody is steered."""
+    """Add the models of all gaits to the block; return their shapes and numbers, empty if nobody is steered.
+
+    All of them walk on the legs of the preferred behavior, the last one, as in playback.
+    """
     facts = []
     clips: list[DeformedClip] = [gait_clip(motion, number) for number in range(len(motion.gaits))]
     for number, clip in enumerate(clips):
@@ -79,9 +84,9 @@ def pack_gaits(block: Block, motion: MotionRecord) -> list[dict[str, Any]]:
 def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> PackedStretches:
     """Add the stretches in which agents are steered to the block; return them with the phases of their bodies.
 
-    ``parts`` holds agents (A,) and their stretches, whose columns are indices into these agents. A stretch's
-    four rows ascend (begin, first, end, stop), so each is written as its difference from the one before. Phases are
-    coded with the tracks.
+    ``parts`` holds agents (A,), as indices into those of the page, and their stretches, whose columns are indices into
+    these (A,). A stretch's four rows ascend (begin, first, end, stop), so each is written as its difference from the
+    one before. Phases are coded with the tracks.
     """
     columns: list[list[Ints]] = [[], [], [], [], []]
     phases: list[NDArray[np.float64]] = []

@@ -14,6 +14,7 @@ MAGIC = b"CSW1"
 """First bytes of the block, before the length of its table (uint32)."""
 
 _LEVEL = 9
+"""Level of gzip: the smallest files."""
 _MEMORY = 4
 """Alignment of arrays [bytes]."""
 
@@ -31,7 +32,7 @@ def text_of(data: bytes) -> str:
     """Return bytes as text for a page in UTF-16: their number, a space, and three letters for each 47 bits."""
     bits = np.unpackbits(np.frombuffer(data, np.uint8))
     groups = np.pad(bits, (0, -len(bits) % _GROUP_BITS)).reshape(-1, _GROUP_BITS)
-    # A group as six bytes, with a bit of 0 before it.
+    # A group as six bytes, with a bit of 0 before it; then as a number, and that in three digits to base _LETTERS.
     parts = np.packbits(np.pad(groups, ((0, 0), (1, 0))), axis=1).astype(np.int64)
     values = parts @ (1 << np.arange(40, -8, -8))
     digits = np.stack([values // _LETTERS**2, values // _LETTERS % _LETTERS, values % _LETTERS], axis=1)

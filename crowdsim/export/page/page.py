@@ -59,6 +59,7 @@ _PATHS_OF_ALL = 300
 _BARS = 400
 """Largest number of bars of the curve behind the slider."""
 _SAMPLES_AT_ONCE = 4_000_000
+"""Largest number of values (agents times steps) of a column that are read at once."""
 
 
 class PageOptions(NamedTuple):
@@ -262,7 +263,10 @@ def _number(value: float) -> float | None:
 
 
 def activity(recording: Recording, chosen: Chosen) -> tuple[Ints, Ints, Ints]:
-    """Return (steps,) how many agents are present, and how many move and wait in each bar behind the slider."""
+    """Return (steps,) how many agents are present, and the most that move, and wait, at once in each bar.
+
+    Bars stand behind the slider: equal spans of the steps, at most _BARS.
+    """
     present, moving, waiting = (np.zeros(chosen.steps, np.int64) for _ in range(3))
     at_once = max(1, _SAMPLES_AT_ONCE // max(recording.agent_count, 1))
     for first in range(0, chosen.steps, at_once):

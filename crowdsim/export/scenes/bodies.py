@@ -90,6 +90,7 @@ def _local(skeleton: Skeleton, world: NDArray[np.float32]) -> NDArray[np.float32
     parents = np.asarray(skeleton.parents)
     local = exact.copy()
     local[:, 1:] = multiply(conjugate(exact[:, parents[1:]]), exact[:, 1:])
+    # A quaternion and its negative are one rotation: flip the signs from each frame on that is nearer to the negative.
     flips = np.sum(local[1:] * local[:-1], axis=-1) < 0.0
     signs = np.where(np.logical_xor.accumulate(flips, axis=0), -1.0, 1.0)
     local[1:] *= signs[..., None]
@@ -104,7 +105,10 @@ class Jump(NamedTuple):
 
 
 def jumps(recording: Recording, roots: NDArray[np.float32]) -> list[Jump]:
-    """Return the crossings of the ends of a periodic floor."""
+    """Return the crossings of the ends of a periodic floor by an agent with positions ``roots`` (k, 3) [m].
+
+    A crossing is a step by more than half of the floor.
+    """
     ends = recording.header.ends
     if ends is None:
         return []

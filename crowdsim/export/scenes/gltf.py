@@ -28,6 +28,7 @@ _Z_UP = [-0.70710678, 0.0, 0.0, 0.70710678]
 """Rotation about x that turns our z axis into glTF's y axis, (x, y, z, w)."""
 
 _FULL = 32767
+"""Integer that stands for 1 in rotations of 16 bits."""
 _INSTANT = 0.001
 """Time that a body continues beyond the end of a periodic floor [s]."""
 
@@ -140,6 +141,7 @@ class _Scene:
     def add_character(self, motion: BodyMotion) -> None:
         """Add an agent with its skeleton, skin and motion."""
         skeleton, agent = self._skeleton, motion.agent
+        # Quaternions as (x, y, z, w). Joints that never turn get a rotation of their node instead of an animation.
         packed = np.rint(motion.rotations[..., [1, 2, 3, 0]] * _FULL).astype(np.int16)
         still = (packed == packed[:1]).all(axis=(0, 2))
         group = self._recording.header.agents.groups[agent]
@@ -174,6 +176,7 @@ class _Scene:
         roots = motion.roots
         leaps = jumps(self._recording, roots)
         if leaps:
+            # Shortly before the first frame beyond an end, a sample more where the body would be without the end.
             seconds = self._times[motion.frames]
             rows = np.array([leap.row for leap in leaps])
             roots = np.insert(roots, rows, np.stack([leap.beyond for leap in leaps]), axis=0)
@@ -187,14 +190,17 @@ class _Scene:
         times = self._times[frames]
         if frames[-1] - first + 1 != count:
             return self._buffer.add(times, bounds=True)
-        return self._buffer.add_accessor(self._time_view, times, 4 * first, bounds=True)
+        return self._buffer.add_accessor(self._time_view, times, 4 * first, bounds=True)  # 4 bytes a time
 
     def _animate(self, node: int, path: str, times: int, values: int, interpolation: str = "LINEAR") -> None:
         self._samplers.append({"input": times, "output": values, "interpolation": interpolation})
         self._channels.append({"sampler": len(self._samplers) - 1, "target": {"node": node, "path": path}})
 
     def _show(self, node: int, shown: tuple[int, ...]) -> None:
-        """Animate the scale of a node: 1 from the frames at which it appears, 0 from those at which it disappears."""
+        """Animate the scale of a node: 1 from the frames at which it appears, 0 from those at which it disappears.
+
+        ``shown`` holds these frames in turn. A node that is there all the time needs no animation.
+        """
         if shown == (0,):
             return
         frames = np.array(shown if shown[0] == 0 else (0, *shown))

@@ -116,7 +116,7 @@ def _merged(frames: list[int], count: int) -> list[int]:
     """Return the frames at which something appears and disappears in turn, without empty spans and later frames."""
     merged: list[int] = []
     for frame in frames:
-        if merged and merged[-1] == frame:
+        if merged and merged[-1] == frame:  # it goes in the frame in which it came, or comes again as it goes
             merged.pop()
         else:
             merged.append(frame)

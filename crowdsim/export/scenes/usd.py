@@ -31,6 +31,7 @@ _STILL = 1e-6
 
 _CAPSULE_HEIGHT = 1.75
 _CAPSULE_RADIUS = 0.22
+"""Size of the capsules that stand for bodies [m]."""
 
 
 def write(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
@@ -119,7 +120,10 @@ class _Stage:
                 self._show(mesh, part.shown)
 
     def _show(self, shape: Any, shown: tuple[int, ...]) -> None:
-        """Make a shape visible from the frames at which it appears, until those at which it disappears."""
+        """Make a shape visible from the frames at which it appears, until those at which it disappears.
+
+        ``shown`` holds these frames in turn. A shape that is there all the time needs no attribute.
+        """
         if shown == (0,):
             return
         seen = shape.CreateVisibilityAttr()
@@ -175,6 +179,7 @@ class _Stage:
         self._stage.CreateClassPrim(f"/_look_{look}").SetTypeName("SkelRoot")
         self._stage.GetPrimAtPath(f"/_look_{look}").GetInherits().AddInherit("/_body")
         points = self._builds[build_of(look)]
+        # The class /_body has the points of build 0; looks of other builds have their own.
         if build_of(look):
             shaped = self._geom.Mesh(self._stage.OverridePrim(f"/_look_{look}/Body"))
             shaped.CreatePointsAttr(self._vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points)))
@@ -257,6 +262,7 @@ class _Stage:
         return top.GetPath()
 
     def _at(self, place: list[float], turned: list[float] | None = None) -> Any:
+        """Return the matrix of a position [m] and a rotation (w, x, y, z), by default none."""
         w, x, y, z = (1.0, 0.0, 0.0, 0.0) if turned is None else turned
         turn = self._gf.Matrix4d(1.0).SetRotate(self._gf.Quatd(w, x, y, z).GetNormalized())
         return turn.SetTranslateOnly(self._gf.Vec3d(*place))

@@ -89,6 +89,7 @@ def _areas(
     begins = np.unique([0, *(change.step for change in recording.changes)])
     numbers = np.searchsorted(begins, steps, side="right") - 1
     used, frames = np.unique(numbers, return_inverse=True)
+    # Without frames, the floor at the start still gives the file its area and bounds.
     if not len(used):
         used = np.zeros(1, np.int64)
     rate = recording.steps_per_second
@@ -96,7 +97,7 @@ def _areas(
 
 
 def _cells(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return one of the positions (n, 2) in each square decimeter."""
+    """Return one of the positions (n, 2) [m] in each square decimeter: enough to find the parts that agents enter."""
     _, found = np.unique(np.floor(places * 10.0), axis=0, return_index=True)
     return places[found]
 

@@ -48,13 +48,14 @@ def decimals(values: ArrayLike, places: int) -> Bytes:
 
 def words(codes: ArrayLike, texts: Sequence[str]) -> Bytes:
     """Return the text of each of ``codes`` (R,), indices into ``texts``, in UTF-8, without zero characters."""
+    # Bytes of the longest text; shorter ones are filled up with zeros, which mean no character.
     table = np.array([text.encode() for text in texts] or [b""], np.bytes_)
     width = max(table.dtype.itemsize, 1)
     return table.astype(f"S{width}").view(np.uint8).reshape(len(table), width)[np.asarray(codes, np.int64)]
 
 
 def text_rows(columns: Sequence[Bytes], separator: str, end: str = "\n") -> bytes:
-    """Return one line for each row of all ``columns``."""
+    """Return one line for each row of all ``columns``, without the zeros in them."""
     count = len(columns[0])
     parts: list[Bytes] = []
     for column in columns:

@@ -44,11 +44,16 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 
 
 def _steps(rows: TrackRows, count: int, agents: int, rate: int, ends: Ends | None) -> bytes:
-    """Return the text of the first ``count`` of rows, which are sorted by frame and agent."""
+    """Return the text of the first ``count`` of rows, which are sorted by frame and agent.
+
+    ``agents`` is the number of agents of the recording; frames come at ``rate`` [1/s].
+    """
+    # Frame and agent in one sorted number: that of the same agent in the next frame is larger by ``agents``.
     keys = rows.frame * agents + rows.agent
     following = np.minimum(np.searchsorted(keys, keys[:count] + agents), len(keys) - 1)
     goes_on = keys[following] == keys[:count] + agents
     if ends is not None:
+        # A step by more than half of the floor is one across its ends.
         along = (rows.x, rows.y)[ends.axis]
         goes_on &= 2.0 * np.abs(along[following] - along[:count]) <= ends.high - ends.low
     following = np.where(goes_on, following, np.arange(count))

@@ -116,6 +116,7 @@ class ShownBodies(ABC):
         RecordingError
             Outside of the recording.
         """
+        # Tolerances make up for rounding of times, here and of the share of a step.
         if not -1e-9 <= time <= self.duration + 1e-9:
             raise RecordingError(f"{self.name} lasts from 0 to {self.duration:g} s; there is nothing at {time:g} s")
         step = self.shown_step(time)
@@ -201,7 +202,7 @@ class ShownBodies(ABC):
             changed = present.copy()
             changed[present], *joints = self._switch_blends.poses(time, step, frame, rows[present], on_tracks)
             positions[changed], rotations[changed] = joints
-            levels[changed] = Level.NOBODY
+            levels[changed] = Level.NOBODY  # done; the others are posed below
         captured, steered = levels == Level.CAPTURED, levels == Level.STEERED
         if captured.any():
             some = rows[captured]
@@ -225,6 +226,7 @@ class ShownBodies(ABC):
         (N,) int8
             The :class:`~crowdsim.recording.levels.Level` of each agent.
         """
+        # A new array, which may be changed: levels are computed from other columns.
         levels: NDArray[np.int8] = self.levels[step]
         levels[self.switches.steer_in_playback(step)] = Level.STEERED
         return levels

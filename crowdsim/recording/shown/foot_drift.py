@@ -24,7 +24,8 @@ class Stances(NamedTuple):
     """The S stances of captured bodies in a recording, from touch-down to lift-off.
 
     agents, feet: (S,) int64 agent, and 0 for its left foot, 1 for the right one. begins, ends: (S,) times [s]. shown:
-    (S,) largest distance between two places of the foot [m]. own: (S,) the same in the clips that are played.
+    (S,) largest distance between two places of the foot, as bodies are shown [m]. own: (S,) the same in the clips that
+    are played.
     """
 
     agents: Ints
@@ -36,7 +37,7 @@ class Stances(NamedTuple):
 
 
 class _Moment(NamedTuple):
-    """Captured bodies at one time: agents, points (n, 2, P, 3) of their feet [m], nodes, frames and headings (n,)."""
+    """Captured bodies at one time: agents, P points (n, 2, P, 3) of each foot [m]; node, frame, heading (n,) [rad]."""
 
     agents: Ints
     points: Floats
@@ -54,7 +55,8 @@ def shown_stances(recording: ShownBodies, rate: int = RATE) -> Stances:
     motion = recording.header.motion
     tracks = motion.pool_tracks.astype(np.float64)
     rows = planted_rows(recording.pose_table, motion.skeleton, tracks)
-    # Moves (shown, own) of each foot that stands, by agent and foot, and the time of the first.
+    # Moves (shown, own) of each foot that stands, by agent and foot, and the time of the first; and the stances that
+    # have ended: agent and foot, begin, end, moves.
     standing: dict[tuple[int, int], tuple[float, list[tuple[Floats, Floats]]]] = {}
     found: list[tuple[tuple[int, int], float, float, list[tuple[Floats, Floats]]]] = []
     before: _Moment | None = None
@@ -94,9 +96,9 @@ def _moment(recording: ShownBodies, rows: PlantedRows, time: float) -> _Moment:
 def _moves(
     rows: PlantedRows, tracks: Floats, before: _Moment, now: _Moment
 ) -> dict[tuple[int, int], tuple[Floats, Floats]]:
-    """Return the moves (2,) of each foot that stands between two moments, as shown and in its clips [m].
+    """Return how far each foot that stands moves between two moments, as shown and in its clips, by agent and foot.
 
-    ``tracks`` (T, 3) are the poses of the rows of all nodes.
+    Each is a displacement (2,) in the world [m]. ``tracks`` (T, 3) are the poses of the rows of all nodes.
     """
     both, old, new = np.intersect1d(before.agents, now.agents, assume_unique=True, return_indices=True)
     node, old_node, at, old_at = now.node[new], before.node[old], now.at[new], before.at[old]

@@ -16,6 +16,7 @@ from crowdsim.recording.header import MotionRecord, RecordedFrame, RecordingHead
 from crowdsim.recording.levels import Level, levels_of
 
 _STEPS_AT_ONCE = 256
+"""Steps that are read at once."""
 _TICKS = 1_000_000
 """Units per second in which times of changes are compared."""
 
@@ -75,24 +76,32 @@ class PlantedFeet:
         )
         rows, ticks, events = [], [], []
         for step, frame in enumerate(_frames(recording)):
+            # Changes happen at a share of the way from the step before to this one.
             row, share, state = followed.add(played_in(frame))
             rows.append(row)
             ticks.append(_ticks((step - 1.0 + share) / recording.steps_per_second))
             events.append(state)
         row, tick, event = np.concatenate(rows), np.concatenate(ticks), np.concatenate(events)
+        # Row and tick in one number, sorted by row, then by time; ticks are less than _most.
         self._most = int(tick.max(initial=0)) + 2
         key = row * self._most + tick
         order = np.argsort(key, kind="stable")
         self._keys, self._rows, self._events = key[order], row[order], event[order]
 
     def changes_of(self, agent: int, foot: int) -> tuple[Floats, Floats]:
-        """Return the times (c,) [s] and states (c, COLUMNS) of all changes of a foot, in order."""
+        """Return the times (c,) [s] and states (c, COLUMNS) of all changes of a ``foot``, 0 left or 1 right, in order.
+
+        The columns of states are those of :mod:`crowdsim.motion.planted.pin_kernels`.
+        """
         row = 2 * agent + foot
         first, end = np.searchsorted(self._rows, (row, row + 1))
         return (self._keys[first:end] - row * self._most) / _TICKS, self._events[first:end]
 
     def states_at(self, time: float, agents: Ints, node: NDArray[np.int32], frame: Floats) -> Floats:
-        """Return the states (n, 2, COLUMNS) of the feet of ``agents`` (n,), which play ``frame`` of ``node``."""
+        """Return the states (n, 2, COLUMNS) of the feet of ``agents`` (n,), which play ``frame`` of ``node`` (n,).
+
+        Zeros, for a foot that nothing corrects, if no change holds in this frame.
+        """
         states = np.zeros((len(agents), 2, COLUMNS))
         if not len(self._keys):
             return states

@@ -19,6 +19,7 @@ BLEND_SECONDS = 0.3
 """Duration of the change from one behavior to another [s], centered on the step in which the behavior changes."""
 
 _BLOCKS_KEPT = 2
+"""Blocks whose plans stay in memory: switches near the border of two ask for both in turn."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -40,11 +41,11 @@ class GaitClips:
 
     @cached_property
     def walk(self) -> DeformedClip:
-        """Return the clip of the preferred behavior, whose legs all behaviors use."""
+        """Return the clip of the preferred behavior, which is the last one, and whose legs all behaviors use."""
         return gait_clip(self._motion, -1)
 
     def of(self, behavior: int) -> DeformedClip:
-        """Return the clip of a behavior."""
+        """Return the clip of a behavior, on the legs of :attr:`walk`."""
         if behavior not in self._clips:
             self._clips[behavior] = on_legs_of(gait_clip(self._motion, behavior), self.walk)
         return self._clips[behavior]
@@ -80,6 +81,8 @@ class SteeredPoses:
         weights = block.behavior_weights(bodies, time)
         joints = self._recording.header.motion.skeleton.joint_count
         roots, rotations = np.empty((len(bodies), 3)), np.empty((len(bodies), joints, 4))
+        # Behaviors are added one after the other: each takes its share of the weight added so far (``done``), the first
+        # one all of it, so that slerp, which takes two rotations, can blend any number.
         done = np.zeros(len(bodies))
         for behavior in np.flatnonzero((weights > 0.0).any(axis=0)).tolist():
             some = np.flatnonzero(weights[:, behavior] > 0.0)
@@ -134,6 +137,7 @@ class _PlannedBlock:
         reached = _eased(((steps[1:] / self._rate - time) / half + 1.0) / 2.0)
         shares = np.diff(np.concatenate([[0.0], reached, [1.0]]))
         for step, share in zip(steps, shares, strict=True):
+            # Beyond the steps in which a body is shown as steered, its first or last behavior counts.
             rows = np.clip(step, self.tracks.firsts[bodies], ends) - self._first
             weights[np.arange(len(bodies)), self._behavior[np.maximum(rows, 0), agents]] += share
         weights /= weights.sum(axis=1, keepdims=True)

@@ -68,13 +68,14 @@ class Stretches(NamedTuple):
 
 
 def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some: Ints) -> Stretches:
-    """Return all stretches of the agents ``some`` of ``columns`` in ``rows``."""
+    """Return all stretches of the agents ``some`` (n,) in ``rows``: indices into the range ``columns`` of agents."""
     phase = recording.phase[rows, columns][:, some].astype(np.float64)
     state = recording.state[rows, columns][:, some]
     node = recording.node[rows, columns][:, some]
     levels = levels_of(state, node, phase)
     steered = levels == Level.STEERED
     here, firsts, ends = _runs(steered)
+    # Without nodes there is nothing to extend stretches by: they are the runs of steered rows themselves.
     if not recording.header.motion.mixed or not len(here):
         counts = ends - firsts
         starts = np.cumsum(counts) - counts
@@ -104,6 +105,7 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
     stretches = Stretches(here, np.maximum(firsts - 1, begins), ends, begins, stops, starts, phases)
     stretches = _in_step(stretches, played, rows_of - at_first, np.repeat(ends, counts) - rows_of, rate)
     # Switches are shown at moments of their own.
+    # NONE, for an edge without a switch, finds the 0 at the end, which is not used.
     shown = np.append(recording.switches.shown, 0) - rows.start
     agents = columns.start + some[here]
     first, end = (recording.switches.at(agents, edges + rows.start) for edges in (firsts, ends))
@@ -116,9 +118,11 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
 def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rate: int) -> Stretches:
     """Return the stretches with phases equal to those of the nodes at both switches, and their own after IN_STEP.
 
+    ``played`` (rows, columns) are the phases of nodes, as of :func:`played_phases`; ``rate`` the steps per second.
     ``since`` and ``until`` (N,) are the rows from the first steered row, and to the first captured one, of each phase.
     """
     counts = stretches.stops - stretches.begins
+    # Rows that a correction takes: at most half of the stretch, so that those of both ends do not meet.
     most = np.minimum(IN_STEP * rate, 0.5 * (stretches.ends - stretches.firsts))
     phases = stretches.phases.copy()
     # At either end of a stretch: phase difference to the node, to the nearest whole cycle, times 1 - smoothstep.
@@ -165,6 +169,7 @@ def phase_advances(levels: NDArray[np.int8], phase: Floats, played: Floats, rate
     both = levels[1:] * 2 + levels[:-1]
     steered = np.diff(phase, axis=0)
     usual = _USUAL / rate
+    # Advances of steered rows from the row before, and to the row after.
     before = np.full(levels.shape, usual)
     before[1:] = np.where(np.isfinite(steered), steered, usual)
     after = np.append(before[1:], np.full((1, levels.shape[1]), usual), axis=0)

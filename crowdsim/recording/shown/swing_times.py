@@ -57,6 +57,7 @@ class SwingTimes(NamedTuple):
 def swing_times_after(recording: RecordedTracks, switches: Switches, some: Ints) -> SwingTimes:
     """Return the times of the feet after the switches ``some`` (n,), at least one."""
     rate = recording.steps_per_second
+    # Follow each foot through its states, row by row; rows are steps from the switch on.
     shares, same, gone = _foot_phases(recording, switches, some)
     times = switches.shown[some] / rate
     standing = shares < STANCE
@@ -69,6 +70,7 @@ def swing_times_after(recording: RecordedTracks, switches: Switches, some: Ints)
         now = (times + row / rate)[:, None]
         lifts = known & standing[row] & ~standing[row + 1]
         lands = known & ~standing[row] & standing[row + 1]
+        # Part of the step after which it lifts (phase STANCE) or lands (phase 1), and the time of that.
         part = np.clip(np.where(lifts, STANCE - shares[row], 1.0 - shares[row]) / np.maximum(ahead, 1e-9), 0.0, 1.0)
         at = now + part / rate
         # A planted foot lifts: its offset vanishes until it lands, or for a usual swing if the landing is not recorded.
@@ -78,11 +80,13 @@ def swing_times_after(recording: RecordedTracks, switches: Switches, some: Ints)
         in_time = lands & (state == _LATE) & (at - times[:, None] >= _SHORTEST_SWING)
         hold = np.where(in_time, times[:, None], hold)
         end = np.where(in_time, np.minimum(at, times[:, None] + FADE), end)
+        # Its swing ends; a phase that jumps must not end it at once.
         landed = lands & (state == _SWINGING)
         end = np.where(landed, np.maximum(at, hold + _SHORTEST_SWING), end)
         state = np.where(begins, _SWINGING, np.where(in_time | landed, _RIGHT, state))
         # Else it lands with its offset and waits for the next swing.
         state = np.where(lands & (state == _LATE), _STANDING, state)
+    # Feet that swing at the switch and are not seen to land lose their offset with the rest of the body.
     late = state == _LATE
     hold, end = np.where(late, times[:, None], hold), np.where(late, times[:, None] + FADE, end)
     cut = np.where(gone.any(axis=0), times + np.argmax(gone, axis=0) / rate, np.inf)
@@ -92,7 +96,7 @@ def swing_times_after(recording: RecordedTracks, switches: Switches, some: Ints)
 def _foot_phases(
     recording: RecordedTracks, switches: Switches, some: Ints
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the phase (T, n, 2) of each foot in its own cycle, in the T steps from each switch on.
+    """Return the phase (T, n, 2) of each foot in its own cycle, 0 when it lands, in the T steps from each switch on.
 
     Also return (T, n) bool: whether the agent has stayed on the new level until then, and whether it is absent.
     """
@@ -105,6 +109,7 @@ def _foot_phases(
     phase, node = recording.phase[rows, columns], recording.node[rows, columns]
     levels = levels_of(recording.state[rows, columns], node, phase)
     played = played_phases(recording, levels, node, recording.frame[rows, columns])
+    # Levels as playback shows them.
     for row in range(len(levels)):
         steered_too = recording.switches.steer_in_playback(row + rows.start)
         steered_too = steered_too[(steered_too >= columns.start) & (steered_too < columns.stop)]
@@ -119,5 +124,6 @@ def _foot_phases(
     own[:, steered] = stretches.phases_at(found, np.minimum(at[:, steered], stretches.stops[found] - 1))
     same = inside & (level == np.where(steered, Level.STEERED, Level.CAPTURED))
     same = np.logical_and.accumulate(same, axis=0)
+    # The right foot is half a cycle behind the left one.
     shares = np.mod(np.where(same, own, 0.0)[..., None] - np.array([0.0, 0.5]), 1.0)
     return shares, same, level == Level.NOBODY

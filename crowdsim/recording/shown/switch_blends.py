@@ -18,6 +18,7 @@ from crowdsim.recording.shown.switches import Switches
 from crowdsim.recording.shown.track_blocks import BLOCK_TICKS, TICKS_PER_SECOND
 
 _BLOCKS_KEPT = 16
+"""Blocks whose switches stay in memory."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -195,10 +196,10 @@ class SwitchBlends:
             _put(later, earlier, faded(self._skeleton, later.chosen(earlier), offsets, time + lapses[earlier]))
 
     def _played_at(self, step: int, agents: Ints, before: NDArray[np.bool_]) -> tuple[Body, Body, Floats]:
-        """Return captured bodies at ``step``, and a frame later, or earlier where ``before`` (n,) says so.
+        """Return captured bodies at ``step`` and, for their velocities, a frame earlier if ``before`` (n,), else later.
 
-        It is later where a captured time begins, and earlier where the recording ends.
-        Also return the times (n,) from the first to the second [s].
+        If an agent was not captured in the step before, the frame is later; in the last step it is earlier: there is
+        no other. Also return the times (n,) from the first bodies to the second [s].
         """
         recording, rate = self._recording, self._recording.steps_per_second
         if step > 0:
@@ -219,12 +220,16 @@ class SwitchBlends:
         return bodies[0], bodies[1], lapses
 
     def _played(self, time: float, agents: Ints, node: Ints, previous: Ints, frame: Floats, track: Floats) -> Body:
-        """Return captured bodies in frames of their nodes, their feet as they stand at ``time`` [s]."""
+        """Return captured bodies in frames of their nodes, their feet as they stand at ``time`` [s].
+
+        ``node``, ``previous`` and ``frame`` are (n,), ``track`` (n, 3) [m], [rad].
+        """
         places, world = self._recording.played_poses(time, agents, node, previous, frame, track)
         turns = world.astype(np.float64)
         parents = self._skeleton.parents
         rotations = turns.copy()
         inner = np.flatnonzero(parents >= 0)
+        # From world rotations to those relative to the parents. The root is the joint with the least parent, -1.
         rotations[:, inner] = multiply(conjugate(turns[:, parents[inner]]), turns[:, inner])
         return Body(places[:, int(np.argmin(parents))].astype(np.float64), rotations)
 
@@ -235,7 +240,7 @@ def _put(into: Body, mine: NDArray[np.bool_], body: Body) -> None:
 
 
 def _empty(times: Floats, feet: SwingTimes, joints: int) -> Offsets:
-    """Return zero offsets, which are measured later."""
+    """Return zero offsets with their times and those of the feet; the rest is measured later."""
     shapes = ((3,), (3,), (joints, 3), (joints, 3), (2, 3), (2, 3), (2,), (2, 3), (2,))
     values = [np.zeros((len(times), *shape)) for shape in shapes]
     return Offsets(*[times, *values[:8], feet.hold, feet.end, values[8]])

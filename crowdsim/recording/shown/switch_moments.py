@@ -32,12 +32,13 @@ Ints = NDArray[np.int64]
 def choose_moments(recording: RecordedTracks, switches: Switches) -> Switches:
     """Return the switches with the moments at which they are shown: the captured step in which both feet stand best.
 
-    One that is later than _EARLY is taken only if nobody is captured earlier.
+    A switch to steered is shown less than _EARLY before the last captured step only if no earlier step can be taken.
     """
     count = len(switches.steps)
     if not count:
         return switches
     rate, steps, steered = recording.steps_per_second, switches.steps, switches.steered
+    # Whether a switch is of the same agent as the one before it, and the steps of the switches before and after it.
     follows = np.append(False, switches.agents[1:] == switches.agents[:-1])
     before, after = np.append(0, steps[:-1]), np.append(steps[1:], 0)
     kept = _keep_their_step(switches, follows, rate)
@@ -47,6 +48,7 @@ def choose_moments(recording: RecordedTracks, switches: Switches) -> Switches:
     high = np.where(steered, steps - 1, steps + round(_LATEST * rate))
     high = np.where(np.append(follows[1:], False), np.minimum(high, after - 1), high)
     late = np.where(steered, steps - 1 - round(_EARLY * rate), high)
+    # A switch to captured that begins a short captured time may be shown in any of its steps.
     short = np.append(follows[1:], False) & ~steered & (after - steps < round(_SHORT * rate)) & ~kept
     high = np.where(short, after - 1, high)
     late = np.where(short, high, late)
@@ -58,23 +60,28 @@ def choose_moments(recording: RecordedTracks, switches: Switches) -> Switches:
         at, played = _played_from(recording, switches.agents[mine], low[mine], first)
         inside = at <= high[mine, None]
         there = np.isfinite(played) | ~inside
-        # Without a gap from the captured step next to the switch on.
+        # Captured without a gap between each step and the switch: from ``low`` on for a switch to captured, up to
+        # ``high`` for one to steered, and all the time for a short captured time.
         on, back = np.logical_and.accumulate(there, axis=1), np.logical_and.accumulate(there[:, ::-1], axis=1)[:, ::-1]
         there = np.where(steered[mine, None], back, np.where(short[mine, None], on[:, -1:], on))
+        # Distance from the middle of the nearest double support, which comes every half cycle (2 * _OFF). Late steps
+        # count as worse than any that is in time.
         off = np.abs(np.mod(played - 0.5 * BOTH_FEET + _OFF, 2.0 * _OFF) - _OFF)
         off = np.where(there & inside, off + np.where(at > late[mine, None], _OFF, 0.0), np.inf)
         best = np.argmin(off, axis=1)
         found[mine] = np.isfinite(off[np.arange(len(mine)), best])
         shown[mine] = np.where(found[mine], low[mine] + best, shown[mine])
+    # Both switches of a short captured time at one moment: it is shown as steered throughout.
     both = np.flatnonzero(short & found)
     shown[both + 1] = shown[both]
     return switches._replace(shown=shown)
 
 
 def _keep_their_step(switches: Switches, follows: NDArray[np.bool_], rate: int) -> NDArray[np.bool_]:
-    """Return which switches (S,) are shown when they are: those beside a steered time too short to come in step.
+    """Return (S,) which switches are not moved: those around a steered time that is too short to come in step.
 
-    If one of the two switches around a short captured time is, both are.
+    That takes IN_STEP after its beginning and before its end. If one of the two switches around a short captured time
+    is not moved, neither is the other, as both would be shown at one moment.
     """
     steps, steered = switches.steps, switches.steered
     close = np.flatnonzero(follows[1:] & steered[:-1] & (np.diff(steps) < round(2.0 * IN_STEP * rate)))
@@ -88,7 +95,7 @@ def _keep_their_step(switches: Switches, follows: NDArray[np.bool_], rate: int) 
 def _played_from(recording: RecordedTracks, agents: Ints, low: Ints, first: int) -> tuple[Ints, Floats]:
     """Return the steps (n, K) from ``low`` (n,) on, and the phases that ``agents`` (n,) play in them, nan if none.
 
-    All of ``low`` lie in the STEPS_AT_ONCE steps from ``first`` on.
+    All of ``low`` lie in the STEPS_AT_ONCE steps from ``first`` on. K is as many steps as there may be to choose from.
     """
     count = round(max(_SHORT, _EARLIEST, _LATEST) * recording.steps_per_second) + 1
     rows = slice(first, min(first + STEPS_AT_ONCE + count, recording.steps))

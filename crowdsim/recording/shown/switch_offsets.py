@@ -107,7 +107,7 @@ class Offsets(NamedTuple):
 def offsets_between(
     skeleton: Skeleton, times: Floats, old: tuple[Body, Body], new: tuple[Body, Body], lapse: tuple[Floats, Floats]
 ) -> Offsets:
-    """Return the differences of old motions to new ones; the times of the feet are filled in later.
+    """Return the differences of old motions to new ones; :func:`with_feet` adds the times of the feet.
 
     Parameters
     ----------
@@ -137,6 +137,7 @@ def offsets_between(
     # Turn of each foot, split into a turn about the vertical and the tilt that is left.
     old_feet, new_feet = feet_of_body(skeleton, old[0]), feet_of_body(skeleton, new[0])
     apart = multiply(old_feet.turns, conjugate(new_feet.turns))
+    # A quaternion and its negative are the same rotation: take the one with w >= 0, whose turn is within half a turn.
     yaws = 2.0 * atan2(np.where(apart[..., 0] < 0.0, -1.0, 1.0) * apart[..., 3], np.abs(apart[..., 0]))
     none = np.zeros((len(times), 2))
     return Offsets(
@@ -156,9 +157,10 @@ def offsets_between(
 
 
 def with_feet(offsets: Offsets, hold: Floats, end: Floats, forced: NDArray[np.bool_]) -> Offsets:
-    """Return the offsets with the times ``hold`` and ``end`` (n, 2) of the feet.
+    """Return the offsets with the times ``hold`` and ``end`` (n, 2) of the feet [s], and what follows from them.
 
-    ``forced`` (n, 2) marks feet that take a small step of their own while the body stands.
+    ``forced`` (n, 2) marks feet that take a small step of their own while the body stands; these are lifted. Feet that
+    still stand after the switch have no velocity.
     """
     aside = np.sqrt(np.sum(offsets.balls[..., :2] * offsets.balls[..., :2], axis=-1))
     stands = hold > offsets.times[:, None]
@@ -171,7 +173,7 @@ def with_feet(offsets: Offsets, hold: Floats, end: Floats, forced: NDArray[np.bo
 
 
 def feet_of_body(skeleton: Skeleton, body: Body) -> Feet:
-    """Return balls and world rotations of the feet."""
+    """Return balls and world rotations of the feet; the ankle stands for the ball if the skeleton has no toe joint."""
     places, world = forward_kinematics(skeleton, body.roots, body.rotations)
     ankles = [skeleton.joint(f"{side}_ankle") for side in ("left", "right")]
     toes = [skeleton.roles.get(f"{side}_toe", ankle) for side, ankle in zip(("left", "right"), ankles, strict=True)]
@@ -192,7 +194,10 @@ def faded(skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats)
 def _foot_targets(
     skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats, keep: Floats
 ) -> tuple[Feet, Floats]:
-    """Return the feet, and positions of their ankles (n, 2, 3) [m]."""
+    """Return where the feet of ``new`` are to be at ``time`` [s], and positions of their ankles (n, 2, 3) [m].
+
+    ``keep`` (n,) is the share of the offsets of whole bodies that is left.
+    """
     places, _ = forward_kinematics(skeleton, new.roots, new.rotations)
     ankles = [skeleton.joint(f"{side}_ankle") for side in ("left", "right")]
     feet = feet_of_body(skeleton, new)
@@ -202,6 +207,7 @@ def _foot_targets(
     moved = share[..., None] * offsets.balls + drift[..., None] * offsets.ball_speeds
     # Heights and tilts fade from the switch on, even of planted feet, so that no foot hovers.
     moved[..., 2] = np.minimum(share, keep[:, None]) * offsets.balls[..., 2]
+    # A small step: up to ``rise`` halfway through, 0 at both ends and without a jump in speed there.
     moved[..., 2] += offsets.rise * 16.0 * u * u * (1.0 - u) * (1.0 - u)
     tilt = np.minimum(share, keep[:, None])[..., None] * offsets.tilts
     turns = multiply(multiply(turns_of(tilt), _yaw_turns(share * offsets.yaws)), feet.turns)
@@ -212,9 +218,13 @@ def _foot_targets(
 
 
 def _on_feet(skeleton: Skeleton, new: Body, body: Body, feet: Feet, targets: Floats) -> Body:
-    """Return bodies with ankles at ``targets`` (n, 2, 3) [m] and on ``feet``, with their heels raised if needed."""
+    """Return ``body`` with ankles at ``targets`` (n, 2, 3) [m] and on ``feet``, with its heels raised if needed.
+
+    ``new`` is the body of the new motion alone.
+    """
     places, world = forward_kinematics(skeleton, body.roots, body.rotations)
     new_places, _ = forward_kinematics(skeleton, new.roots, new.rotations)
+    # To the left of the pelvis: knees bend about this axis if a leg is too straight to tell.
     left = rotate(world[:, 0], np.array([0.0, 1.0, 0.0]))
     joints = [[skeleton.joint(f"{side}_{part}") for part in ("hip", "knee", "ankle")] for side in ("left", "right")]
     legs, most = [], []

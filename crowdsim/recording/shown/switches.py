@@ -45,6 +45,7 @@ class Switches(NamedTuple):
 
     def at(self, agents: Ints, steps: Ints) -> Ints:
         """Return (n,) the row of the switch of each of ``agents`` in ``steps`` (n,), NONE if there is none."""
+        # As in last(); the -1 at the end is what is compared if nothing is found.
         most = int(max(self.steps.max(initial=0), np.max(steps, initial=0))) + 1
         numbers = np.append(self.agents * most + self.steps, -1)
         wanted = agents * most + steps
@@ -53,7 +54,10 @@ class Switches(NamedTuple):
         return at
 
     def steer_in_playback(self, step: int) -> Ints:
-        """Return the agents (k,), captured at ``step``, that playback shows as steered."""
+        """Return the agents (k,), captured at ``step``, that playback shows as steered.
+
+        They are between the step at which a switch is shown and that in which it happens, whichever comes first.
+        """
         first, end = np.minimum(self.steps, self.shown), np.maximum(self.steps, self.shown)
         agents: Ints = self.agents[(first <= step) & (step < end)]
         return agents

@@ -24,8 +24,8 @@ BLOCK_TICKS = 50
 _BEFORE, _AFTER = 45, 45
 """Ticks first read before and after a block: two cycles of the slowest steady walk."""
 _FARTHEST = 720
-"""Largest number of ticks read before a block, for standing bodies: a foot planted even earlier may move once, by 3
-cm."""
+"""Largest number of ticks read before a block, for standing bodies: a foot planted even earlier may move once, by the 6
+cm that a standing body may be off its feet."""
 _CYCLES = 2.25
 """Cycles before and after a block that its poses depend on."""
 _SPARE = 5
@@ -33,6 +33,7 @@ _SPARE = 5
 _OF_A_STAND = 15
 """Ticks kept at each end of a stand before a block; the ticks in between have no influence."""
 _AGENTS_AT_ONCE = 4096
+"""Agents that are read at once: as many as a chunk of the file holds."""
 
 Ints = NDArray[np.int64]
 
@@ -48,8 +49,7 @@ class TrackBlock(NamedTuple):
         Agent of each body, ascending.
     firsts, ends : (A,) int64
         Steps of the recording in which each is shown as steered, from the last captured step before, to before
-        ``ends``,
-        as far as the block knows.
+        ``ends``, as far as the block knows.
     tracks : JoinedTracks
         Samples at ticks.
     zeros : (A,) float64
@@ -162,16 +162,21 @@ def _read_part(
     tracks = smooth_joined(unwrapped(JoinedTracks(samples, starts)))
     keep, lacking = _needed(tracks, ticks, first_ticks, block, cut_before, cut_after)
     kept = tracks.kept(keep)
+    # Samples that are left out lie in stands: the kept ones count as one tick apart, back from the last one.
     zeros = (np.append(ticks, 0)[_last(keep, tracks)] - kept.lengths + 1) / TICKS_PER_SECOND
     return TrackBlock(agents[here], began, left, kept, zeros), lacking
 
 
 def _across(places: NDArray[np.float64], starts: Ints, ends: Ends) -> NDArray[np.float64]:
-    """Return the coordinates of concatenated tracks along the axis of a periodic floor, continued across its ends."""
+    """Return the coordinates of concatenated tracks along the axis of a periodic floor, continued across its ends.
+
+    ``starts`` (A + 1,) are the indices at which the tracks begin, and the number of all coordinates.
+    """
     if not len(places):
         return places
     ways = ends.shorter(np.diff(places, prepend=places[:1]))
     firsts = np.minimum(starts[:-1], len(places) - 1)
+    # Sum up the displacements, then shift each track so that it begins where it did.
     gone = np.cumsum(ways)
     return np.asarray(gone + np.repeat(places[firsts] - gone[firsts], np.diff(starts)))
 
@@ -186,7 +191,8 @@ def _needed(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which samples the poses of a block depend on (N,), and which bodies need more samples before (A,).
 
-    ``cut_before`` and ``cut_after`` (A,) say whether a body was steered before its track begins, and after it ends.
+    ``ticks`` (N,) are those of all samples, ``first_ticks`` (A,) those of the first samples. ``cut_before`` and
+    ``cut_after`` (A,) tell whether a body was steered before its track begins, and after it ends.
     """
     body, place, lengths, starts = tracks.bodies, tracks.places, tracks.lengths, tracks.starts
     phase = tracks.samples[:, 3]
@@ -202,6 +208,7 @@ def _needed(
     begin = np.maximum(earlier - 1 - _SPARE, np.where(cut_before, reach, 0))
     before_end = np.bincount(body, phase < (at_end + _CYCLES)[body], len(lengths)).astype(np.int64)
     end = np.minimum(before_end + _SPARE, lengths - np.where(cut_after, reach, 0))
+    # From the last sample that is _CYCLES before the block to the first that is as far after it, and _SPARE more.
     # In the middle of a stand the phase is equal _OF_A_STAND ticks before and after.
     numbers = np.arange(len(phase))
     old, new = (np.clip(numbers + k, 0, max(len(phase) - 1, 0)) for k in (-_OF_A_STAND, _OF_A_STAND))
@@ -211,7 +218,7 @@ def _needed(
 
 
 def _last(keep: NDArray[np.bool_], tracks: JoinedTracks) -> Ints:
-    """Return (A,) the last kept sample of each track."""
+    """Return (A,) the last kept sample of each track; the number of all samples if none is kept."""
     kept = np.flatnonzero(keep)
     ends = np.searchsorted(kept, tracks.starts[1:])
     last: Ints = np.append(kept, len(keep))[ends - 1]

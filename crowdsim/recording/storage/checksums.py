@@ -125,6 +125,7 @@ def _hdf5_size(stream: _Bytes, size: int) -> int:
 def _checksum_outside(stream: _Bytes, size: int, chunks: Ranges) -> int:
     """Return the checksum of the bytes up to ``size`` that are in none of ``chunks``."""
     checksum, place = 0, 0
+    # An empty range at the end: what lies behind the last chunk counts, too.
     for first, end in [*chunks.tolist(), (size, size)]:
         for begin in range(place, first, _PART):
             checksum = zlib.crc32(_read(stream, begin, min(begin + _PART, first)), checksum)

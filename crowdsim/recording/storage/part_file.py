@@ -32,7 +32,9 @@ _HEAD = struct.Struct("<16sIIQ")
 FRAME_HEAD = _HEAD.size
 """Length of the head of a frame [bytes]."""
 _BLOCK = 4096
+"""Bytes of a block, the part of HDF5 that is kept in memory and written as a whole if anything in it changes."""
 _LENGTH = struct.Struct("<QQ")
+"""Head of the content of a BLOCKS frame: size of HDF5 [bytes], number of blocks; each follows, its number before it."""
 
 
 def _crc(kind: int, content: bytes | memoryview) -> int:
@@ -169,7 +171,7 @@ class PartFile(io.RawIOBase):
 
 
 def is_held(path: Path) -> bool:
-    """Return whether a process is writing the part file ``path``."""
+    """Return whether a process is writing the part file ``path``: then it is locked, and a shared lock is refused."""
     with path.open("rb") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -243,6 +245,7 @@ def _locked(path: Path) -> int:
 def _frames(given: bytes) -> Iterator[tuple[int, memoryview]]:
     """Yield all complete frames (kind, content) of a file, in their order."""
     content = memoryview(given)
+    # Go from mark to mark. A mark without a complete frame is chance, or a frame that a kill cut off: go on behind it.
     place = given.find(_MARK)
     while place >= 0:
         following = place + 1
@@ -259,6 +262,7 @@ def put_frames(given: bytes, target: Path) -> list[tuple[int, memoryview]]:
     """Write the HDF5 of a part file, ``given`` as bytes, to ``target``; return the frames that come after it."""
     content = memoryview(given)
     found = list(_frames(given))
+    # The last commit may not have reached its places, so its blocks are written again; earlier ones have.
     last = max((k for k, (kind, _) in enumerate(found) if kind == BLOCKS), default=-1)
     with target.open("wb") as stream:
         stream.write(content)

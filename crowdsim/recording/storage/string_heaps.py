@@ -20,9 +20,9 @@ _PART = 1 << 22
 
 
 def require_sound_heaps(path: Path) -> None:
-    """ValueError where a collection of strings ("global heap") of the file is damaged.
+    """Raise ValueError if a collection of strings ("global heap") of the file is damaged.
 
-    The library goes from object to object by their sizes, and never ends where the free rest claims to have none.
+    The library goes from object to object by their sizes, and never ends if the free rest claims to have none.
     """
     with path.open("rb") as file:
         for place in _places(path):
@@ -36,7 +36,10 @@ def require_sound_heaps(path: Path) -> None:
 
 
 def _places(path: Path) -> Iterator[int]:
-    """Bytes at which collections begin."""
+    """Yield the positions [bytes] at which collections begin.
+
+    The end of each part is searched again with the next one, as a signature may lie across both.
+    """
     spare = len(_SIGNATURE) - 1
     with path.open("rb") as file:
         begin, kept = 0, b""

@@ -62,7 +62,7 @@ def named_from(keys: Any, files: Files, folder: Path, renamed: Mapping[str, str]
         motion["captures"] = seen(motion["captures"])
     given: dict[str, Any] = {"floor": floor, "obstacles": obstacles, "motion": motion}
     if "behaviors" in keys:
-        # Not before it is needed, as it knows clips.
+        # Imported only here, as it loads the modules of clips.
         from crowdsim.behaviors.behavior import is_own
 
         # With a dot, what is beside the file is no name of the library.

@@ -14,6 +14,7 @@ NEVER = 2**40
 
 _ARRIVAL_STREAM = 2
 _BATCH = 256
+"""Arrivals that are drawn at once, again and again until the source ends."""
 
 
 def first_of_party(keys: ScenarioFields, number: int, count: int) -> NDArray[np.int64]:
@@ -63,6 +64,7 @@ def _alone(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
     times = np.empty(0)
     last = group.start_time
     while last < until and len(times) < most:
+        # Times between arrivals of a Poisson process are exponential: the quantile at random probabilities.
         drawn = last + np.cumsum(-log(1.0 - generator.random(_BATCH)) / group.rate)
         times, last = np.append(times, drawn), float(drawn[-1])
     return times[times < until][:most]

@@ -48,5 +48,6 @@ def _draw(attribute: Attribute, count: int, generator: np.random.Generator) -> V
     words, shares = list(attribute.words), np.array(list(attribute.words.values()))
     ends = np.cumsum(shares / shares.sum())
     which = np.searchsorted(ends, probabilities_of(attribute, count, generator), side="right")
+    # Rounding may leave the last end just below 1, and a probability beyond it.
     chosen: NDArray[np.str_] = np.array(words)[np.minimum(which, len(words) - 1)]
     return chosen

@@ -15,7 +15,12 @@ from crowdsim.yamlfile.document import Complaint
 class Called:
     """The agents on call, and which of them earlier commands have added, or removed for good.
 
-    ``on_call`` : numbers of the agents of each group on call, by its name
+    Attributes
+    ----------
+    head_count : int
+        Number of all agents.
+    on_call : dict of str to range
+        Numbers of the agents of each group on call, by its name.
     """
 
     def __init__(self, keys: ScenarioFields) -> None:
@@ -48,7 +53,7 @@ def command_complaint(
 ) -> Complaint | None:
     """Return what is wrong with a command about agents, by its key, or None.
 
-    ``called`` : as the commands before it left it
+    ``called`` has taken in the commands before it.
     """
     asked = command.commanded
     if asked is None:

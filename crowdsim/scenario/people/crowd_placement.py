@@ -115,6 +115,7 @@ def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple
     complaints : list of Complaint
         Every region that is off the floor, blocked, or too full.
     """
+    # Steering sorts agents into a grid of at most MOST_CELLS cells.
     left, bottom, right, top = environment.floor.bounds
     drawing = _Drawing(keys, environment)
     if (right - left + CELL) * (top - bottom + CELL) > MOST_CELLS * CELL * CELL:
@@ -216,6 +217,7 @@ class _Drawing:
         for step, rows in _rows_by_step(steps):
             taken = np.concatenate([np.empty((0, 2)), *self._starting[step]])
             spots = np.empty((0, 2))
+            # First far enough apart to begin captured, if they may; then only as far apart as bodies need.
             if group.level != "steered" and self.keys.floor.periodic is None:
                 spots = scatter_spots(region, room, len(rows), CAPTURED_APART, taken, generator)
             if len(spots) < len(rows):
@@ -253,7 +255,7 @@ class _Drawing:
                 return None
         radius = 0.5 * float(walkers.breadths.max())
         for k, (path, goal) in enumerate(regions):
-            if goal.along is not None:
+            if goal.along is not None:  # an endless way has no place to come to
                 continue
             last = k == spots.shape[1] - 1
             region = goal.shape()
@@ -262,6 +264,7 @@ class _Drawing:
                 return None
             stays = last and group.on_arrival == "stay"
             stands = stays or (group.wait > 0.0 and (not last or group.rounds != 1))
+            # Steered agents that only pass need no place of their own; captured motion always leads to one.
             if not stands and group.level == "steered":
                 continue
             generator = self._generator(number, _GOAL_STREAM, *([k] if k else []))

@@ -37,6 +37,8 @@ def draw_spread(spread: Spread, count: int, generator: np.random.Generator) -> F
         return np.full(count, spread.mean)
     probabilities = probabilities_of(spread, count, generator)
     values = quantiles(spread, probabilities)
+    # The values of the first and the last stratum are not left to chance. In a mix, whose probabilities first choose a
+    # part, these strata are not the tails.
     if spread.stratified and count > 1 and not spread.parts():
         values[np.argmin(probabilities)], values[np.argmax(probabilities)] = _ends(spread, count)
     return values

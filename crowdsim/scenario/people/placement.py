@@ -146,6 +146,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
         goals += list(places)
         steps += group_steps
         counts.append(count)
+    # A group without an agent, or with too many, is left out above; its complaint means that nobody uses the placement.
     groups = [group for group, count in zip(keys.agents, counts, strict=False) for _ in range(count)]
     headings = [
         np.radians([_heading(goal) for _, goal in keys.regions(number)])
@@ -168,6 +169,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
 
 
 def _speeds(keys: ScenarioFields, counts: list[int]) -> list[NDArray[np.float64]]:
+    """Return the walking speeds of each group [m/s]; nan, for that of the clips, if the file gives none."""
     return [
         draw_walkers(keys, number, count).speeds if "speed" in group.model_fields_set else np.full(count, np.nan)
         for number, (group, count) in enumerate(zip(keys.agents, counts, strict=False))
@@ -179,6 +181,7 @@ _Wanted = tuple[tuple[str | int, ...], "Polygon | Point", tuple[int, ...], "list
 
 
 def _heading(goal: Goal) -> float:
+    """Return the heading to take at a goal [degrees]; nan for any."""
     return math.nan if goal.heading is None else goal.heading
 
 

@@ -128,6 +128,7 @@ class ScenarioFields(Part):
         set of str
             Some of captured, steered, auto.
         """
+        # Captured agents need a floor with ends, so ``auto`` ones are steered on a periodic one.
         periodic = self.floor.periodic is not None
         return {"steered" if periodic and group.level == "auto" else group.level for group in self.agents}
 

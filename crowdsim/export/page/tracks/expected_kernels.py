@@ -24,7 +24,8 @@ REST = 5
 """Units of phase within which a phase is that of a body at rest: recordings round phases."""
 
 _NEAREST, _FARTHEST = 2, 31
-"""Steps by which a turn is off from the expected one, and is coded by that, at least and at most: some 0.04 rad."""
+"""Bounds of the number of steps within which a turn counts as near the expected one: as many as 7 / 1024 turn (0.043
+rad) has, but no fewer and no more. 31 is the most that NEAR_BITS of the coder hold."""
 _MADE_UP = 0.7
 """Share of the sum of errors that the next heading makes up for."""
 
@@ -102,8 +103,9 @@ def choose_turn(asked, expected, near, last, total, units, slack):
 def cadence(speed, angle, turn):
     """Return the cadence [cycles/s] of a steady walk, and what gives it: 0 the walk, 1 side steps, 2 the turn.
 
-    At a speed [m/s], ``angle`` [rad] off the heading, turning [rad/s]. The rate is that of
-    :func:`crowdsim.motion.deformed.phase_kernels.phase_rate` for the motion relative to the hips.
+    At a speed [m/s], ``angle`` [rad] off the heading, turning by ``turn`` [rad/s]. The rate is that of
+    :func:`crowdsim.motion.deformed.phase_kernels.phase_rate` for the motion relative to the hips; all numbers are the
+    constants of that module, which explains them.
     """
     off = abs(angle)
     # The hips turn along with the motion, the less so the slower it is, and the farther it is aside; as of hip_turn.
@@ -139,7 +141,10 @@ def next_stand(phase, cycle):
 
 @helper
 def passes(before, after, cycle):
-    """Return whether a body passes over its standing foot between the phases ``before`` and ``after``."""
+    """Return whether a body passes over its standing foot between the phases ``before`` and ``after``.
+
+    It does so at REFERENCE after each landing, every half cycle: twice the phases give whole cycles.
+    """
     over = 2 * math.floor(REFERENCE * cycle + 0.5)
     return (2 * before - over) // cycle < (2 * after - over) // cycle
 
@@ -150,7 +155,8 @@ def expected_phase(phase, x, y, heading, t, away, left, units):
 
     As :func:`crowdsim.motion.deformed.phase_kernels.advance_phases` has it, for a body that is ``away`` [m] from where
     its rear foot belongs, whose heading was ``left`` [units of turn] there. Rules: 0 to 2 as of :func:`cadence`, 3
-    comes to a stand, 4 finishes a step, 5 sets off, 6 ends a step at the next stand.
+    comes to a stand, 4 finishes a step, 5 sets off, 6 ends a step at the next stand. All numbers are the constants of
+    that module.
     """
     turn = units[TURN]
     rate = units[RATE]

@@ -40,7 +40,8 @@ _LARGEST = (1 << 18) - 1
 _PATIENCE = 127
 """Decisions after which a model adapts no slower."""
 
-# Logits at each 128th of 1 / 256 to chances; between these points, straight lines.
+# Chances of the logits -2048, -1920, ... 2048: 4096 / (1 + exp(-logit / 256)), rounded down. Between these points,
+# straight lines.
 _POINTS = (1, 2, 3, 6, 10, 16, 27, 45, 73, 120, 194, 310, 488, 747, 1101, 1546, 2047, 2549, 2994, 3348, 3607, 3785)
 _POINTS = (*_POINTS, 3901, 3975, 4022, 4050, 4068, 4079, 4085, 4089, 4092, 4093, 4094)
 
@@ -48,6 +49,7 @@ _POINTS = (*_POINTS, 3901, 3975, 4022, 4050, 4068, 4079, 4085, 4089, 4092, 4093,
 def _chances_of_logits() -> NDArray[np.int64]:
     """Return the chance of each logit from -_MOST to _MOST."""
     logits = np.arange(-_MOST, _MOST + 1)
+    # The point below each logit, and how far it is on the way to the next, in 128ths.
     index, share = (logits >> 7) + 16, logits & 127
     points = np.array(_POINTS)
     chances: NDArray[np.int64] = (points[index] * (128 - share) + points[index + 1] * share + 64) >> 7
@@ -81,7 +83,7 @@ def new_mixer(models: int, rows: int) -> Mixer:
 
 @helper
 def _learn(mixer, model, bit):
-    """Adapt a model, of which ``model`` is the number, to an outcome, ``bit``."""
+    """Adapt a model, of which ``model`` is the number, to an outcome, ``bit``: move it by its share towards 0 or 1."""
     count = mixer.counts[model]
     chance = np.int64(mixer.chances[model])
     mixer.chances[model] = chance + (((65535 if bit else 0) - chance) * _SHARE[count] >> 15)
@@ -91,10 +93,14 @@ def _learn(mixer, model, bit):
 
 @helper
 def put_leaf(state, out, mixer, at, row, bits, leaf):
-    """Code ``leaf``, a number of ``bits`` bits, by decisions of a binary tree, from its highest bit to its lowest."""
+    """Code ``leaf``, a number of ``bits`` bits, by decisions of a binary tree, from its highest bit to its lowest.
+
+    Node 1 is the root; nodes 2 n and 2 n + 1 follow node n. Each has a model of each context, and a row of weights.
+    """
     node = 1
     for place in range(bits - 1, -1, -1):
         bit = (leaf >> place) & 1
+        # From 16 bits to the 12 of the tables.
         a = _LOGIT[mixer.chances[at[0] + node] >> 4]
         b = _LOGIT[mixer.chances[at[1] + node] >> 4]
         c = _LOGIT[mixer.chances[at[2] + node] >> 4]
@@ -102,7 +108,7 @@ def put_leaf(state, out, mixer, at, row, bits, leaf):
         logit = (weights[0] * a + weights[1] * b + weights[2] * c) >> _WEIGHT_BITS
         chance = _CHANCE[min(max(logit, -_MOST), _MOST) + _MOST]
         narrow(state, out, (state[RANGE] >> _CHANCE_BITS) * (_CHANCES - chance), bit)
-        # Weights follow the gradient of the code length.
+        # Weights follow the gradient of the code length, logit times error; 0x8000 is for rounding.
         off = ((bit << _CHANCE_BITS) - chance) * _LEARNING
         weights[0] = min(max(weights[0] + ((a * off + 0x8000) >> 16), -_LARGEST), _LARGEST)
         weights[1] = min(max(weights[1] + ((b * off + 0x8000) >> 16), -_LARGEST), _LARGEST)

@@ -29,6 +29,7 @@ WHOLE = 1 << WHOLE_BITS
 """Decisions for length and sign of an integer of any size, and the number of their models."""
 
 _TOP = 1 << 24
+"""Width of the interval below which the highest byte of its low end is settled and written."""
 
 
 def new_state() -> np.ndarray:
@@ -111,7 +112,7 @@ def _put_leaf(state, out, models, first, bits, leaf):
 
 @helper
 def put_whole(state, out, models, first, value):
-    """Code an integer of any size below 2**31: its length in bits and its sign by a tree of models, its bits without.
+    """Code an integer of a size below 2**31: its length in bits and sign by a tree of models, its bits by none.
 
     The tree has WHOLE models, which begin at ``first``.
     """
@@ -120,7 +121,7 @@ def put_whole(state, out, models, first, value):
     while size >> length:
         length += 1
     _put_leaf(state, out, models, first, WHOLE_BITS, 2 * length + (1 if value < 0 else 0))
-    # The highest bit is 1.
+    # The highest bit is 1, so only those below it are coded.
     if length > 1:
         put_plain(state, out, size, length - 1)
 

@@ -189,6 +189,7 @@ def pack_tracks(
 def coding_units(recording: Recording, places: int) -> Ints:
     """Return the units by which tracks are coded, see :mod:`crowdsim.export.page.tracks.expected_kernels`."""
     rate, steps = recording.steps_per_second, (phase_step(places), turn_step(recording.header.motion, places))
+    # Rounded to an even number: at 10 and at 20 steps a second it is then a multiple of _COARSE_TURN_STEP.
     most = 2 * round(0.5 * _TURN_RATE / rate * TURNS / (2.0 * np.pi))
     return np.array([places, TURNS, rate, PHASES, most, CAPTURE_RATE // rate * FRAME_TICKS, *steps], np.int64)
 
@@ -200,19 +201,23 @@ def chunk_spans(steps: int, plan: ChunkPlan) -> Iterator[tuple[int, int]]:
 
 
 def _coded(rows: _Rows, units: Ints, stretches: Ints, phases: Ints, own: range) -> tuple[NDArray[np.uint8], Ints]:
-    """Return the bytes of a chunk, and headings (N, steps) that a decoder finds; ``phases`` become what it finds."""
+    """Return the bytes of a chunk, and headings (N, steps) that a decoder finds; ``phases`` become what it finds.
+
+    ``stretches`` are rows of :meth:`PackedStretches.within`; ``own`` the steps of the chunk without its margins.
+    """
     here = (rows.state != AgentState.ABSENT).T
     node = np.where(here, rows.node.T, NONE).astype(np.int32)
     places = int(units[PLACE])
     columns = (
         (rows.x.T, here, places),
         (rows.y.T, here, places),
-        (np.zeros_like(rows.x.T), here, 1.0),
+        (np.zeros_like(rows.x.T), here, 1.0),  # headings: the coder fills them in
         (rows.frame.T, node != NONE, FRAME_TICKS),
     )
     tracks = np.stack([_whole(values, some, float(per)) for values, some, per in columns])
     per_radian = TURNS / (2.0 * np.pi)
     headings = np.where(here, rows.heading.T, 0.0).astype(np.float64) * per_radian
+    # Only coarse headings are chosen for few bits; others are rounded.
     slack = np.array([_OFF, _SUM_OFF]) * (per_radian if units[TURN_STEP] == _COARSE_TURN_STEP else 0.0)
     models = np.full((MODELS, 2), EVEN, np.uint16), new_mixer(MIXED, ROWS)
     out = np.zeros(_LARGEST * (tracks.size + len(phases)) + 64, np.uint8)
@@ -255,6 +260,7 @@ class _Ends:
         self._edge = headings[:, own.stop - 1].copy() if len(own) else self._edge
         some = np.flatnonzero((known.stops > low + own.start) & (known.stops <= low + own.stop))
         for back in range(self.values.shape[1]):
+            # Stretches that have such a step, which the rows hold.
             step = known.stops[some] - 1 - back
             some, step = (part[step >= np.maximum(known.begins[some], low)] for part in (some, step))
             row, who = step - low, known.agents[some]
@@ -272,6 +278,7 @@ class _Changes:
     """Collects changes step by step."""
 
     def __init__(self, agents: int) -> None:
+        # Node, previous, behavior and state of the last step; -2 differs from all, so the first step is a change.
         self._last = np.full((4, agents), -2, np.int64)
         self._agents = agents
         self._parts: list[Ints] = []

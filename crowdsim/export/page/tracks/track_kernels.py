@@ -11,14 +11,13 @@ have been of late. What is expected follows from values that are coded before, s
 
 Numbers of steered people are coded by several contexts together
 (:mod:`crowdsim.export.page.tracks.mixing_kernels`). Captured people are fewer and walk evenly: one context does.
-
 The viewer's twin is ``source/track_decoder.js``. Both use only operations that IEEE 754 rounds in one way.
 
 Arguments of all helpers: ``state``, ``out`` and ``models`` of the coder, as of
 :mod:`crowdsim.export.page.tracks.range_kernels`, and its ``mixer``; columns of one person, (T,) integers, one for each
-step: ``x`` and ``y`` in units of place, ``heading`` in units of turn, ``steered`` (0 or 1), ``node`` and ``frame`` of
-captured ones, ``phase`` of steered ones; ``first`` and ``end``, the steps from and before which they are coded;
-``units`` as of :func:`code_chunk`.
+step: ``x`` and ``y`` in units of place, ``heading`` in units of turn, ``steered`` (0 or 1), ``node`` and ``frame`` (in
+ticks) of captured ones, ``phase`` of steered ones in units of a cycle; ``first`` and ``end``, the steps from and before
+which they are coded; ``units`` as of :func:`code_chunk`.
 """
 
 from __future__ import annotations
@@ -59,8 +58,7 @@ _MOST_ACROSS = 29
 _PACES, _WAYS = 16, 16
 """Classes of speeds, and of directions, as contexts of places."""
 _SPEEDS, _TURNS, _WANTED, _NEARS = 24, 21, 49, 8
-"""Classes of speeds, of turns and of wanted turns, and what the last three turns were like, as contexts of headings and
-phases."""
+"""Contexts of headings and phases: classes of speeds, turns and wanted turns, and what the last three turns were."""
 _KINDS, _AWAYS = 7, 16
 """Classes of phases: which rule applies, and how far the rear foot is left behind."""
 
@@ -159,7 +157,7 @@ def _put_places(state, out, models, mixer, x, y, steered, first, end, units):
             put_whole(state, out, models, _FIRST_X + second, x[t] - (x[t - 1] if t > first else 0))
             put_whole(state, out, models, _FIRST_Y + second, y[t] - (y[t - 1] if t > first else 0))
             continue
-        # How much has it accelerated in the last two steps?
+        # How much has it accelerated in the last two steps? The last one counts twice.
         lately = size_class((2 * (abs(ax) + abs(ay)) + before) // 3)
         before = abs(ax) + abs(ay)
         some = min(lately // 3, 2)
@@ -184,7 +182,7 @@ def _put_places(state, out, models, mixer, x, y, steered, first, end, units):
         ax = x[t] - 2 * x[t - 1] + x[t - 2]
         put_mixed(state, out, models, mixer, at, _X_ROW + (lately << PLACE_BITS), PLACE_BITS, ax)
         # The second axis: besides, what is known of the first one. Its first context packs the size of ax, the class of
-        # the last ay in two classes each, and its sign.
+        # the size of the last ay, two classes taken as one, and the sign of that ay.
         across = 10 * min(abs(ax), _MOST_ACROSS) + 2 * (size_class(abs(by)) // 2) + (1 if by > 0 else 0)
         at = (
             _Y[0] + (3 * across + some << PLACE_BITS),
@@ -277,7 +275,7 @@ def _put_headings(state, out, models, mixer, x, y, exact, heading, steered, firs
 def _put_frames(state, out, models, frame, node, first, end, natural):
     """Code frames (T,) of the nodes that are played from step ``first`` to before ``end``, all of which are captured.
 
-    ``natural`` is how far frames usually go on in a step.
+    They usually go on by ``natural`` in a step; coded is the change of what they go on beyond that.
     """
     last = 0
     for t in range(first, end):
@@ -314,7 +312,9 @@ def _put_phases(state, out, models, mixer, x, y, heading, phase, own, first, end
         # The step that brings it nearest to the exact phase, but not back.
         off_before = off
         off = max((2 * (wanted - after) + step) // (2 * step), -((after - value) // step))
-        # A body at rest has to be at rest in the page too, and one that goes on must not be kept from it.
+        # A body at rest has to be at rest in the page too, and one that goes on must not be kept from it. So a phase
+        # that comes to the next stand, or that rounding would carry past it, becomes that stand; and one that stays
+        # though it is expected to advance, stays.
         comes = abs(wanted - stand) <= REST and after != stand
         comes = comes or (wanted <= stand and after + off * step > stand)
         stays = not comes and wanted == exact and after != value
