@@ -53,6 +53,7 @@ def draw_clutter(
     if not region.area > 0.0:
         raise GeometryError(f"'{name}': there is no floor to stand on in its region; give another one")
     shapely.prepare(region)
+    # No outline is as wide as twice the greatest size: the diagonal of a box is 1.42 times its side.
     taken = _Taken(2.0 * sizes[1])
     solids: list[Solid] = []
     covered, vain = 0.0, 0
@@ -87,7 +88,8 @@ def _endless_solids(
         elif kind == 1:
             yield cylinder(name, (x, y), 0.5 * length, 0.0, top)
         else:
-            # Corners on an ellipse, one in each sixth of it, give a convex outline that is never thin.
+            # Corners on an ellipse, one in each sixth of it, give a convex outline that is never thin. They lie in the
+            # first four fifths of their sixths, so no two are close together.
             angles = (np.arange(6) + generator.uniform(0.0, 0.8, 6)) * (np.pi / 3.0) + math.radians(turn)
             points = np.column_stack([x + 0.5 * length * cos(angles), y + 0.5 * width * sin(angles)])
             yield extrusion(name, [(float(a), float(b)) for a, b in points], 0.0, top)
@@ -150,7 +152,8 @@ def _barring(
     met = [number for number, room in enumerate(rooms) if any(room.intersects(region) for region in regions)]
     if len(met) < 2:
         return set()
-    # A room ends one radius before the solids around it. Between solids closer than the disc is wide there is no room.
+    # A room ends one radius before the solids around it; 2 % more for the rounding of its outline. Between solids that
+    # are closer than the disc is wide there is no room.
     beside, room = shapely.STRtree(rooms).query(outlines, predicate="dwithin", distance=1.02 * radius)
     one, other = shapely.STRtree(outlines).query(outlines, predicate="dwithin", distance=2.0 * radius)
     # Breadth-first search from the solids around the first room, from solid to close solid or across a room.
@@ -167,6 +170,7 @@ def _barring(
     else:
         x, y = rooms[met[1]].representative_point().coords[0]
         raise GeometryError(f"no way of {2.0 * radius:g} m leads to ({x:.2f}, {y:.2f}) even without the clutter")
+    # Go back from the solid beside another room to the first one.
     barring: set[int] = set()
     step: int | None = here
     while step is not None:

@@ -134,6 +134,7 @@ def _resolved(entities: Any, depth: int) -> Iterator[Any]:
         if entity.dxftype() != "INSERT":
             yield entity
         elif depth < _DEPTH:
+            # One reference can stand for rows and columns of copies.
             for insert in entity.multi_insert() if entity.mcount > 1 else [entity]:
                 parts = list(insert.virtual_entities())
                 for part in parts:
@@ -149,10 +150,12 @@ def _shape(entity: Any, meters: float) -> tuple[str, BaseGeometry | None]:
 
     kind = entity.dxftype()
     if kind in ("HATCH", "MPOLYGON"):
+        # Outlines inside of others are holes, in turn: even-odd filling.
         area = shapely.Polygon()
         for outline in path.from_hatch(entity):
             area = area.symmetric_difference(shapely.make_valid(shapely.Polygon(_points(outline, meters))))
         return "area", None if area.is_empty else area
+    # ezdxf raises TypeError for what is no curve, such as text.
     try:
         curve = path.make_path(entity)
     except TypeError:

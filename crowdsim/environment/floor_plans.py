@@ -216,6 +216,7 @@ def _built(
     counts: dict[str, int] = {}
 
     def build(layer: str, shape: BaseGeometry) -> None:
+        """Add a solid for each polygon of ``shape`` that is no sliver, numbered within its layer."""
         for part in polygons_only(shape).geoms:
             if part.area > MIN_EXTENT * MIN_EXTENT:
                 counts[layer] = counts.get(layer, 0) + 1

@@ -193,6 +193,7 @@ def derive_floor(
         if _large(levels, extent):
             report.append("floor: no large surface faces up, so surfaces that face down count as floor, too")
         else:
+            # No floor at all: take the ground as a level.
             surfaces = None
             ground = _enclosed_ground(solids, extent, report) if within is None else within
             levels = sorted([_standing(solids, ground, report), *levels], key=lambda level: level.height)
@@ -237,6 +238,7 @@ def _large(levels: Sequence[Level], hull: BaseGeometry) -> list[Level]:
 def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: list[str]) -> BaseGeometry:
     """Return the ground inside the outlines of all parts, or inside their hull if these enclose little."""
     outlines = shapely.union_all([solid.footprint for solid in solids])
+    # Grow the outlines until doors close, fill what is inside, and shrink it again by as much.
     closed = polygons_only(buffered(outlines, _DOOR, join_style="mitre"))
     filled = shapely.union_all([Polygon(part.exterior) for part in closed.geoms])
     ground = polygons_only(buffered(filled, -_DOOR, join_style="mitre"))
@@ -261,12 +263,16 @@ def _standing(solids: Sequence[AnySolid], ground: BaseGeometry, report: list[str
 
 
 def _whole_floor(level: Level, surfaces: Surfaces | None) -> tuple[Polygon | MultiPolygon, NDArray[np.int64]]:
-    """Return the floor with all level surfaces within a step of it, and the solids that make it."""
+    """Return the floor with all level surfaces within a step of it, and the indices (k,) of the solids that make it.
+
+    Without ``surfaces`` the level is ground that walls enclose, and is the floor as it is.
+    """
     if surfaces is None:
         return level.surface, level.parts
     shapes, heights, owners = surfaces
     near = np.abs(heights - level.height) <= STEP
     area = snapped_union(shapes[near], GRID)
+    # Grow the area until seams close, and shrink it again by as much.
     closed = polygons_only(buffered(buffered(area, _SEAM, join_style="mitre"), -_SEAM, join_style="mitre"))
     # Areas below 0.1 m2 are steps and sills, not floor.
     parts = [part for part in closed.geoms if part.area >= 0.1]

@@ -95,6 +95,7 @@ def footprints_of(
         for areas in pool.map(lambda block: _block(block, low, high), blocks):
             found.append(areas)
             if progress is not None:
+                # Done are all solids that are like an original done so far.
                 progress(int((of < sum(map(len, found))).sum()))
     return _moved(np.concatenate(found)[of], moved)
 
@@ -144,10 +145,12 @@ def _blocks(solids: Sequence[Triangles]) -> Iterator[Sequence[Triangles]]:
 
 
 def _block(solids: Sequence[Triangles], low: float, high: float) -> Shapes:
-    """Return the footprint (n,) of each solid of a block."""
+    """Return the footprint (n,) of each solid of a block in the band from ``low`` to ``high`` [m]."""
     counts = [len(solid.corners) for solid in solids]
     corners = np.concatenate([solid.corners for solid in solids])
     shapes, longest, owners = _pieces(corners, np.repeat(np.arange(len(solids)), counts), low, high)
+    # The width of a piece, as if it were a triangle: its height over the longest side. Wide pieces have an area; narrow
+    # ones, which upright triangles leave, count as strips. Between the two limits a piece is both.
     lengths = hypot(*(longest[:, 1] - longest[:, 0]).T)
     widths = 2.0 * shapely.area(shapes) / np.maximum(lengths, GRID)
     wide, narrow = widths > GRID, widths < STRIP
@@ -156,6 +159,7 @@ def _block(solids: Sequence[Triangles], low: float, high: float) -> Shapes:
         [np.concatenate([_inside(solid, low, high), part]) for solid, part in zip(solids, parts, strict=True)]
     )
     footprints = with_strips(areas, longest[narrow], owners[narrow])
+    # No triangle in the open band: nothing of the solid is in it.
     without = np.bincount(owners, minlength=len(solids)) == 0
     footprints[without] = shapely.Polygon()
     return footprints
@@ -163,6 +167,8 @@ def _block(solids: Sequence[Triangles], low: float, high: float) -> Shapes:
 
 def _inside(solid: Triangles, low: float, high: float) -> Shapes:
     """Return what the sections of a solid enclose in a band."""
+    # Cuts just above (True) or below a height, so that they are in the open band. A solid that is not closed is cut at
+    # bottom, middle and top of its part; for closed ones see `MeshSolid.closed`.
     lowest, highest = max(low, solid.bottom), min(high, solid.top)
     middle = 0.5 * (lowest + highest)
     if not solid.closed:
@@ -178,7 +184,8 @@ def _inside(solid: Triangles, low: float, high: float) -> Shapes:
 def _pieces(corners: Floats, owners: Ints, low: float, high: float) -> tuple[Shapes, Floats, Ints]:
     """Return each triangle's part in the open band, from above, those of one solid after those of another.
 
-    Outlines (k,), their farthest points (k, 2, 2), and their owners (k,). Outlines of upright triangles are degenerate.
+    ``corners`` (m, 3, 3) are those of the triangles [m], ``owners`` (m,) the solids that they belong to. Returned are
+    outlines (k,), their farthest points (k, 2, 2), and their owners (k,). Outlines of upright triangles are degenerate.
     """
     heights = corners[:, :, 2]
     least, most = heights.min(axis=1), heights.max(axis=1)
@@ -200,7 +207,10 @@ def _pieces(corners: Floats, owners: Ints, low: float, high: float) -> tuple[Sha
 
 
 def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Clip triangles to a band: the corners (k, 9, 2) of their convex parts, in no order, and which exist (k, 9)."""
+    """Clip triangles to a band: the corners (k, 9, 2) of their convex parts, in no order, and which exist (k, 9).
+
+    There are up to nine: the three corners (k, 3, 3), and where three edges cross the two bounds of the band.
+    """
     heights = corners[:, :, 2]
     points, valid = [corners[:, :, :2]], [(heights >= low) & (heights <= high)]
     for first, second in CORNER_PAIRS:
@@ -227,7 +237,8 @@ def _unions(groups: Sequence[Shapes]) -> Shapes:
         shapely.prepare(large)
         small = shapes[_LARGEST:]
         unions[number] = snapped_union(np.concatenate([[large], small[~shapely.covers(large, small)]]), GRID)
-    # The others together, by twos of their sizes, as shapely takes arrays of rows of one length.
+    # The others together, as shapely takes arrays of rows of one length: groups of more than half of 2 ** place and up
+    # to 2 ** place shapes in one array, filled up with None.
     places = np.frexp(np.maximum(sizes, 1) - 1.0)[1].astype(np.int64)
     for place in np.unique(places[sizes <= 2 * _LARGEST]).tolist():
         chosen = np.flatnonzero((places == place) & (sizes <= 2 * _LARGEST))
@@ -289,6 +300,7 @@ def _without_pinholes(areas: Shapes) -> Shapes:
         large = shapely.area(shapely.polygons(holes)) >= PINHOLE
         if not large.all():
             parts[number] = shapely.Polygon(parts[number].exterior, list(holes[large]))
+    # Slivers that rounding leaves are dropped.
     is_kept = shapely.area(parts) > GRID * STRIP
     parts, owners = parts[is_kept], owners[is_kept]
     counts = np.bincount(owners, minlength=len(areas))

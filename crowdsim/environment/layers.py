@@ -143,6 +143,7 @@ def taken_between(solid: AnySolid, low: float, high: float) -> BaseGeometry:
 
 
 def _tell(progress: Callable[[int, int], None], before: int, total: int, done: int) -> None:
+    """Tell ``progress`` that ``done`` solids are done after ``before`` others, of ``total`` in all layers."""
     progress(before + done, total)
 
 

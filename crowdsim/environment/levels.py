@@ -66,6 +66,7 @@ def level_surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
             normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
             lengths = np.linalg.norm(normals, axis=1)
             upright = np.abs(normals[:, 2]) if both else normals[:, 2]
+            # The length of the cross product is twice the area: triangles without one have no normal.
             level = (upright > _FLAT * lengths) & (lengths > 1e-9)
             shapes.append(shapely.polygons(corners[level, :, :2]) if level.any() else np.empty(0, object))
             heights.append(corners[level, :, 2].mean(axis=1))
@@ -102,11 +103,12 @@ def find_levels(
 
 def rounded_height(height: float) -> float:
     """Round a height to a micrometer, so that a floor drawn at 0 stays there."""
+    # Adding 0 turns -0.0 into 0.0.
     return round(float(height), 6) + 0.0
 
 
 def _wide(area: BaseGeometry) -> BaseGeometry:
-    """Return the parts of ``area`` wide enough for a body."""
+    """Return the parts of ``area`` wide enough for a body: shrunk until narrow parts vanish, and grown again."""
     return polygons_only(buffered(buffered(area, -_BODY, join_style="mitre"), _BODY, join_style="mitre"))
 
 

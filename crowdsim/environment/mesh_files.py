@@ -179,7 +179,7 @@ def _placement(axis: str, scale: float, rotation: float, position: tuple[float, 
 
 
 def _product(a: Floats, b: Floats) -> Floats:
-    """Return the matrix product, added in one order, unlike that of BLAS."""
+    """Return the matrix product, added in one order, unlike that of BLAS, so the same on every processor."""
     return dot(a[:, None, :], b.T)
 
 
@@ -287,6 +287,7 @@ def _without_far_parts(solids: list[MeshSolid], report: list[str]) -> list[MeshS
             center = np.median(0.5 * (low + high), axis=0)
             groups[np.maximum(low - center, center - high).max(axis=1) > FAR] = 1
     else:
+        # The gap between two boxes around parts, along the axis in which it is widest.
         gap = np.maximum(low[:, None] - high[None], low[None] - high[:, None]).max(axis=2)
         groups = connected_components(gap <= FAR, directed=False)[1]
     counts = np.bincount(groups)

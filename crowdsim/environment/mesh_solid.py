@@ -91,12 +91,15 @@ class MeshSolid:
         Then one section is enough. If a vertical line enters or leaves the solid inside the band, there is a triangle.
         Otherwise it is inside at all heights of the band, which the solid then spans, or at none.
         """
+        # An edge as one number: its first vertex times their count, plus the second one.
         places = _places(self.vertices)[self.triangles]
         count = places.max() + 1
         there = np.concatenate([places[:, a] * count + places[:, b] for a, b in CORNER_PAIRS])
         back = np.concatenate([places[:, b] * count + places[:, a] for a, b in CORNER_PAIRS])
         if not np.array_equal(np.sort(there), np.sort(back)):
             return False
+        # Six times the signed volume between each triangle and one point. The sum is that of the inside, and positive
+        # if the triangles face outwards.
         x, y, z = (self.corners - self.corners[0, 0]).transpose(2, 1, 0)
         crossed = y[1] * z[2] - z[1] * y[2], z[1] * x[2] - x[1] * z[2], x[1] * y[2] - y[1] * x[2]
         volumes = x[0] * crossed[0] + y[0] * crossed[1] + z[0] * crossed[2]
@@ -105,6 +108,7 @@ class MeshSolid:
     @cached_property
     def footprint(self) -> BaseGeometry:
         """Return the area under or over any part of the solid."""
+        # Any band that holds all of it.
         return self.footprint_in(self.bottom - 1.0, self.top + 1.0)
 
     def overlaps(self, low: float, high: float) -> bool:

@@ -44,13 +44,18 @@ def section_segments(corners: Floats, height: float, above: bool) -> Floats:
     rows = np.arange(len(corners))
     tip, after, before = (corners[rows, (alone + k) % 3] for k in range(3))
     one, other = _crossing(tip, after, height), _crossing(before, tip, height)
+    # Triangles are counter-clockwise as seen from outside. So with the tip over the plane, the solid is on the left
+    # from the edge that leaves the tip to the one that leads to it; with the tip below it is so on the way back.
     start = np.where(alone_over[:, None], one, other)
     end = np.where(alone_over[:, None], other, one)
     return np.stack([start, end], axis=1)
 
 
 def _crossing(first: Floats, second: Floats, height: float) -> Floats:
-    """Return the points (k, 2) where edges cross the plane, bit for bit the same for either direction of an edge."""
+    """Return the points (k, 2) where edges cross the plane, bit for bit the same for either direction of an edge.
+
+    ``first`` and ``second`` (k, 3) are the ends of the edges, on different sides of the plane at ``height`` [m].
+    """
     swap = (first[:, 2] > second[:, 2])[:, None]
     lower, upper = np.where(swap, second, first), np.where(swap, first, second)
     rise = upper[:, 2] - lower[:, 2]
@@ -84,6 +89,7 @@ def enclosed(segments: Floats) -> BaseGeometry:
     """
     lengths = np.abs(segments[:, 1] - segments[:, 0]).max(axis=1)
     segments = segments[lengths > 0.0]
+    # Fewer than three segments enclose nothing.
     if len(segments) < 3:
         return shapely.Polygon()
     lines = snapped_union(shapely.linestrings(segments), SECTION_GRID)
@@ -118,6 +124,7 @@ def _odd(faces: NDArray[np.object_], lines: BaseGeometry) -> NDArray[np.bool_]:
 
     Lines that coincide count once.
     """
+    # The segments a-b of all lines: each point leads to the next one, unless it is the last of its line.
     ends = shapely.get_coordinates(shapely.get_parts(lines))
     counts = shapely.get_num_coordinates(shapely.get_parts(lines))
     follows = np.ones(len(ends), bool)
@@ -126,6 +133,7 @@ def _odd(faces: NDArray[np.object_], lines: BaseGeometry) -> NDArray[np.bool_]:
     a, b = ends[start], ends[start + 1]
     odd = np.empty(len(faces), bool)
     for row, (x, y) in enumerate(shapely.get_coordinates(shapely.point_on_surface(faces))):
+        # Count the segments that a ray in the direction of x crosses.
         spans = (a[:, 1] > y) != (b[:, 1] > y)
         one, other = a[spans], b[spans]
         crossing = one[:, 0] + (y - one[:, 1]) / (other[:, 1] - one[:, 1]) * (other[:, 0] - one[:, 0])

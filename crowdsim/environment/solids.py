@@ -144,6 +144,8 @@ def circle_around(center: tuple[float, float], radius: float) -> Polygon:
     Its corners stand out by at most 2 mm, or by a twentieth of the radius if that is less.
     """
     excess = min(_ROUNDING_EXCESS, radius / 20.0)
+    # Half of a side spans the angle acos(radius / distance of a corner). A multiple of four sides, turned by half a
+    # side, has middles of sides on the axes.
     sides = 4 * math.ceil(math.pi / (4.0 * acos(radius / (radius + excess))))
     angles = (np.arange(sides) + 0.5) * (2.0 * np.pi / sides)
     corners = radius / cos(math.pi / sides)

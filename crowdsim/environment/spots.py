@@ -52,6 +52,7 @@ class _Sampler:
         if self.point is None:
             pieces = pieces_of(polygons_only(region & room))
             triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(pieces))
+            # Triangles are rings of four points, the last one as the first. Their areas are added up, to draw by area.
             self.corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
             self.shares = np.cumsum(shapely.area(triangles))
             self.bounds = tuple(shapely.total_bounds(triangles).tolist())
@@ -73,6 +74,7 @@ class _Sampler:
         which, along, across = self.generator.random((3, count))
         chosen = np.searchsorted(self.shares, which * self.shares[-1], side="right")
         a, b, c = np.moveaxis(self.corners[np.minimum(chosen, len(self.shares) - 1)], 1, 0)
+        # The root makes up for lines parallel to b-c, which get longer with their distance from a.
         root = np.sqrt(along)[:, None]
         points: NDArray[np.float64] = a * (1.0 - root) + root * ((1.0 - across[:, None]) * b + across[:, None] * c)
         return points
@@ -174,7 +176,8 @@ def scatter_parties(
 ) -> NDArray[np.float64]:
     """Draw spots like :func:`scatter_spots`, but in parties: each ``together`` spots in a row lie beside each other.
 
-    ``distance`` [m] must be above 0. The spots of a party lie in a disc of which they fill at most half.
+    ``distance`` [m] must be above 0. The spots of a party lie in a disc of which they, as discs of that diameter, fill
+    less than a quarter.
     """
     if together == 1 or isinstance(region, Point):
         return scatter_spots(region, room, count, distance, taken, generator)
@@ -183,6 +186,7 @@ def scatter_parties(
     crowd, draws = Spots(distance), _Sampler(region, room, generator).draws()
     for x, y in taken.reshape(-1, 2).tolist():
         crowd.take(x, y)
+    # The disc of a party is so wide that random draws find room in it.
     reach = distance * (0.6 + math.sqrt(together))
     spots: list[tuple[float, float]] = []
     for first in range(0, count, together):
@@ -282,12 +286,14 @@ def arrange_spots(
     others = cKDTree(taken) if len(taken) else None
 
     def free(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return (n,) True for points (n, 2) in the area and away from the spots already taken."""
         inside: NDArray[np.bool_] = shapely.contains_xy(area, points)
         if others is not None:
             inside &= others.query(points)[0] >= apart[0]
         return inside
 
     def grid(scale: float) -> NDArray[np.float64]:
+        """Return the free points (n, 2) of a grid along the heading, at ``scale`` times the least distances."""
         beside, behind = apart[0] * scale, apart[1] * scale
         i, j = (np.arange(-math.ceil(reach / step), math.ceil(reach / step) + 1) for step in (behind, beside))
         along, across = np.meshgrid(i * behind, j * beside, indexing="ij")
@@ -295,7 +301,7 @@ def arrange_spots(
         found: NDArray[np.float64] = points[free(points)]
         return found
 
-    # Bisect for the widest grid with enough spots, then draw those that are used.
+    # Bisect for the widest grid with enough spots, of one to eight times the least distances; then draw those used.
     low, high = 1.0, 8.0
     if len(grid(low)) < count:
         return grid(low)

@@ -131,7 +131,8 @@ def _along(line: LineString, thickness: float) -> BaseGeometry:
 
 
 def _cut(line: LineString, opening: Opening, thickness: float) -> BaseGeometry:
-    """Return the area of an opening."""
+    """Return the area of an opening, slightly thicker than the wall."""
+    # A ring counts as the line from its first point around.
     piece = substring(LineString(line.coords), opening.at - 0.5 * opening.width, opening.at + 0.5 * opening.width)
     return _along(piece, _CUT_EXCESS * thickness)
 

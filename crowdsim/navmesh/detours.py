@@ -48,6 +48,7 @@ class Detours:
         crossed = int(
             np.count_nonzero((arrays.sides["constraints"].reshape(-1, 3) == 0) & (arrays.cover == 0)[:, None])
         )
+        # A hash table of the sides that can be crossed, at most half full, and one row more (see guide_kernels).
         self._guide: NDArray[np.void] = np.zeros((1 << (2 * crossed).bit_length()) + 1, GUIDE)
         detour_kernels.begin_guide(arrays, self._guide)
         self._labels = np.empty(0, np.int32)
@@ -57,6 +58,7 @@ class Detours:
         """Set the two places [m] and the radius [m] of the following searches; the mesh must be as it was at first."""
         self._ends = (*map(float, start), *map(float, goal), radius, radius - self.mesh.tolerance(radius))
         arrays = self.mesh.arrays
+        # The labels are those of the mesh as it was at first, so they serve all goals for one radius.
         if radius != self._labelled:
             self._labels = np.empty(len(arrays.sides), np.int32)
             label_sides(arrays, 2.0 * self._ends[-1], self._labels)

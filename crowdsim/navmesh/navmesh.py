@@ -80,6 +80,7 @@ class NavMesh(MeshQueries):
     _search: PathSearch | None = None
     """Path searches on ``arrays`` as they are; None if not made yet, or after an edit."""
     _places: tuple[MeshArrays, NDArray[np.int64]] | None = None
+    """Arrays of the mesh and their addresses; out of date if the arrays are not ``arrays``."""
 
     def __init__(self, walkable: shapely.Polygon | shapely.MultiPolygon, builder: str = "own") -> None:
         area = clean_polygon(walkable)

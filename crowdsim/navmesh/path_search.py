@@ -40,7 +40,10 @@ GAIN = 0.99
 
 
 def _in_parts(work: Callable[[int, int], Floats], count: int, workers: int | None) -> Floats:
-    """Return the points (k, 2) that ``work(first, last)`` finds for all of ``count`` searches, in their order."""
+    """Return the points (k, 2) that ``work(first, last)`` finds for all of ``count`` searches, in their order.
+
+    ``workers`` is the number of threads; None for as many as pay.
+    """
     workers = min(usable_processors(), count // _BATCH) if workers is None else min(workers, count)
     if workers <= 1:
         return work(0, count)
@@ -109,6 +112,7 @@ class PathSearch:
         """
         count = len(starts)
         status, lengths = np.empty(count, np.int8), np.empty(count)
+        # The batch fills in the number of points of each path; added up, they are the ends of paths among the points.
         offsets = np.zeros(count + 1, np.int64)
         batch = Batch(starts, goals, radii, least, status, lengths, offsets[1:])
         find = self._find_best if optimality == "best" else self._find_fast
@@ -118,7 +122,8 @@ class PathSearch:
 
     def components(self, points: Floats, radius: float, least: float) -> NDArray[np.int64]:
         """Return the component (n,) of a disc of ``radius`` at each of ``points`` (n, 2), -1 if not free."""
-        # Without a gap not even a point gets through.
+        # Not even a point gets through without a gap: corners at closed sides have the clearance 0, which a width of 0
+        # would pass. A quarter of a cell is far below the tolerance.
         least = max(least, 0.25 * float(self._mesh.frame["cell"][0]))
         labels, count = self._components.labels(self._mesh, 2.0 * least)
         out = np.empty(len(points), np.int64)
@@ -167,6 +172,7 @@ class PathSearch:
                 batch.lengths[row] = hypot(*np.diff(pieces[row], axis=0).T).sum()
         if len(far) > 0:
             again = batch.copy(far)
+            # Results go into the arrays of ``again``, which are copies.
             back = again._replace(starts=again.goals, goals=again.starts)
             found = back.pieces(self._search(back, workers))
             shorter = (back.status == path_kernels.OK) & (back.lengths < GAIN * batch.lengths[far])

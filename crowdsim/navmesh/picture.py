@@ -46,6 +46,8 @@ class _Shapes:
         """(nf, 3, 2) corners of the free triangles [m]."""
         ends = np.stack([place[org], place[np.roll(org, -1, axis=1)]], axis=2)
         """(nt, 3, 2, 2) both ends of each side."""
+        # Walls and open sides (k, 2, 2). Walls are constrained sides of free triangles or of their neighbors. A side of
+        # the hull has no twin (-1), but is never constrained.
         closed = sides["constraints"] != 0
         self.walls = ends[closed & (free[:, None] | free[np.maximum(sides["twin"], 0) // 3])]
         self.sides = ends[free][~closed[free]]
@@ -110,6 +112,7 @@ def _draw_triangles(figure: Figure, axes: Axes, shapes: _Shapes) -> None:
     axes.add_collection(LineCollection(list(shapes.sides), colors=_SIDE, linewidths=0.6))
     sectors, widths = shapes.sectors()
     colors = PolyCollection(list(sectors), array=widths, cmap=_WIDTHS, edgecolor="none")
+    # The few widest corners share a color, so that the others differ.
     colors.set_clim(0.0, float(np.quantile(widths, 0.98)) if len(widths) else 1.0)
     axes.add_collection(colors)
     axes.add_collection(LineCollection(list(shapes.walls), colors=_WALL, linewidths=1.4, label="obstacle"))

@@ -115,6 +115,7 @@ class MeshQueries(ABC):
             If the point is not two finite numbers, or the radius is negative or not finite.
         """
         radius = as_radius(radius)
+        # Any limit above the radius will do; a point needs one above 0.
         clearance = self.clearance(point, 2.0 * radius + 1.0)
         return clearance > 0.0 and clearance >= radius - self.tolerance(radius)
 
@@ -168,6 +169,8 @@ class MeshQueries(ABC):
         radius, limit = as_radius(radius), as_limit(limit)
         if self.is_free((x, y), radius):
             return x, y
+        # Half the tolerance is left for rounding, so that the place is free in the sense of `is_free`. A point (radius
+        # 0) keeps that much from the wall, as a place on the wall is not free.
         half = 0.5 * self.tolerance(radius)
         distance, x, y = nearest_kernels.nearest_free(self.arrays, x, y, max(radius - half, half), 1e-3 * half, limit)
         return (x, y) if distance < math.inf else None

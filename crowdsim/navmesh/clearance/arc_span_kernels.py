@@ -28,7 +28,10 @@ A larger value makes more arcs straight, a much smaller one makes centers too di
 """
 
 MOST_ROOTS = 10
-"""Room for the roots of a segment, a triangle or the box on an arc: two for each circle or line, at most 8."""
+"""Room for the roots of a segment, a triangle or the box on an arc: two for each circle or line, at most 8 in all.
+
+A segment has two circles and two lines, a triangle three lines, the box four.
+"""
 
 
 @helper
@@ -86,8 +89,8 @@ def _add_circle_roots(arc, vx, vy, radius, lo, hi, roots, count):
     # One circle lies outside or inside of the other: no crossing.
     if distance == 0.0 or gap >= radius or arc.radius + distance <= radius:
         return count
-    # Law of cosines for the angle at the arc's center, as a half angle: the square of sin(half / 2) keeps its precision
-    # near a tangency.
+    # Law of cosines for the angle ``half`` at the arc's center between v and the crossing. ``sine2``, the square of
+    # sin(half / 2), keeps its precision near a tangency; the cosine would not.
     sine2 = (radius - gap) * (radius + gap) / (4.0 * arc.radius * distance)
     half = 2.0 * asin(math.sqrt(min(sine2, 1.0)))
     return _add_roots(arc, atan2(dy, dx), half, lo, hi, roots, count)
@@ -100,6 +103,7 @@ def add_line_roots(arc, nx, ny, at, lo, hi, roots, count):
     away = at - (nx * arc.x + ny * arc.y)
     if abs(away) >= arc.radius:
         return count
+    # The crossings lie at equal angles on both sides of the normal through the center.
     return _add_roots(arc, atan2(ny, nx), acos(away / arc.radius), lo, hi, roots, count)
 
 

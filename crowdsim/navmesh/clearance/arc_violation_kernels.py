@@ -2,6 +2,8 @@
 
 ``marks`` (nt,) holds the number ``mark`` for triangles that were visited for the present piece; ``near`` lists them,
 ``roots`` is scratch for angles. ``radius`` is that of the disc [m].
+
+``near[0]``, a triangle at the piece before, is the hint from which the search for those of the next piece begins.
 """
 
 import math
@@ -40,7 +42,8 @@ def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, near, r
     vertices = m.vertices
     x0, y0 = arc_point(arc, u0)
     x1, y1 = arc_point(arc, u1)
-    # All obstacles within ``radius`` of the arc are within ``reach`` of its chord.
+    # All obstacles within ``radius`` of the arc are within ``reach`` of its chord, from which it stands off by the
+    # sagitta; 1 % more for rounding.
     reach = radius + 1.01 * arc.radius * (1.0 - cos(0.5 * (u1 - u0)))
     near, triangles = triangles_near(m, x0, y0, x1, y1, reach, marks, mark, near, near[0])
     for i in range(triangles):
@@ -119,6 +122,7 @@ def arc_violations(m, points, radius):
         straight[1, 0] = points[last, 0]
         straight[1, 1] = points[last, 1]
         length = hypot(straight[1, 0] - straight[0, 0], straight[1, 1] - straight[0, 1])
+        # Repeated points add nothing: no arc leads from a point to itself.
         if length == 0.0 and points.shape[0] > 2:
             continue
         if length == 0.0 or abs(points[i, 2]) < FLAT:

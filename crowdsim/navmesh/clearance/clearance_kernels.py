@@ -44,8 +44,10 @@ def disc_clearance(m, x, y, limit, hint):
         dy = y - v.y
         best = min(best, dx * dx + dy * dy)
     h = 3 * root
+    # How many sides of the first triangle are done.
     done = 0
-    # Depth first through the tree of triangles; it has fewer sides to go along and back.
+    # Depth first through the tree of triangles. Each half-edge is met once, so only rounding errors can make the walk
+    # reach the bound of the loop.
     for _ in range(4 * sides.size):
         t = h // 3
         a = vertices[sides[h].org]
@@ -96,7 +98,10 @@ def disc_clearance(m, x, y, limit, hint):
 
 @helper
 def _inner_distance2(x0, y0, x1, y1, a, b):
-    """Return the squared distance from segment 0-1 to side ab if the nearest place is inside of the side, else inf."""
+    """Return the squared distance from segment 0-1 to side ab if the nearest place is inside of the side, else inf.
+
+    a, b: records VERTEX. The result is in square meters.
+    """
     ux = b.x - a.x
     uy = b.y - a.y
     # Coordinates of both ends of the segment along and off the side's line, times the side's length.

@@ -85,7 +85,8 @@ def _try_meetings(m, t, px, py, one, other, radius, tolerance, best):
         one, other = other, one
     dx = other.x - one.x
     dy = other.y - one.y
-    # Two circles of the same radius meet on the bisector of their centers.
+    # Two circles of the same radius meet on the bisector of their centers, off the middle by the share ``up`` of the
+    # distance of the centers.
     if one.length == 0.0:
         distance2 = dx * dx + dy * dy
         if distance2 == 0.0 or distance2 > 4.0 * radius * radius:
@@ -134,7 +135,7 @@ def _side_to_triangle2(m, h, t):
 
 @helper
 def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, vertex_marks):
-    """Collect the outlines of all obstacles that are seen from the free triangle ``root`` within ``near``.
+    """Collect the outlines of all obstacles seen from the free triangle ``root`` and within ``near`` [m] of it.
 
     Return (outlines, count, stack), as the arrays grow if they are full. The marks hold ``root`` + 1 for what was
     visited.
@@ -165,6 +166,7 @@ def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, verte
                 outlines[count].length = 0.0
                 count += 1
             g = sides[h].twin
+            # Visited before, or too far.
             if sides[h].constraints == 0 and triangle_marks[g // 3] == root + 1:
                 continue
             if _side_to_triangle2(m, h, root) > near * near:
@@ -210,7 +212,7 @@ def _roomy(m, t, radius):
         x, longest = longest, x
     if y > longest:
         y, longest = longest, y
-    # Acute: the circumscribed radius is the product of the sides over four times the area.
+    # Acute: the circumscribed radius is the product of the sides over four times the area (``area2`` is twice it).
     if longest < x + y:
         area2 = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
         return x * y * longest >= 4.0 * radius * radius * area2 * area2
@@ -261,6 +263,7 @@ def nearest_free(m, px, py, radius, tolerance, limit):
     best = np.empty(1, _BEST)
     best[0].x = px
     best[0].y = py
+    # More than the limit, as only nearer places are tried: so one at just the limit is.
     best[0].distance = limit + tolerance
     seen = np.zeros(frame.triangles, np.uint8)
     triangle_marks = np.zeros(frame.triangles, np.int32)
@@ -296,7 +299,7 @@ def nearest_free(m, px, py, radius, tolerance, limit):
         for i in range(count):
             _, x, y = _nearest_of(outlines[i], px, py, radius)
             _try(m, t, px, py, x, y, radius, tolerance, best)
-        # Candidates of two outlines; those that are farther than the best place as a whole cannot give a nearer one.
+        # Candidates of two outlines. One whose nearest point is farther than the best place cannot give a nearer one.
         kept = 0
         for i in range(count):
             distance, _, _ = _nearest_of(outlines[i], px, py, radius)

@@ -65,12 +65,12 @@ def is_met(ax, ay, bx, by, length, least):
 def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
     """Move a disc of radius ``least`` from (x0, y0) in triangle ``root`` to (x1, y1): (free, triangle of the end).
 
-    ``stack`` (k,) of :data:`SWEPT` is scratch memory; if it is too short the answer is False, as in any case of doubt.
+    ``stack`` is scratch memory; if it is too short the answer is (False, ``root``), as in any case of doubt.
     As in :func:`crowdsim.navmesh.clearance.clearance_kernels.capsule_nearest`, only the inside of a side counts, so
     triangles need no marks. ``sides`` and ``vertices`` are passed instead of the mesh because numba counts a reference
     to each array of an argument in each call.
     """
-    # The frame of the segment: (ex, ey) is its direction. A point of no length gets any direction.
+    # The frame of the segment: (ex, ey) is its direction. A segment of no length gets any direction.
     ex = x1 - x0
     ey = y1 - y0
     length = math.sqrt(ex * ex + ey * ey)
@@ -132,7 +132,7 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
         if sides[h].constraints != 0 or steps < 0 or top + 2 > stack.size:
             return False, root
         g = sides[h].twin
-        # The segment leaves the triangle across this side; the last such place gives the triangle of the end.
+        # The segment leaves the triangle across this side (from right to left of it); the last one gives the end's.
         if ay <= 0.0 and by > 0.0:
             at = ax - ay * (bx - ax) / (by - ay)
             if at <= length and at > reach:
@@ -166,7 +166,11 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
 
 @helper
 def walk(sides, vertices, t, x, y):
-    """Return the triangle near triangle ``t`` that holds (x, y), within rounding; -1 if 32 steps do not reach it."""
+    """Return the triangle near triangle ``t`` that holds (x, y), within rounding; -1 if 32 steps do not reach it.
+
+    Rounding can make the walk circle, so it gives up after 32 steps, far more than a place nearby needs; the caller
+    then searches with exact tests.
+    """
     for _ in range(32):
         h = 3 * t
         a = vertices[sides[h].org]
@@ -200,6 +204,7 @@ def is_free_way(m, stack, triangle, x0, y0, x1, y1, least):
     """
     free, _ = sweep(m.sides, m.vertices, stack, triangle, x0, y0, x1, y1, least)
     if not free:
+        # Only distances below ``least`` matter: 1 % more is enough to tell them.
         distance, _ = capsule_clearance(m, x0, y0, x1, y1, 1.01 * least, triangle)
         free = distance >= least
     return free

@@ -4,7 +4,8 @@ A place on a piece of the polyline is p + s u with u of unit length, so s is arc
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; p0 = (x0, y0) and p1 = (x1, y1) are the ends
 of a piece, 0-1, a and b those of a side ab; an interval lo..hi of s is empty if lo > hi; ``spans`` (k,) are intervals;
-``frame`` is a record FRAME of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, with the box.
+``frame`` is a record FRAME of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, with the box; ``radius`` is that of the disc
+[m].
 """
 
 import math
@@ -24,7 +25,7 @@ SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
 
 @helper
 def _widen(span, lo, hi):
-    """Return the smallest interval that holds ``span`` and lo..hi, which is ignored if it is empty."""
+    """Return the smallest interval that holds ``span``, a pair of numbers, and lo..hi, which is ignored if empty."""
     if lo < hi:
         return min(span[0], lo), max(span[1], hi)
     return span
@@ -88,6 +89,7 @@ def _triangle_span(m, t, px, py, ux, uy):
             lo = max(lo, -at / rate)
         elif rate < 0.0:
             hi = min(hi, -at / rate)
+        # Parallel to the side, on its outer side.
         elif at < 0.0:
             return math.inf, -math.inf
     return lo, hi
@@ -228,6 +230,7 @@ def violations(m, points, radius):
         # Repeated points of a polyline add nothing.
         elif points.shape[0] > 2:
             continue
+        # A single point gets any direction.
         else:
             ux = 1.0
         # Outside of the box everything is blocked.
@@ -240,6 +243,7 @@ def violations(m, points, radius):
             spans, count = record(spans, count, start, start + enter)
         if leave < length:
             spans, count = record(spans, count, start + leave, start + length)
+        # The triangles near the part in the box; near[0], at the piece before, is the hint.
         near, found = triangles_near(
             m, px + enter * ux, py + enter * uy, px + leave * ux, py + leave * uy, radius, marks, i + 1, near, near[0]
         )

@@ -52,11 +52,12 @@ class DetourSearch(NamedTuple):
     ends: tuple[float, float, float, float, float, float]
     """x, y of the start and of the goal, radius and least clearance [m]."""
     guide: NDArray[Any]
+    """(k,) records GUIDE of guide_kernels: distances to the goal, as :func:`aim_guide` fills them."""
 
 
 @kernel
 def begin_guide(m, guide):
-    """Enter the sides of the mesh into a ``guide`` of zeros; `aim_guide` adds radius and goal."""
+    """Enter the sides of the mesh into a ``guide`` of zeros, (k,) GUIDE; `aim_guide` adds the distances to a goal."""
     add_sides(m, guide)
 
 
@@ -74,9 +75,11 @@ def aim_guide(m, labels, work, sx, sy, gx, gy, radius, least, farther, guide):
     if start < 0 or goal < 0:
         return
     # In different components there is no way, and the search would flood all that can be reached from the goal.
+    # (Within one triangle there may be one although no side can be left through, and the labels do not tell.)
     if start != goal and not are_joined(m, labels, start, sx, sy, goal, gx, gy, 2.0 * least):
         return
-    # From the goal to the start, so that the labels hold lengths to the goal.
+    # From the goal to the start, so that the labels hold lengths to the goal. This search has no guide itself: it takes
+    # an empty table of the least size.
     nothing = np.zeros(3, GUIDE)
     _, used, limit = find_way(m, None, work, goal, gx, gy, start, sx, sy, radius, 2.0 * least, nothing, farther)
     fill_guide(m, work.labels, used, radius, limit, guide)
@@ -97,6 +100,7 @@ def find_detour(search, x, y):
         return NO_ROOM, nothing
     # NONE: the obstacle is outside of the box and changes nothing.
     v = edit_point(places, _INSERT, x, y, NONE)
+    # The edit failed, or is not settled for lack of room.
     if v < NONE:
         return LOST, nothing
     found, path = plan_path(m, None, search.work, sx, sy, gx, gy, radius, least, search.guide)
@@ -110,7 +114,7 @@ def find_detour(search, x, y):
 
 @kernel
 def keeps_off(points, x, y, distance):
-    """Return True if the polyline ``points`` (n, 2) stays at least ``distance`` [m] away from (x, y)."""
+    """Return True if the polyline ``points`` (n, 2) [m], n at least 2, stays at least ``distance`` [m] from (x, y)."""
     nearest = math.inf
     for k in range(points.shape[0] - 1):
         d2 = point_segment_distance2(x, y, points[k, 0], points[k, 1], points[k + 1, 0], points[k + 1, 1])

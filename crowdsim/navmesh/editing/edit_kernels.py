@@ -3,7 +3,8 @@
 ``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
 :mod:`crowdsim.navmesh.mesh.mesh_arrays`. An obstacle is given by its corners ``points`` (n, 2) [m], ring after ring,
 that end at ``ends``, by ``winding``, 1 for rings with the obstacle on their left and 0 for polylines and points, by the
-``slot`` that names it, and by the vertices ``ids`` (n,) of its corners.
+``slot`` that names it, and by the vertices ``ids`` (n,) of its corners. Its ``owner``, by which half-edges know it, is
+twice the slot plus the winding.
 """
 
 from crowdsim.errors import BoundExceeded
@@ -31,7 +32,7 @@ def _collect(m, owner, ids, w):
     sides = m.sides
     vertices = m.vertices
     stack = w.stack
-    # Begin with the corners, each once.
+    # Begin with the corners, each once. (None is -1 here; only points outside of the box are.)
     found = 0
     for v in ids:
         if v >= 0 and w.to_do[v].mark & VISITED == 0:
@@ -83,6 +84,7 @@ def _put(m, w, points, ends, winding, slot, ids):
             return v
         ids[i] = v
         hint = m.vertices[v].vhe // 3
+    # One list of uses, with this obstacle alone, serves all its edges.
     owner = 2 * slot + winding
     use = new_use(w, owner, NONE)
     # The edges. Chains without winding are not closed; corners that were snapped together make no edge.
@@ -129,6 +131,7 @@ def _take_out(m, w, winding, slot, ids):
         back.winding += times * winding
         soil(sides, h // 3)
         soil(sides, forth.twin // 3)
+    # The pool of uses was too small for a list without the obstacle.
     if w.progress[0].full != 0:
         return FULL
     # Its vertices may be removable now.
@@ -136,6 +139,7 @@ def _take_out(m, w, winding, slot, ids):
         touch(w, w.stack[i])
     for v in ids:
         m.vertices[v].vref -= 1
+    # Winding numbers change inside of a ring. The items of ``stack`` behind the vertices are free for the flood.
     if winding != 0 and not follow(m, w, count, found):
         flood_again(m, w)
     # Keep its sides for the repair: as vertices, since they may not be Delaunay sides without a constraint, and as

@@ -35,7 +35,10 @@ _LEAST_USES = 4096
 
 
 class Handle(NamedTuple):
-    """An obstacle that was inserted. No two obstacles of a mesh ever have the same handle."""
+    """An obstacle that was inserted. No two obstacles of a mesh ever have the same handle.
+
+    slot: number of the obstacle, which another one gets after its removal. generation: how many had the slot before.
+    """
 
     slot: int
     generation: int
@@ -72,6 +75,7 @@ class Obstacles:
         self._base = mesh
         self._slots: list[_Slot] = []
         self._free: list[int] = []
+        # A quarter more than there are, and some: edits begin without growing the arrays.
         room = len(mesh.vertices) + len(mesh.vertices) // 4 + 256
         self._set(resized(mesh, room), workshop(room, _LEAST_USES))
 
@@ -158,7 +162,7 @@ class Obstacles:
         """Return the shape of ``geometry``, and its part inside the box on the grid, which is empty for points."""
         if isinstance(geometry, shapely.Point) and not geometry.is_empty:
             return as_dots([(geometry.x, geometry.y)]), NOTHING
-        # Outlines of few corners take a short cut around shapely.
+        # Outlines of few corners take a short cut around shapely, unless the check is unsure or fails.
         if not isinstance(geometry, BaseGeometry):
             geometry = as_numbers(geometry, "obstacle")
             if geometry.shape == (2,):
@@ -217,7 +221,7 @@ class Obstacles:
         """Insert ``shape`` as slot ``number``; if that fails the mesh is as before, and GeometryError is raised."""
         slot = self._slots[number]
         slot.shape, slot.snapped = shape, snapped
-        # The mesh may have become useless: build it again, and try once more.
+        # The mesh may have become useless: build it again without this obstacle (``ids`` None), and try once more.
         if not self._enter(number, slot):
             slot.ids = None
             self.rebuild()
@@ -246,7 +250,7 @@ class Obstacles:
         return self._change(INSERT, number, slot)
 
     def _change(self, what: int, number: int, slot: _Slot) -> bool:
-        """Insert or remove slot ``number``; False where that left the mesh useless."""
+        """Insert or remove slot ``number``; return False if that left the mesh useless."""
         try:
             if isinstance(slot.shape, list) and isinstance(slot.ids, list):
                 return self._edit_points(what, slot.shape, slot.ids)
@@ -257,6 +261,8 @@ class Obstacles:
     def _edit_points(self, what: int, points: Dots, ids: list[int]) -> bool:
         """Insert or remove each of ``points``; return False if the mesh is useless afterwards."""
         for i, (x, y) in enumerate(points):
+            # Vertices and uses to add room for if the kernel finds none: more than `has_room` wants for a point, and
+            # twice as many each time. For repairs as many as the mesh has.
             job, wanted = what, 128
             while (v := point_kernels.edit_point(self._places, job, x, y, ids[i])) < -1:
                 if v == UNSETTLED:
@@ -273,6 +279,8 @@ class Obstacles:
 
         Return False if the mesh is useless afterwards.
         """
+        # Vertices and uses to add room for if the kernel finds none: what `has_room` wants, and twice as many each
+        # time. For repairs as many as the mesh has.
         shape, wanted = slot.snapped, 8 * len(slot.snapped.points) + 64
         while True:
             status = edit_kernels.edit(self._places, what, shape.points, shape.ends, shape.winding, number, slot.ids)
@@ -286,9 +294,11 @@ class Obstacles:
     def _grow(self, wanted: int) -> None:
         """Make room for ``wanted`` more vertices and uses."""
         mesh, work = self.mesh, self._work
+        # ``present``: vertices in use, from the number of triangles as in `has_room`; ``filled`` counts removed ones.
         filled, present = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0]) // 2 + 3
         if present + wanted >= len(mesh.vertices):
             mesh = resized(mesh, filled + filled // 4 + 2 * wanted)
+        # Clear the pool of uses; it gets room for twice those left and wanted. The workshop grows with the mesh, too.
         kept = np.zeros(len(work.uses), USE)
         count = keep_used(mesh, work.uses, kept)
         room = max(len(kept), _LEAST_USES, 2 * (count + wanted))
@@ -297,7 +307,8 @@ class Obstacles:
             work.progress[:] = self._work.progress
             work.gone[: len(kept)] = self._work.gone
             work.to_do[["mark", "touched"]][: len(self._work.to_do)] = self._work.to_do[["mark", "touched"]]
-            # The ring buffer is put in order, so that it starts at 0 in the larger array.
+            # An edit that is not settled yet goes on with its marks and lists. The ring buffer is put in order, so that
+            # it starts at 0 in the larger array.
             waiting = np.roll(self._work.to_do["waiting"], -int(work.progress["head"][0]))
             work.to_do["waiting"][: len(waiting)] = waiting
             work.progress["head"] = 0

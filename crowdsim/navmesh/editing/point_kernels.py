@@ -28,6 +28,8 @@ UNSETTLED = -5
 @helper
 def has_room(m, w, corners):
     """Return True if an edit of an obstacle with ``corners`` corners fits, unless it crosses very many others."""
+    # More than the corners, as crossings and feet become vertices, too. A guess: an edit that needs more ends with FULL
+    # or UNSETTLED.
     wanted = 8 * corners + 64
     frame = m.frame[0]
     # A mesh has two triangles for each vertex, less six; ``frame.vertices`` would count spare vertices, too.
@@ -114,7 +116,7 @@ def edit_point(places, what, x, y, v):
         status = _take_out(m, w, v)
         if status < 0:
             return np.int64(status)
-    # Repairs around the point.
+    # Repairs fail for lack of room, which larger arrays cure, or for good.
     status = settle(m, w)
     if status == 0:
         return progress.vertex

@@ -34,7 +34,7 @@ def _takes_over(m, v, far, a, b):
     by = vertices[b].y
     first = vertices[v].vhe
     h = first
-    # It is, if the circle of a, b and ``far`` holds no other neighbor of v on that side.
+    # They are one triangle if the circle of a, b and ``far`` holds no other neighbor of v on that side.
     for _ in range(sides.size):
         c = sides[nxt(h)].org
         q = vertices[c]
@@ -91,6 +91,8 @@ def removable(m, w, v):
     y = vertices[v].y
     ux = b.x - a.x
     uy = b.y - a.y
+    # Offsets along a-b are measured times its length. A foot moves to the grid by up to half a cell in x and y; four
+    # cells leave a margin, as at worst a vertex stays that is not needed.
     tolerance = 4.0 * m.frame[0].cell * (abs(ux) + abs(uy))
     h = first
     for _ in range(sides.size):

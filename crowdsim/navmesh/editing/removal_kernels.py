@@ -134,6 +134,7 @@ def _flip_spokes(m, w, v):
             _push(w, b, c)
             degree -= 1
             idle = 0
+            # h now leads from v to a; go on with the spoke after it, to c.
             h = sides[prv(h)].twin
         else:
             idle += 1
@@ -236,7 +237,7 @@ def _join_three(m, w, h0):
 
 @helper
 def remove_vertex(m, w, v):
-    """Remove vertex v, with no constrained spokes, or with two of the same load, which become one side.
+    """Remove vertex v, with no constrained spokes, or with two of the same constraints and uses, which become one side.
 
     Return False if that side would sweep over another vertex; then v stays. Sides around that may not be Delaunay are
     stacked in ``pairs`` of the workshop w, for the caller to flip.

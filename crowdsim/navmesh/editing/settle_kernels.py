@@ -32,7 +32,7 @@ from crowdsim.navmesh.triangulation.work_kernels import (
 )
 
 _SEEN = -(1 << 40)
-"""Cover of a free triangle that :func:`_look_out` has visited."""
+"""Cover of a free triangle that :func:`_look_out` has visited: a number that no count of obstacles has."""
 
 
 @helper
@@ -121,6 +121,7 @@ def _has_changed(m, w, v):
     sides = m.sides
     first = m.vertices[v].vhe
     h = first
+    # Noted already, or to be seen at a triangle.
     if w.to_do[v].mark & CHANGED != 0:
         return True
     for _ in range(sides.size):
@@ -170,10 +171,11 @@ def _touch_corners(m, w):
 
 @helper
 def settle(m, w):
-    """Bring refinement and corner clearances up to date around touched vertices; return 0, STUCK, or FULL: more room.
+    """Bring refinement and corner clearances up to date around touched vertices; return 0, STUCK or FULL.
 
     A bottleneck is new only if the triangle at its wall is, or its vertex, or if something between them was removed. So
-    its vertex is at a changed triangle, or sees a removed side. After FULL what is left to do is in the workshop.
+    its vertex is at a changed triangle, or sees a removed side. After FULL, which asks for larger arrays, what is left
+    to do is in the workshop.
     """
     sides = m.sides
     vertices = m.vertices
@@ -248,7 +250,7 @@ def settle(m, w):
                 cell = hint_cell(m, t)
                 m.hints[cell] = t
                 note_changed(w, t, cell)
-            # Corners of the box have an open star.
+            # The triangles around a corner of the box do not close a circle: the walk ends at the hull.
             h = sides[prv(h)].twin
             if h == first or h < 0:
                 break

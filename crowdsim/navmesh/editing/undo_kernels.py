@@ -41,6 +41,7 @@ def copy_back(places, before):
         Addresses of a copy of the mesh as it was, with as much room.
     """
     w = workshop_at(places)
+    # s: the mesh as it was; t: the mesh to restore.
     s = mesh_at(before)
     t = mesh_at(places)
     if w.progress[0].changed > w.to_do.size:

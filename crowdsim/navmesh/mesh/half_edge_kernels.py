@@ -1,7 +1,7 @@
 """Steps on half-edges, and the search for a triangle or a side.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
-SIDE and VERTEX; h is a half-edge, t a triangle.
+SIDE and VERTEX; h is a half-edge, t a triangle, whose half-edges are 3 t, 3 t + 1 and 3 t + 2, counter-clockwise.
 """
 
 import numpy as np
@@ -75,14 +75,16 @@ def locate(m, x, y, hint):
         return -1
     t = hint
     if t < 0 or t >= frame.triangles:
-        # No usable hint: start from the triangle kept for this cell of the coarse hint grid.
+        # No usable hint: start from the triangle kept for this cell of the coarse hint grid. After an edit its number
+        # may be out of date, but any triangle is a start.
         column = min(int((x - frame.x0) / frame.hint_cell), frame.nx - 1)
         row = min(int((y - frame.y0) / frame.hint_cell), frame.ny - 1)
         t = min(m.hints[row * frame.nx + column], frame.triangles - 1)
     came = NONE
     random = np.uint32(2463534242)
+    # A random walk ends long before this bound.
     for _ in range(8 * frame.triangles + 64):
-        # A step of xorshift, with a fixed seed: the same walk in every run.
+        # A step of Marsaglia's xorshift, with a fixed seed: the same walk in every run.
         random ^= random << np.uint32(13)
         random ^= random >> np.uint32(17)
         random ^= random << np.uint32(5)
@@ -96,6 +98,7 @@ def locate(m, x, y, hint):
             return t
         came = sides[h].twin
         t = came // 3
+    # The walk took too many steps.
     for t in range(frame.triangles):
         if holds(m, t, x, y):
             return t

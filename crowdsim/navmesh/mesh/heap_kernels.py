@@ -36,7 +36,7 @@ def push(heap, count, key, item):
 
 @helper
 def pop(heap, count):
-    """Remove the least of ``count`` rows from a heap and leave it at index ``count - 1``."""
+    """Remove the least of ``count`` rows from a heap and leave it at index ``count - 1``, where the caller reads it."""
     last = count - 1
     key = heap[last].key
     item = heap[last].item

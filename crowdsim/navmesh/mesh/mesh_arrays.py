@@ -172,6 +172,7 @@ No sound edit comes near it; a larger value only delays the error.
 
 def workshop(vertices: int, uses: int = 0) -> Workshop:
     """Return an empty workshop for a mesh with room for ``vertices`` vertices and a pool of ``uses`` records."""
+    # One item for each half-edge, and some more for tiny meshes.
     room = 6 * vertices + 64
     pairs = np.empty((room, 2), np.int64)
     to_do = np.zeros(vertices, TO_DO)
@@ -190,8 +191,8 @@ def workshop(vertices: int, uses: int = 0) -> Workshop:
 
 def empty_mesh(vertices: int, frame: NDArray[Any]) -> MeshArrays:
     """Return arrays with room for ``vertices`` vertices and with empty hints; ``frame`` (1,) is copied."""
-    # Kernels write every field before it is read, and the operating system gives pages of zeros only when they are
-    # touched.
+    # Zeros cost nothing, as the operating system gives pages of zeros only when they are touched; kernels write every
+    # field before it is read. A triangulation of n vertices has fewer than 2 n triangles, each of three half-edges.
     hints = np.full(int(frame["nx"][0]) * int(frame["ny"][0]), NONE)
     cover = np.zeros(2 * vertices, np.int64)
     return MeshArrays(np.zeros(6 * vertices, SIDE), np.zeros(vertices, VERTEX), cover, hints, frame.copy())

@@ -5,7 +5,7 @@ angles are measured from the direction n, up to ``extent`` [rad]; ``sights``, ``
 stack of views, what is seen, and the intervals of angles that are taken. ``m`` is the mesh (MeshArrays) of
 :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records SIDE and VERTEX; n = (nx, ny) is a
 unit vector, c = (cx, cy) a corner and v a vertex relative to it, a and b the ends of a wall [m]; p is the place of a
-corner.
+corner. The half-edges that leave a vertex are its spokes; two constrained ones bound a wedge of free ground.
 """
 
 import math
@@ -133,7 +133,8 @@ def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
     if below >= 1.0:
         return count
     # At the angle g clockwise of the wall's direction t, a place is taken if sin g > below and 0 < along + radius cos g
-    # < length. The second condition holds for g in (lo, hi) and mirrored; the first one cuts these.
+    # < length. The second condition holds for g in (lo, hi) and mirrored; the first one cuts these. It leaves angles
+    # from -90 to 270 degrees, so the mirrored interval is taken a turn on, too.
     half = acos(max(below, -1.0))
     lo = acos(min(max((length - along) / radius, -1.0), 1.0))
     hi = acos(min(max(-along / radius, -1.0), 1.0))
@@ -150,7 +151,10 @@ def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
 
 @helper
 def _wedge_end(sides, first):
-    """Return the last spoke of the free wedge that begins with the wall ``first``: the next constrained spoke."""
+    """Return the last spoke of the free wedge that begins with the wall ``first``: the next constrained one.
+
+    Spokes are passed counter-clockwise. At the end of a single wall it is ``first`` again.
+    """
     h = first
     for _ in range(sides.size):
         h = sides[prv(h)].twin
@@ -171,6 +175,7 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
     h = begin
     # All triangles of the wedge: the far end of each spoke, and all that is seen across the outer sides.
     for _ in range(sides.size):
+        # What is farther than twice ``least`` takes no place.
         found[0] = sides[nxt(h)].org
         seen = _look_around(m, px, py, nxt(h), 4.0 * least * least, sights, found, np.int64(1))
         h = sides[prv(h)].twin
@@ -217,6 +222,7 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
     by = 0.0
     nx = 1.0
     ny = 0.0
+    # A point obstacle: angles of two turns, so that an arc across the direction n is found as a whole.
     extent = 2.0 * _TURN
     begin = vertices[v].vhe
     if first >= 0:
@@ -236,8 +242,9 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
         bx /= length
         by /= length
         across = ax * by - ay * bx
-        # A string bends only in a free wedge of more than half a turn. At a flat corner it does not, but a point
-        # (radius 0) that moves along its walls meets it.
+        # A string bends only in a free wedge of more than half a turn, a x b < 0. (It is a full turn around the end of
+        # a single wall, ``first`` equal to ``last``.) At a flat corner it does not, but a point (radius 0) that moves
+        # along its walls meets it. If a and b nearly agree, the wedge is almost a full turn, not flat.
         flat = radius > 0.0 and ax * bx + ay * by <= 0.0
         if first != last and across > (-_FLAT if flat else _FLAT):
             return arcs, count
@@ -254,6 +261,7 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
     at = 0.0
     for i in range(taken + 1):
         end = min(spans[i].lo, extent) if i < taken else extent
+        # Around a point obstacle, arcs that begin in the second turn are those of the first one again.
         if end >= at and (first >= 0 or at < _TURN):
             # A free circle: two arcs, half a turn apart, so that tangents which cross the end of one are on the other.
             whole = first < 0 and end - at > _TURN

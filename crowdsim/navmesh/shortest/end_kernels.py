@@ -38,6 +38,7 @@ def _free_triangle(m, x, y, least):
         return NONE, False
     # A disc: the exact clearance decides.
     if least > 0.0:
+        # Only distances below ``least`` matter: 1 % more is enough to tell them.
         distance, _ = disc_clearance(m, x, y, 1.01 * least, t)
         if distance < least:
             return NONE, False
@@ -153,9 +154,9 @@ def _look(m, graph, scratch, eye, t, found):
 
 @helper
 def find_ends(m, graph, scratch, stand, disc, to_goal):
-    """Find the tangents between a stand and the arcs it sees, in the direction ``to_goal`` or from the start.
+    """Find the tangents between a stand and the arcs it sees; return their number. They fill ``ends`` of ``scratch``.
 
-    Return their number.
+    They lead from the arcs to the stand if ``to_goal`` is True, as for the goal; from the stand to the arcs if False.
 
     They are not checked for obstacles that cut them. A disc that touches an obstacle may stand closer to it than its
     radius, by the tolerance. Its tangents may then miss the begin or the end of an arc by an angle and lead to that

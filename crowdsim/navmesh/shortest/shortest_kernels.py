@@ -32,9 +32,9 @@ _DETOUR = 1.06
 
 @helper
 def _widen(string, radius):
-    """Give the discs of a taut string the given radius, close to their old one.
+    """Give the discs of a taut string the given radius, close to their old one, and the coarse bulge.
 
-    Return True if its turns keep their side.
+    Return True if all tangents exist and the string still turns around each disc on the disc's side, up to rounding.
     """
     ax = 0.0
     ay = 0.0
@@ -134,6 +134,7 @@ def shortest_paths(m, graph, scratch, batch, asked, disc):
     other arguments see :func:`shortest_path`.
     """
     starts, goals, status = batch.starts, batch.goals, batch.status
+    # ``points`` is one buffer for all paths, which grows; 16 points a path are a first guess.
     points = np.empty((16 * status.size, 2))
     filled = np.int64(0)
     for i in range(status.size):
@@ -142,7 +143,6 @@ def shortest_paths(m, graph, scratch, batch, asked, disc):
         status[i] = found
         batch.counts[i] = 0
         batch.lengths[i] = length
-        # ``points`` is one buffer for all paths, which grows.
         if found == OK:
             points, _ = append_path(points, filled, path)
             batch.counts[i] = path.shape[0]

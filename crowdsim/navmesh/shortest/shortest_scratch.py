@@ -67,7 +67,7 @@ class ShortestScratch(NamedTuple):
     goals: NDArray[Any]
     """(nodes,) records :data:`END`: the tangents to the goal."""
     ends: NDArray[Any]
-    """(k,) records :data:`END`: the arcs that the start or the goal sees."""
+    """(k,) records :data:`END`: tangents of the arcs that the start or the goal sees."""
     outlook: View
     """The view from the start or the goal."""
     heap: NDArray[Any]
@@ -81,7 +81,9 @@ class ShortestScratch(NamedTuple):
 def shortest_scratch(nodes: int, vertices: int, triangles: int) -> ShortestScratch:
     """Return scratch memory for a graph of so many nodes; the system provides memory only where it is written to.
 
-    Heap and stack are small, as searches replace them by larger ones if they are full.
+    The heap is small, as a search copies it into a larger one if it is full; so is the stack, as the exact distance
+    decides if it is too short for a sweep. ``ends`` have room for the tangents in a view, and for more at corners with
+    several arcs.
     """
     return ShortestScratch(
         np.zeros(nodes, LABEL),

@@ -57,6 +57,7 @@ class RadiusGraph:
             part: np.ndarray = tangent_graph_kernels.find_tangents(mesh, arcs, begin, *self.disc, view, first, last)
             return part
 
+        # Each thread looks from a share of the nodes, of which an arc has two.
         ends = np.linspace(0, 2 * len(arcs), max(workers, 1) + 1).astype(np.int64).tolist()
         if workers <= 1:
             found = tangents(0, 2 * len(arcs))

@@ -1,7 +1,9 @@
 """Tangents between the arcs of a mesh that a disc of one radius can follow.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; n = (nx, ny) is a unit vector; ``stack`` is
-scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; ``least`` is the clearance that counts as enough [m].
+scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; ``radius`` is that of the disc, ``least`` the clearance that
+counts as enough [m]; ``arcs`` (na,) are records ARC, ``tangents`` (k,) records _TANGENT. i and j are nodes: node 2 k
+passes arc k counter-clockwise, 2 k + 1 clockwise.
 """
 
 import math
@@ -26,7 +28,10 @@ _TANGENT = np.dtype(
 
 @helper
 def touches(arc, nx, ny):
-    """Return True if the place in direction n from the arc's corner is off both walls of the corner."""
+    """Return True if direction n is at a right angle or more from both walls of the arc's corner, within rounding.
+
+    A disc that touches the corner at a place in that direction does not reach into the walls.
+    """
     return nx * arc.ax + ny * arc.ay <= TOLERANCE and nx * arc.bx + ny * arc.by <= TOLERANCE
 
 
@@ -57,7 +62,7 @@ def nearest_end(arc, nx, ny, margin):
 
 @helper
 def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
-    """Add the tangent ``end``, from node i to a corner of arc b, if it is free and meets the arc.
+    """Add the tangent ``end`` (SEEN), from node i to the corner of arc b, if it is free and meets both arcs.
 
     Return (tangents, count).
     """
@@ -190,8 +195,10 @@ def link_arcs(arcs, tangents, radius):
     """
     count = 2 * arcs.size
     nodes = np.zeros(count + 2, NODE)
-    # Counting sort by node, both ways of each tangent: count, add up, put in place. A tangent leads from node i to j,
-    # the other way round from j ^ 1 to i ^ 1: the nodes that go around the same arcs in the other direction.
+    # Counting sort by node, both ways of each tangent: count, add up, put in place. Counts are kept two rows on: added
+    # up, row n + 1 holds the begin of node n, and the begin of node n + 1 once the links of node n are in place. A
+    # tangent leads from node i to j, the other way round from j ^ 1 to i ^ 1: the nodes that go around the same arcs in
+    # the other direction.
     for tangent in tangents:
         nodes[tangent.i + 2].begin += 1
         nodes[(tangent.j ^ 1) + 2].begin += 1

@@ -53,7 +53,7 @@ def _is_shorter(back, radius, one, other):
 
     ``back`` is the angle between their points of contact [rad]; one and other are their lengths [m].
     """
-    # Tangents at two points of a circle meet at this distance from both.
+    # Tangents at two points of a circle meet at this distance from both; nearly half a turn apart, too far away.
     reach = radius * tan(0.5 * back) if back < 3.0 else np.inf
     return one >= reach and other >= reach
 

@@ -24,7 +24,11 @@ LOOKS = np.int64(1024)
 
 @helper
 def _aim(aim, x, y, q0, radius):
-    """Set the tangents from the circle q0 around the origin to both sides of the circle around (x, y)."""
+    """Set the tangents from the circle q0 around the origin to both sides of the circle around (x, y).
+
+    q0: signed radius [m], as ``q`` of Viewpoint; (x, y) is relative to the eye [m], and its circle has ``radius``.
+    """
+    # No division by 0 for a vertex at the eye.
     distance = math.sqrt(x * x + y * y)
     scale = 1.0 / max(distance, 1e-300)
     dx = x * scale
@@ -32,7 +36,8 @@ def _aim(aim, x, y, q0, radius):
     aim.distance = distance
     aim.dx = dx
     aim.dy = dy
-    # The sine of the angle between a tangent and the line of the centers is (q - q0) / distance.
+    # The sine of the angle between a tangent and the line of the centers is (q - q0) / distance. It is kept even if it
+    # exceeds 1, as the circles overlap; the heading is then that at 1.
     s = (radius - q0) * scale
     c = 1.0 if s == 0.0 else math.sqrt(max(1.0 - s * s, 0.0))
     aim.left_s = s
@@ -103,7 +108,7 @@ def set_ellipse(ellipse, x0, y0, x1, y1, length):
     ellipse.y = 0.5 * (y0 + y1)
     ellipse.per_major = 0.0
     ellipse.per_minor = 0.0
-    # The foci are the two points; the long axis is ``length``.
+    # The foci are the two points; the long axis is ``length``, more than their distance.
     if length < np.inf:
         ellipse.ux = dx / distance
         ellipse.uy = dy / distance
@@ -113,7 +118,7 @@ def set_ellipse(ellipse, x0, y0, x1, y1, length):
 
 @helper
 def _meets(ellipse, a, b):
-    """Return True if the side from vertex a to vertex b meets the ellipse."""
+    """Return True if the side from vertex a to vertex b (records VERTEX) meets the ellipse or lies inside of it."""
     ax = a.x - ellipse.x
     ay = a.y - ellipse.y
     bx = b.x - ellipse.x
@@ -194,7 +199,8 @@ def _first_sight(sight, h, v, w, eye):
 def _clip(sight, eye):
     """Clip a view to the eye's headings, a to b, and 30 degrees more on both sides; return False if nothing is left.
 
-    Only a view that begins at least four radii from the eye may be clipped: every corner there is within these bounds.
+    Only a view that begins at least four radii from the eye may be clipped: every corner there is within these bounds,
+    as the sine of the angle from it to a tangent's heading is at most 2 radii over the distance, 0.5 for 30 degrees.
     A nearer view may be wider than half a turn, for which the tests by cross products below do not hold.
 
     sight: record :data:`~crowdsim.navmesh.shortest.view_arrays.SIGHT`, whose right bound is r and left bound l.
@@ -225,8 +231,8 @@ def _split(sight, other, zx, zy, aim, tolerance, reach):
     """Split a view at the vertex seen at z from the eye: ``sight`` keeps its right part, ``other`` takes the left one.
 
     Both see past the vertex by ``tolerance`` [m]. Beside the vertex, headings are bounded for corners more than
-    ``reach`` behind it. sight, other: records :data:`~crowdsim.navmesh.shortest.view_arrays.SIGHT`. aim: unit vector
-    (dx, dy) of the view's heading.
+    ``reach`` behind it. sight, other: records :data:`~crowdsim.navmesh.shortest.view_arrays.SIGHT`. aim: the
+    record AIM of the vertex, with its direction (dx, dy).
     """
     # The left part inherits all bounds of the view.
     other.clipped = sight.clipped
