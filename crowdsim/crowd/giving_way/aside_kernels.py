@@ -11,7 +11,7 @@ import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.crowd.giving_way.give_way_kernels import DETOUR_COST, lay_move, move_is_free, own
-from crowdsim.crowd.near.neighbor_kernels import cells_within, rows_of_line
+from crowdsim.crowd.near.neighbor_kernels import OF_TIMELINES, cells_within, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import RADIUS
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, meets_anyone
@@ -79,7 +79,7 @@ def look_beside(everyone, row, x, y, dx, dy, radius):
     has ``radius`` [m]. The overlap is 0 if no lanes overlap; the distance is at most NEAR.
     """
     # Rows are found by where they are now, and count where their timelines end.
-    low, high, first, last = cells_within(everyone.near, x, y, x, y, NEAR)
+    low, high, first, last = cells_within(everyone.near, x, y, x, y, NEAR + everyone.near.spread[OF_TIMELINES])
     lacking = 0.0
     gap = NEAR
     for line in range(first, last + 1):

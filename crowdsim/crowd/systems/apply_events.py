@@ -165,7 +165,7 @@ class AffectedAgents:
             plans.replans += 1
             self._drop(row, agent)
             return
-        after = self._goes_on_to(row, plan.count if clear == NONE else clear)
+        after = self._goes_on_to(row, clear)
         if after == plan.count - 1 and plan.arrives:
             return  # it arrives without touching the covered area
         plans.replans += 1

@@ -67,7 +67,7 @@ def note_standing(graph, rows, scratch):
 
 
 @helper
-def follow(graph, rows, row, table, progress, frame):
+def follow(graph, rows, row, table, progress, scratch, frame):
     """Let a row enter the next node of its plan, which is reserved, when its present one ends.
 
     Return True if a search for a plan ends or begins with that.
@@ -80,6 +80,8 @@ def follow(graph, rows, row, table, progress, frame):
     rows.blocked_since[row] = NONE
     rows.frame[row] = frame
     rows.next_node[row] = nodes[following]
+    # It moves now, so later rows cannot ask it to give way.
+    scratch.may_move[row] = False
     rows.next_cursor[row] = following
     for axis in range(3):
         rows.next_origin[row, axis] = origins[following, axis]
@@ -138,13 +140,12 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
             # Reserved. It moves now, so it cannot be asked to give way; a row that stands in its way ahead can.
             scratch.extended[scratch.counts[EXTENDED]] = row
             scratch.counts[EXTENDED] += 1
-            if scratch.noted[0]:
-                scratch.may_move[row] = False
             note_standing(graph, rows, scratch)
+            scratch.may_move[row] = False
             wide = 2.0 * rows.body_radius[row]
             if next_in_way(rows.way, rows.rank, scratch.may_move, row, rows.pose, wide, 0, everyone.near) >= 0:
                 return number, MAKE_ROOM
-        if leaves and follow(graph, rows, row, table, progress, frame):
+        if leaves and follow(graph, rows, row, table, progress, scratch, frame):
             scratch.behind[scratch.counts[BEHIND]] = row
             scratch.counts[BEHIND] += 1
     return len(chosen), ALL_DONE
@@ -177,11 +178,9 @@ def ask_in_turn(graph, rows, refused, begin, acts, table, progress, obstacles, e
             left[0] += trail.tries[0]
             trail.tries[0] = 0
         if count >= 0:
-            # It moves now, so later rows cannot ask it.
-            scratch.may_move[row] = False
             scratch.extended[scratch.counts[EXTENDED]] = row
             scratch.counts[EXTENDED] += 1
-            if follow(graph, rows, row, table, progress, frame):
+            if follow(graph, rows, row, table, progress, scratch, frame):
                 scratch.behind[scratch.counts[BEHIND]] = row
                 scratch.counts[BEHIND] += 1
             return number, OTHERWISE, count

@@ -232,6 +232,7 @@ class Choosing:
         view.blocked_since[row] = NONE
         view.frame[row] = self._walker(view, row).frame
         take(view, row, int(plan.nodes[following]), plan.origins[following], plan.blend_offsets[following], following)
+        self._giving_way.decided(view, row)
         self._followed(view, row, following)
 
     def _followed(self, view: View, row: int, following: int) -> None:
@@ -280,7 +281,7 @@ class Choosing:
             found = self.reserving.reserve(view, slower, plan, following, obstacles)
         if found is None:
             return False
-        self._giving_way.decided(row)
+        self._giving_way.decided(view, row)
         for name, value in found.items():
             getattr(view, name)[row] = value
         widen(self.surroundings.neighbors(view), row, view.timeline_circle[row])

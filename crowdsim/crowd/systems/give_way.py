@@ -15,7 +15,6 @@ from crowdsim.crowd.state.components import TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.state_hash import timeline_digest
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Playback, Timelines
-from crowdsim.crowd.systems.choose_kernels import TRIES
 from crowdsim.crowd.systems.going_on import Scratch
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
@@ -48,11 +47,8 @@ class GivingWay:
 
     def asking(self, view: View) -> Asking:
         """Return the arguments of the kernels that ask others; which rows stand is determined once a step."""
-        scratch = self._scratch
-        if not scratch.noted[0]:
-            scratch.noted[0] = True
-            scratch.may_move[:] = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
-        standing = Standing(view.node, view.origin, view.goal, view.way, scratch.may_move, view.rank)
+        self._note_standing(view)
+        standing = Standing(view.node, view.origin, view.goal, view.way, self._scratch.may_move, view.rank)
         return Asking(self._moves, standing, self._trail, self._left)
 
     def _take_tries(self, most: int) -> None:
@@ -65,10 +61,17 @@ class GivingWay:
         self._left += self._trail.tries
         self._trail.tries[0] = 0
 
-    def decided(self, row: int) -> None:
+    def _note_standing(self, view: View) -> None:
+        """Note, once a step, which rows stand and have not decided yet."""
+        scratch = self._scratch
+        if not scratch.noted[0]:
+            scratch.noted[0] = True
+            scratch.may_move[:] = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
+
+    def decided(self, view: View, row: int) -> None:
         """Note that a row has chosen what to do in this step."""
-        if self._scratch.noted[0]:
-            self._scratch.may_move[row] = False
+        self._note_standing(view)
+        self._scratch.may_move[row] = False
 
     def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> None:
         """Let standing agents in the way ahead of a walking row step aside; ``near`` are the rows by cells."""
@@ -92,9 +95,7 @@ class GivingWay:
         """
         graph, asking = self.plans.assets.graph, self.asking(view)
         now = Playback.natural(self.plans.step, self.plans.assets.frames_per_step)
-        self._take_tries(TRIES)
         steps = bool(step_to_wall(graph, obstacles, Timelines.of(view, near), row, now, draft, asking))
-        self._give_back_tries()
         self.move(view, int(steps))
         return steps
 
@@ -137,4 +138,4 @@ class GivingWay:
         view.rate[row] = view.wanted_rate[row] = Playback.natural(plans.step, plans.assets.frames_per_step).rate
         view.next_node[row], view.next_cursor[row] = plan.nodes[0], 0
         view.next_origin[row], view.next_blend_offset[row] = plan.origins[0], plan.blend_offsets[0]
-        self.decided(row)
+        self.decided(view, row)

@@ -219,6 +219,8 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
                 length = math.sqrt((arc.x + radius * nx - x) ** 2 + (arc.y + radius * ny - y) ** 2)
             # Node 2 k passes the arc counter-clockwise, 2 k + 1 clockwise; tangents to the goal are searched backwards.
             clockwise = (q < 0) != to_goal
+            if count == ends.size:
+                raise BoundExceeded
             end = ends[count]
             count += 1
             end.node = 2 * k + 1 if clockwise else 2 * k

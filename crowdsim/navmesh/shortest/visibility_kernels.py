@@ -70,6 +70,8 @@ def _report(seen, count, v, radius, aim, sight, margin):
             continue
         if left_bound and tx * sight.by - ty * sight.bx < -margin:
             continue
+        if count == seen.size:
+            raise BoundExceeded
         end = seen[count]
         count += 1
         end.vertex = v

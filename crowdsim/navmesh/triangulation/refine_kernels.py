@@ -124,8 +124,8 @@ def find_bottleneck(m, v, qx, qy, w):
 
     Return (half-edge, foot x, foot y), with -1 for the half-edge if there is none. As the disc between v and the foot
     holds no vertex, the foot is not farther along any seen vertex w than w itself, which bounds the search. Only discs
-    that hold (qx, qy) [m] count: their feet are at least as far along q as q itself. If q is at v all count. Views for
-    which ``sights`` has no room are left out.
+    that hold (qx, qy) [m] count: their feet are at least as far along q as q itself. If q is at v all count. If
+    ``sights`` has no room for a view, no loop turn is left for the edit.
     """
     sights = w.sights
     sides = m.sides
@@ -194,9 +194,12 @@ def find_bottleneck(m, v, qx, qy, w):
                     continue
                 # An open side: look on beyond it.
                 if sides[h].constraints == 0:
-                    if top < sights.size:
-                        set_sight(sights[top], h, r0, r1, l0, l1)
-                        top += 1
+                    # No room: the edit is stuck, rather than that a bottleneck is missed.
+                    if top == sights.size:
+                        w.progress[0].left = 0
+                        return NONE, 0.0, 0.0
+                    set_sight(sights[top], h, r0, r1, l0, l1)
+                    top += 1
                     continue
                 # A wall: the foot of v, if it falls into that part.
                 ex = bx - ax
@@ -222,7 +225,7 @@ def _find_foot(m, s, w):
     that touches nothing else holds no corner of the triangles it crosses. So at each side that it crosses on the way to
     the vertex, its part before the side lies within the circumcircle of the triangle behind the side. The foot is thus
     in all these circles, which bounds the search. It is also in front of each of these sides; without this bound the
-    search would circle around a vertex next to s.
+    search would circle around a vertex next to s. If ``sights`` has no room, no loop turn is left for the edit.
     """
     sights = w.sights
     sides = m.sides
@@ -271,7 +274,11 @@ def _find_foot(m, s, w):
                 return True, fx, fy
         # Go on across the open sides of that triangle.
         for f in (nxt(g), prv(g)):
-            if sides[f].constraints == 0 and top < sights.size:
+            if sides[f].constraints == 0:
+                # No room: the edit is stuck, rather than that a bottleneck is missed.
+                if top == sights.size:
+                    w.progress[0].left = 0
+                    return False, 0.0, 0.0
                 sight = sights[top]
                 sight.side = f
                 sight.lo = lo
@@ -338,7 +345,7 @@ def refine(m, w):
                 break
         else:
             raise BoundExceeded
-    return 0
+    return 0 if w.progress[0].left > 0 else STUCK
 
 
 @helper
