@@ -143,6 +143,7 @@ class Agents:
                 "x": self.x[here],
                 "y": self.y[here],
                 "heading": self.heading[here],
+                # No behavior is -1, which finds the last, empty name.
                 "behavior": np.array([*self.behaviors, ""])[self.behavior[here]],
                 "state": [AgentState(state).name.lower() for state in self.state[here].tolist()],
                 "group": np.array(self.groups)[here],

@@ -92,6 +92,7 @@ class CapturedCrowd:
             lead=max(1, round(LEAD_SECONDS * scenario.steps_per_second)),
         )
         self._behavior_set = behavior_set
+        # Without any speed of an agent, no natural one is needed, which not all clips show.
         if not np.isnan(self.cast.speeds).all():
             self.plans.paces.keep(self.cast.speeds, self.natural_speed)
         self.hash = 0
@@ -106,6 +107,7 @@ class CapturedCrowd:
 
     def _make_ready(self) -> None:
         """Warm up: run one search so that roadmap, regions and kernels are ready before the first step."""
+        # That of the agent that must stand nearest to its goal, which needs most: motions are bent for it.
         strictest = int(np.argmin(self.cast.stand_within))
         start, within = self.cast.starts[strictest], float(self.cast.stand_within[strictest])
         for goal in self.cast.goals[strictest]:
@@ -173,11 +175,13 @@ class CapturedCrowd:
             self.despawning.arrived[agent] = NONE
             self.plans.away.discard(agent)
             row = rows.get(agent)
+            # Outside of the world, it asks for another motion before it enters.
             if row is None:
                 self.plans.forget(agent)
                 self.spawning.forget(agent)
                 continue
             view.goal[row], view.stays[row] = place, stays
+            # One that stood for good waits again, as all that have no plan, and has right of way after all others.
             if view.state[row] == AgentState.ARRIVED:
                 view.state[row] = AgentState.WAITING
                 view.cursor[row] = NONE
@@ -272,7 +276,7 @@ class CapturedCrowd:
         pose[agent] = self.world.column("pose")
         state = np.full(self.count, AgentState.ABSENT, np.int32)
         state[agent] = self.world.column("state")
-        phase = np.full(self.count, np.nan)
+        phase = np.full(self.count, np.nan)  # only steered agents have one
         return RecordedFrame(x=pose[:, 0], y=pose[:, 1], heading=pose[:, 2], state=state, phase=phase, **columns)
 
     @cached_property

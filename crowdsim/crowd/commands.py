@@ -34,8 +34,9 @@ class Commands:
         """Agents on call, as all these commands leave them."""
         for command in self.given:
             self.called.take(command)
+        # Number of commands carried out so far.
         self._obeyed = 0
-        # Timetables with all commands carried out so far, and with all commands given.
+        # Timetables with the commands carried out so far, and with all commands given (read when first needed).
         self._happened = read_timetable(scenario, scenario.environment.solids, ())
         self._planned: TimetableReader | None = None
 
@@ -94,6 +95,7 @@ class Commands:
         while self._obeyed < len(self.given) and round(self.given[self._obeyed].at * rate) <= step:
             self._obeyed += 1
         due = self.given[first : self._obeyed]
+        # Append to the timetable, which goes in order of time; read all anew if one comes before its last change.
         places = [(first + k, command) for k, command in enumerate(due) if command.changes_place]
         if places and places[0][1].at >= self._happened.last:
             for number, command in places:
@@ -125,6 +127,7 @@ class Commands:
             _refuse(command.action, "planner 'collision3d' needs a place that never changes")
         if scenario.floor.periodic is not None:
             _refuse(command.action, "a periodic floor cannot be changed during a run")
+        # Try it on a timetable with all commands: append it to that if it comes last, else read all anew.
         if self._planned is None:
             self._planned = self._read(self.given)
         if place == len(self.given) and command.at >= self._planned.last:

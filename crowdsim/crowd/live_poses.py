@@ -100,6 +100,7 @@ class LivePoses:
         """Keep a step."""
         row = tuple(np.array(getattr(frame, name), kind) for name, kind in COLUMN_TYPES.items())
         self._rows.append(row)
+        # Where captured bodies have planted their feet follows from all steps so far.
         if self._followed is not None:
             # As a recording keeps it: rounded to the types of its columns.
             self._followed.add(played_in(RecordedFrame(**dict(zip(COLUMN_TYPES, row, strict=True)))))
@@ -113,6 +114,7 @@ class LivePoses:
             raise CrowdSimError("nobody has a pose before the first step; call step() first")
         if self._latest is None:
             recent = _Recent(self._header, self._rows, self._feet)
+            # What it would else make anew in each step.
             recent.pose_table, recent.foot_table, recent.gait_clips = self._table, self._foot_table, self._clips
             row = recent.steps - 1
             agents = np.flatnonzero(recent.levels[row] != Level.NOBODY)
@@ -125,7 +127,11 @@ class LivePoses:
 
 
 class _Recent(ShownBodies):
-    """The latest steps of a simulation, in memory; times are since the first of them."""
+    """The latest steps of a simulation, in memory; times are since the first of them.
+
+    ``rows`` holds for each step the columns of COLUMN_TYPES, in that order, (N,) each; ``feet`` holds for each step how
+    all feet are corrected, (N, 2, ...) as :class:`~crowdsim.motion.planted.follow_feet.FollowedFeet` keeps it.
+    """
 
     name = "the simulation"
 

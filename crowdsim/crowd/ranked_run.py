@@ -104,7 +104,7 @@ class RankedRun:
             if self.ranks.rank:
                 self._steps(part, progress)
                 self._join(part, measures, None)
-                crowd.summary()
+                crowd.summary()  # all must take part
                 return None
             keys = self.scenario.to_yaml(output.resolve().parent)
             with RecordingWriter(output, replace(header, scenario_keys=keys), shares.width) as writer:
@@ -130,6 +130,7 @@ class RankedRun:
             view = crowd.world.view()
             part.append(present_rows(view))
             self._digests.append(crowd.digest)
+            # The place is the same in all ranks; rank 0 notes it.
             if not self.ranks.rank:
                 self._environments.append(crowd.place.state())
                 placings = [(movable, crowd.placing(k)) for k, movable in enumerate(movables)]
@@ -145,6 +146,7 @@ class RankedRun:
         """Join what all ranks have counted and written; rank 0 has the ``writer`` of the recording."""
         self.crowd.join()
         measures.join()
+        # Summed up as int64, which MPI knows: the bits are those of the sum modulo 2^64.
         digests = self.ranks.sum(np.array(self._digests, np.uint64).view(np.int64)).view(np.uint64)
         if writer is not None:
             for change in self._changes:
@@ -156,7 +158,10 @@ class RankedRun:
                 writer.append_packed(hashes[writer.steps : writer.steps + steps], itertools.chain(*blocks))
 
     def _hashes(self, digests: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """Return the state hash after each step, of the sums of the digests of all rows; rank 0 knows the rest."""
+        """Return the state hash after each step in rank 0, which has noted the state of the place; none in the others.
+
+        ``digests`` (steps,) are the sums of the digests of all agents' rows.
+        """
         hashes = np.zeros(len(self._environments), np.uint64)
         state = 0
         for step, environment in enumerate(self._environments):

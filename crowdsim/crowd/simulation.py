@@ -236,6 +236,7 @@ class Simulation(Commandable, Extensible):
                 f"{self.scenario.name}: the simulation has taken {self.step_count} steps, which the recording would "
                 "lack; make a new Simulation and run that"
             )
+        # Figures are those of all steps, so a run that does not begin with the first one measures nothing.
         crowd, rate = self.crowd, self.scenario.steps_per_second
         before: list[Placing | None] = [None] * len(self.scenario.environment.timetable.movables)
         with self, nullcontext() if output is None else self._writer(Path(output)) as writer:

@@ -26,6 +26,7 @@ class Aims:
 
     def __init__(self, scenario: Scenario, errands: Errands, guidance: Guidance) -> None:
         self._errands, self._guidance = errands, guidance
+        # Floor with room for a captured body: where that is always free, then where it is at some time.
         self._rooms = rooms_around(scenario, scenario.environment, NOMINAL_RADIUS)
         self._usable: dict[int, tuple[Polygon, MultiPolygon | None]] = {}
 

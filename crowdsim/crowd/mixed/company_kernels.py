@@ -8,7 +8,7 @@ from crowdsim.steering.row_kernels import CELL, FRAME_ROWS
 from crowdsim.steering.wall_kernels import distance_at, is_lane, is_lane_behind
 
 _SLOWEST = 0.15
-"""Relative speed below which two agents do not approach each other [m/s]."""
+"""Relative speed below which two agents count as not approaching each other [m/s]."""
 
 _NO_ROOM = 1.3
 """Distance to a wall below which an agent has no room to pass another one [m]."""
@@ -21,7 +21,8 @@ _SAME_WAY = 0.3
 def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, confined, in_lane, soon, soon_wide):
     """For each agent, count the others near it, and predict when another one passes close by.
 
-    The prediction takes both to keep their velocities. It leaves out others behind the agent.
+    The prediction assumes that both keep their velocities. It leaves out others behind an agent that goes somewhere,
+    that is, whose intent ``(ix, iy)`` is not (0, 0).
 
     Parameters
     ----------
@@ -32,27 +33,29 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
     frame : (float, float, int, int)
         Left and bottom edge of the grid [m], columns and rows of cells.
     order : (n,) int32
-        Number of the agent of each row.
+        Number of the agent of each row: its index in all outputs.
     walls : (Walls, Walls)
         Walls for the legs and for the torso.
     lane : (float, float)
         Width between torso walls below which they form a lane, and length for which the lane must have gone on behind
         an agent [m].
     reach : (float, float)
-        Others within the first distance are counted, others within the second, no shorter one, are looked at [m].
+        Distance within which others are counted, and distance within which their approach is predicted; the second is
+        not shorter than the first [m].
     closest : (float, float)
-        Distances between centers at closest approach, the narrower first [m].
+        Two distances between the centers of two agents, the shorter first [m]: they pass too closely if they are nearer
+        at their closest approach.
     near : (n,) int64
-        Gets the number of others counted, by agent as all outputs.
+        Gets the number of others counted.
     confined : (n,) bool
-        Gets True if a wall for the legs leaves no room to pass.
+        Gets True if a wall for the legs is so near that there is no room to pass another agent.
     in_lane : (n,) bool
         Gets True in a lane.
     soon : (n,) float64
-        Gets the time until the first closest approach within the narrower distance [s], infinite if there is none.
+        Gets the time until the first closest approach nearer than the shorter distance [s], infinite if there is none.
         Others that go the same way do not count, as they can be followed.
     soon_wide : (n,) float64
-        Gets the same for the wider distance; others that go the same way count.
+        Gets the same for the longer distance; others that go the same way count.
     """
     few, far = reach
     narrow, wide = closest
@@ -78,7 +81,8 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
                 if square < few * few:
                     count += 1
 
-                # Leave out others that do not come nearer, and those behind an agent that goes somewhere.
+                # Leave out others that do not come nearer, and those behind an agent that goes somewhere. (wx, wy) is
+                # the velocity relative to the other one.
                 ahead = px * mine.ix + py * mine.iy
                 same_way = mine.ix * other.ix + mine.iy * other.iy > _SAME_WAY
                 wx = mine.vx - other.vx
@@ -90,7 +94,8 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
                 if goes and ahead <= 0.0:
                     continue
 
-                # Closest approach at constant velocities: t = p . w / w^2, squared distance p^2 - (p . w) t.
+                # Closest approach at constant velocities: t = p . w / w^2, squared distance p^2 - (p . w) t, which
+                # rounding could make negative.
                 time = closing / speed2
                 miss2 = max(square - closing * time, 0.0)
                 if miss2 < wide * wide:

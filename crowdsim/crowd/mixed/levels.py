@@ -69,7 +69,15 @@ Floats = NDArray[np.float64]
 
 
 class Levels:
-    """Decide which agents should change their level."""
+    """Decide which agents should change their level; n is the number of agents of the run.
+
+    Parameters
+    ----------
+    cast : CrowdPlacement
+        The agents, with the level that each group may have.
+    favored : Neighborhood or None
+        Disc in which the scenario favors captured motion.
+    """
 
     def __init__(self, cast: CrowdPlacement, favored: Neighborhood | None) -> None:
         kinds = np.array(cast.locomotions)[cast.group]
@@ -84,17 +92,19 @@ class Levels:
         count = cast.head_count
         self.changed = np.zeros(count, np.int64)
         """(n,) step of the last change of level, or of the entry."""
+        # (n,) last step in which it was not calm.
         self._calm_since = np.zeros(count, np.int64)
         self.near = np.zeros(count, np.int64)
         """(n,) others within NEAR, for agents in the world; see :func:`find_company`, also for ``confined`` and
         ``soon``."""
         self.confined, self.soon = np.zeros(count, np.bool_), np.full(count, np.inf)
+        # (n,) whether it is in a lane, and the last step in one; whether it has been slow there; its mean speed [m/s].
         self._in_lane, self._lane_step = np.zeros(count, np.bool_), np.zeros(count, np.int64)
         self._slow = np.zeros(count, np.bool_)
         self._mean_speeds = self._speeds.copy()
 
     def keep_paces(self, natural_speed: float) -> None:
-        """Let agents with a prescribed speed steer for good if no captured motion is as fast.
+        """Let auto agents with a prescribed speed steer for good if no captured motion has that speed.
 
         ``natural_speed`` is that of captured motion [m/s].
         """
@@ -103,17 +113,22 @@ class Levels:
         self.may_capture = np.where(self._paced, ~off, self.may_capture)
 
     def set_speed(self, agents: NDArray[np.int64], natural_speed: float) -> None:
-        """Take in that a command gave speeds to agents (k,): those that no captured motion has make them steer."""
+        """Note that a command gave speeds to agents (k,): auto ones steer if no captured motion has their speed."""
         self._paced[agents] = self._auto[agents]
         self.keep_paces(natural_speed)
 
     def look_around(self, crowd: SortedCrowd, walls: tuple[Walls, Walls], step: int) -> None:
-        """Find the company of all agents in the world, sorted by cells, between the walls for legs and torso."""
+        """Find the company of all agents in the world, sorted by cells, between the walls for legs and torso.
+
+        Keep what :func:`find_company` finds, and since when each agent is calm, and whether it still counts as
+        slow: it does until STAYS_FOR after the end of its lane.
+        """
         count = len(crowd.rows)
         near, soon, wide = np.zeros(count, np.int64), np.empty(count), np.empty(count)
         confined, in_lane = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
         everybody = (crowd.rows, crowd.starts, crowd.frame, crowd.order)
         find_company(*everybody, walls, LANE, (NEAR, SEEN), (MEETS, PASSES), near, confined, in_lane, soon, wide)
+        # Outputs are in the order before sorting: find the agent of each.
         agents = np.empty(count, np.int64)
         agents[crowd.order] = crowd.rows["id"]
         self.near[agents], self.confined[agents], self.soon[agents] = near, confined, soon
@@ -146,12 +161,12 @@ class Levels:
         """Return which of some captured agents should steer; they were refused for times ``blocked`` (k,) [s]."""
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
         refused = blocked >= np.where(self.confined[agents], QUEUES_FOR, BLOCKED_FOR)
-        too_fast = ~self.may_capture[agents]
+        too_fast = ~self.may_capture[agents]  # or too slow: no captured motion has the speed that it was given
         anywhere = too_fast | refused | self._slow[agents]
         return np.asarray(self.may_steer[agents] & (anywhere | (met & ~self.is_favored(places))))
 
     def capture(self, agents: NDArray[np.int64], places: Floats, step: int) -> Bools:
-        """Return which of some steered agents may go back to captured motion."""
+        """Return which of some steered agents, at ``places`` (k, 2) [m], may go back to captured motion."""
         stays = np.where(self.is_favored(places), FAVORED, STAYS_FOR) * STEERING_RATE
         since = np.maximum(self.changed[agents], self._calm_since[agents])
         return np.asarray(self.may_capture[agents] & (step - since >= stays) & ~self._slow[agents])

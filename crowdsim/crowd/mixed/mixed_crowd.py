@@ -76,8 +76,10 @@ class MixedCrowd:
         aims = Aims(scenario, self.steered.errands, self.steered.place.guidance)
         self.switches = Switches(self.captured, self.steered, self.levels, aims)
         self.levels.keep_paces(self.switches.natural_speed)
+        # Whether a body faces ahead, by behavior: then it is a disc, without a core.
         self._walks_ahead = self.captured.assets.breadths[:, 1] == 0.0
         self.hash = 0
+        # By agent: position before the last step [m], and last step in which it did not stand, or entered.
         self._before = np.full((self.count, 2), np.nan)
         self._stands_since = np.zeros(self.count, np.int64)
         self.statistics = MixedStatistics(self.captured, self.steered)
@@ -116,6 +118,7 @@ class MixedCrowd:
     def finished(self) -> bool:
         """Return True if all agents that can arrive have arrived."""
         lost = 0
+        # As long as something may move, a goal may become reachable.
         if self.captured.events.over:
             since = self.steered.world.column("lost_since")
             lost = int(((since != NONE) & (self.step_count - since > LOST_SECONDS * STEERING_RATE)).sum())
@@ -160,6 +163,7 @@ class MixedCrowd:
         """Run all stages of a step but its searches; rows are added, removed and moved between worlds in between."""
         captured, steered = self.captured, self.steered
         view = captured.world.view()
+        # Events happen for both levels in the same step.
         happened = captured.react(view, self._is_in_the_way)
         if steered.place.change(happened, captured.events.waiting):
             steered.steering.set_walls(*steered.place.walls)
@@ -264,12 +268,15 @@ class MixedCrowd:
         return self.steered.place.is_taken(taken, self.steered.world.column("row"), LEG_RADIUS)
 
     def _without_a_way(self) -> dict[str, str]:
-        """Return the reasons for agents that never entered the world, as no motion was found for them."""
+        """Return by agent the reason why it never entered the world: no path, or no motion, was found for it."""
         outside = np.flatnonzero(self._has_no_way() & self._outside)
         return {str(agent): self.captured.plans.unreachable[agent] for agent in outside.tolist()}
 
     def _has_no_way(self) -> NDArray[np.bool_]:
-        """Return True (n,) for agents to whose goals no path was found; steered they would have to squeeze."""
+        """Return True (n,) for agents to whose goals no path was found; steered they would have to squeeze.
+
+        Those for which only no motion was found may enter steered, if they may steer.
+        """
         lost = np.zeros(self.count, np.bool_)
         for agent, reason in self.captured.plans.unreachable.items():
             lost[agent] = reason != NO_MOTION or not self.levels.may_steer[agent]
@@ -301,6 +308,8 @@ class MixedCrowd:
         """Let agents enter: captured if there is room, else steered."""
         captured, steered, step = self.captured, self.steered, self.step_count
         outside = self._outside
+        # Those that have waited too long enter steered, and those that come into a crowd. So do those with a delay:
+        # they stand first, which captured motion does not do.
         late = step - self.cast.start_steps > PATIENCE_SECONDS * STEERING_RATE
         late &= ~self._has_no_way()
         dense = self._comes_into_crowd(outside, step) | (self.cast.delay_steps > 0)
@@ -317,7 +326,10 @@ class MixedCrowd:
             captured.spawning.forget(agent)
 
     def _comes_into_crowd(self, outside: Any, step: int) -> NDArray[np.bool_]:
-        """Return which of the agents about to enter have many others around their places."""
+        """Return which agents (n,), of those about to enter, have many others around their places.
+
+        ``outside`` (n,) bool: those that have not entered. Others that are about to enter count.
+        """
         soon = np.flatnonzero(outside & (self.cast.start_steps - self.captured.plans.lead <= step))
         crowded = np.zeros(self.count, np.bool_)
         if len(soon):
@@ -325,6 +337,7 @@ class MixedCrowd:
                 [self.captured.world.column("pose")[:, :2], _places(self.steered.world.column("row"))]
             )
             starts = self.cast.starts[soon]
+            # Each one finds its own place, too: a count above CROWDED means CROWDED others or more.
             around = cKDTree(np.concatenate([there, starts]))
             crowded[soon] = around.query_ball_point(starts, NEAR, return_length=True) > CROWDED
         return crowded

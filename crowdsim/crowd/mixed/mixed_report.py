@@ -36,7 +36,10 @@ class MixedStatistics:
         self._gap, self._centers = min(self._gap, gap), min(self._centers, centers)
 
     def summary(self) -> dict[str, Any]:
-        """Return the figures under the names that ``crowdsim run --json`` prints."""
+        """Return the figures under the names that ``crowdsim run --json`` prints.
+
+        ``closest_pair`` and ``closest_bodies`` are None from CENTER_LIMIT on, up to which they are measured.
+        """
         captured, steered = self._captured.statistics, self._steered.statistics
         names = [behavior.name for behavior in captured.assets.behaviors]
         way = captured.way + steered.way

@@ -69,6 +69,7 @@ def seen(
     rows["share"] = walkers.shares[agents]
     rows["id"] = agents
     rows["turn"] = rows["held"] = -1.0
+    # Guidance only tells where they want to go: their motion leads them, also where no path is found.
     guidance.write(rows, np.full(len(agents), PLAIN, np.int32), lead_out=False)
     pace = hypot(rows["vx"], rows["vy"])
     rows["speed"] = pace
@@ -85,13 +86,16 @@ def seen(
 
 
 def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the segments of reserved timelines from now on, with the radii of their discs, and the owner of each."""
+    """Return the segments of reserved timelines from now on, with their discs, and the owner (row) of each.
+
+    Segments are (s, 5) and owners (s,), as in :class:`crowdsim.steering.ways.Others`.
+    """
     timeline, bodies = view.timeline[..., :2], view.timeline[..., RADIUS:]
     last = timeline.shape[1] - 1
     first = np.clip(now_slot(step) - view.timeline_start, 0, last)
     begins, ends = timeline[:, :-1], timeline[:, 1:]
     ahead = np.arange(last) >= first[:, None]
-    # Segments of length 0 are left out.
+    # Segments of length 0 are left out; the rests below take their place.
     pieces = ahead & (begins != ends).any(axis=2)
     walking, slots = np.nonzero(pieces)
     moving = np.concatenate([begins[walking, slots], ends[walking, slots]], axis=1)
@@ -106,7 +110,7 @@ def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.in
     bent = np.flatnonzero(view.timeline[walking, slots, BEND] > TRACK_ROOM)
     if not len(bent):
         return segments, owners
-    # Points after each quarter of the time, and the pieces between them.
+    # Points after each quarter of the time, (b, 5, 2) with both ends, and the four pieces between them.
     share = np.linspace(0.0, 1.0, 5)[:, None]
     points = (1.0 - share) * moving[bent, None, :2] + share * moving[bent, None, 2:]
     points[:, 1:-1] += view.timeline[walking, slots, QUARTERS:REST][bent].reshape(-1, 3, 2)

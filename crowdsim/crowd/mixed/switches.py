@@ -82,12 +82,14 @@ class Switches:
         self.entries: Entries = behavior_set.once(
             "entries", lambda: find_entries(behavior_set, steered.gaits, self.phases)
         )
+        # Entries of the last behavior, which is the preferred one.
         self._preferred = slice(int(self.entries.first[-2]), int(self.entries.first[-1]))
         self.natural_speed = float(self.entries.natural_speed[-1])
         captured.plans.paces.keep(captured.cast.speeds, self.natural_speed)
         self._exits = behavior_set.once("exits", lambda: find_exits(behavior_set, self.entries, self.phases))
         self._asked: dict[int, _Asked] = {}
         self._wanted_since = np.zeros(captured.count, np.int64)
+        # (n,) step of the last request of each agent; at first one long enough ago for the next.
         self._tried = np.full(captured.count, -STEERING_RATE * 10, np.int64)
         self.counts = {"steered": 0, "captured": 0}
         """Number of changes so far to each level."""
@@ -106,7 +108,7 @@ class Switches:
         rows, bodies = self._safe(rows, bodies, len(view.agent), others)
         agents = view.agent[rows].astype(np.int64)
         captured, steered = self._captured, self._steered
-        # The gait goes on in the phase of the captured pose, from where its rear foot stands.
+        # The gait goes on in the phase of the captured pose, from where its rear foot stands; turning does not count.
         node_rows = captured.assets.graph.node_track[view.node[rows]] + view.frame[rows]
         reached = captured.itineraries.reached[agents]
         goals = steered.errands.goal(agents, reached)
@@ -145,7 +147,10 @@ class Switches:
         return np.flatnonzero(wanted & (self._exits[frames] | waited))
 
     def _bodies(self, view: View, rows: Ints, velocities: Floats) -> NDArray[np.void]:
-        """Return the rows (ROW) of captured agents that begin to steer; no body gets larger than its disc."""
+        """Return the rows (ROW) of captured agents that begin to steer.
+
+        Shoulders (``half``) are as broad as at rest, but no body gets larger than the disc that it had on any layer.
+        """
         cast, assets = self._steered.cast, self._captured.assets
         agents = view.agent[rows].astype(np.int64)
         bodies = np.zeros(len(rows), ROW)
@@ -166,7 +171,8 @@ class Switches:
         """Return those of some captured rows that touch no reserved segment of agents that stay captured."""
         frame = frame_of(self._steered.place.bounds)
         ways = listed(others, frame, float((bodies["half"] + bodies["radius"]).max()) + CLEAR)
-        # A row that has to stay keeps its timeline, which others may touch in turn: repeat until none has to stay.
+        # Timelines of rows that leave do not count. One that has to stay keeps its timeline, which others may touch in
+        # turn: repeat until none has to stay.
         while len(rows):
             leaves = np.zeros(count, np.bool_)
             leaves[rows] = True
@@ -210,6 +216,7 @@ class Switches:
         share = float(hypot(state["vx"], state["vy"]) / self.entries.speed[asked.entry])
         rate = round(min(max(share, SLOWEST), FASTEST) * natural.rate)
         playback = natural._replace(rate=rate, wanted=int(captured.plans.motions.table.rates[agent]))
+        # Not in a row yet (NONE), and without a blend offset, as no node was played before.
         walker = Walker(NONE, agent, node, frame, playback, asked.origin, np.zeros(3), place, radius, stays)
         reserved = captured.choosing.reserving.reserve_entry(captured.world.view(), walker)
         if reserved is None:
@@ -256,6 +263,7 @@ class Switches:
         ahead = state["vx"] * state["hx"] + state["vy"] * state["hy"]
         straight = (np.abs(speed - played) < SPEED_OFF) & (ahead > cos(TURNED_OFF) * speed)
         rested = step - self._tried[agents] >= RETRY * STEERING_RATE
+        # No section of its way prescribes that it turns sideways (``turn`` is -1).
         rows = np.flatnonzero(calm & straight & rested & (state["turn"] <= 0.0))
         most = max(AT_LEAST, int(SHARE * (len(agents) + captured.world.count)))
         # The agents that have waited longest come first.
@@ -285,10 +293,12 @@ class Switches:
         entry = int(fits[np.argmin(wrong[fits])]) + self._preferred.start
         pose = np.array([state["x"], state["y"], state["heading"]])
         origin = entry_origins(self.entries, np.array([entry]), pose[None])[0]
+        # The search continues from the end of that node.
         node = int(self.entries.node[entry])
         end = np.array(node_end(captured.assets.graph, node, *origin)[:2])
         itineraries = captured.itineraries
         itineraries.reached[agent] = view.reached[row]
+        # If it does not stand in the region, it need not go to its spot there: see Aims.
         if not itineraries.stands(agent):
             aim = self._aims.place(int(view.goal[row]), int(view.following[row]), pose[:2])
             if aim is not None:

@@ -66,6 +66,7 @@ def try_mpi() -> MpiFound:
         missing = "mpiexec" if mpiexec is None else "mpi4py"
         return MpiFound(None, mpiexec, f"{missing} is missing; for runs on several processes: {INSTALL}")
     command = [mpiexec, "-n", "2", sys.executable, "-c", _TRIAL]
+    # This process may have been started by mpiexec itself; the two must not take its environment for theirs.
     alone = {name: value for name, value in os.environ.items() if name not in SIZE_VARIABLES}
     try:
         tried = subprocess.run(command, env=alone, capture_output=True, text=True, timeout=_TRIAL_SECONDS)
@@ -75,6 +76,7 @@ def try_mpi() -> MpiFound:
     if tried.returncode or not met:
         told = " ".join(tried.stderr.split())[:300] or f"exit code {tried.returncode}"
         return MpiFound(None, mpiexec, f"{mpiexec} does not start two processes: {told}")
+    # Started by the mpiexec of another library, each process believes that it is alone.
     size, library = met[0]
     if size != "2":
         return MpiFound(None, mpiexec, f"{mpiexec} is not that of the library that mpi4py loads ({library})")

@@ -31,6 +31,15 @@ class RowMessage:
 
     Those that have left the region, and stay in the world, change their rank. The others near another region, and
     those that change it, are ghosts there.
+
+    Parameters
+    ----------
+    regions : Regions
+        Regions of all ranks.
+    rank : int
+        The rank that sends.
+    world, exits, came, leaves
+        As of :meth:`crowdsim.crowd.ranks.protocol.Ranks.exchange`.
     """
 
     def __init__(
@@ -45,7 +54,8 @@ class RowMessage:
         self._regions, self._rank, self._world, self._exits = regions, rank, world, exits
         rows = world.column("row")
         columns, lines = cells_of(rows["x"], rows["y"])
-        # Rows deep in the own region matter to nobody else.
+        # Rows deep in the own region matter to no other rank. Of the others (``at``): column and line of the cell, and
+        # whether they change their rank.
         at = np.flatnonzero(~regions.within(rank, columns, lines, -regions.halo))
         self._at, self._columns, self._lines = at, columns[at], lines[at]
         self._moves = ~regions.within(rank, self._columns, self._lines) & ~leaves[at]

@@ -80,6 +80,7 @@ class MpiRanks:
         """Return the rows (k, ...) of all processes, and which of them are those of this one."""
         from mpi4py import MPI
 
+        # They travel as bytes, as MPI does not know records: lengths and offsets count these.
         counts = np.zeros(self.size, np.int64)
         self.comm.Allgather(np.array([len(rows)], np.int64), counts)
         ends = np.cumsum(counts)
@@ -97,6 +98,7 @@ class MpiRanks:
         """Hand each of ``rows`` (k,) over to its owner (k,), and return what this process is given."""
         from mpi4py import MPI
 
+        # Rows travel as bytes, ``width`` each; ``counts`` go to each rank, and ``coming`` are taken from each.
         width = rows.dtype.itemsize
         counts = np.bincount(owners, minlength=self.size)
         coming = np.empty_like(counts)

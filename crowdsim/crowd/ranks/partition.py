@@ -31,7 +31,8 @@ def halo_of(rules: Rules, fastest: float, broadest: float) -> int:
     """Return how many cells beyond its own an agent's step reads.
 
     It is the most of: how far it looks; where it counts the crowd around; and how far away bodies are that the commit
-    keeps off, which is both half breadths and twice what a body may grow by in a step.
+    keeps off: both half breadths and, as each may use half of a gap, twice what a body may reach farther in a step, by
+    walking, turning its shoulders or letting its arms hang again, with the margin of the commit.
 
     Parameters
     ----------
@@ -49,7 +50,10 @@ def halo_of(rules: Rules, fastest: float, broadest: float) -> int:
 
 
 def fastest_of(speeds: Floats, rules: Rules) -> float:
-    """Return the speed that nobody exceeds who walks at ``speeds`` (n,) freely, whatever the rules ask for [m/s]."""
+    """Return the largest speed that an agent may reach [m/s], if ``speeds`` (n,) are their free ones [m/s].
+
+    Rules can make an agent faster than it walks freely: to make room, or to step aside and back at the same time.
+    """
     aside = math.sqrt(rules.yield_aside * rules.yield_aside + rules.yield_along * rules.yield_along)
     return max(float(speeds.max(initial=0.0)), rules.merge_speed, aside)
 
@@ -86,9 +90,9 @@ class Regions:
         return np.asarray(inside & (rows >= bottom - beyond) & (rows < top + beyond))
 
     def neighbors(self, rank: int) -> list[int]:
-        """Return the ranks to which those of ``rank`` may matter, even if they have just left its region."""
+        """Return the ranks to which agents of ``rank`` may matter, even if they have just left its region."""
         left, bottom, right, top = self.boxes[rank].tolist()
-        reach = self.halo + 1
+        reach = self.halo + 1  # in a step, an agent comes into the next cell at most
         found = []
         for other, (west, south, east, north) in enumerate(self.boxes.tolist()):
             apart = max(west - right, left - east, south - top, bottom - north)
@@ -166,11 +170,15 @@ def expected_places(cast: CrowdPlacement, middles: Floats) -> Floats:
 
 
 def _halve(box: tuple[int, ...], cells: Cells, count: int, least: int, boxes: list[tuple[int, ...]]) -> None:
-    """Append the ``count`` parts of a box of cells to ``boxes``; ``cells`` (m, 2) are those expected in it."""
+    """Append the ``count`` parts of a box of cells to ``boxes``.
+
+    Boxes are (left, bottom, right, top) [cells]; ``cells`` (m, 2) are the column and row of each point expected in it,
+    and no part may be narrower than ``least`` cells (of 1 m).
+    """
     if count == 1:
         boxes.append(box)
         return
-    first = count // 2
+    first = count // 2  # parts before the cut
     wide, high = box[2] - box[0], box[3] - box[1]
     axis = 0 if wide >= high else 1
     low, end = box[axis], box[axis + 2]
@@ -187,7 +195,7 @@ def _halve(box: tuple[int, ...], cells: Cells, count: int, least: int, boxes: li
         cut = int(cuts[np.argmin(np.abs(before[cuts - 1] - wanted))]) + low
     else:
         cut = low + min(max((end - low) * first // count, least), end - low - least)
-    left = cells[:, axis] < cut
+    left = cells[:, axis] < cut  # or below, if it is cut across its height
     halves = [list(box), list(box)]
     halves[0][axis + 2] = halves[1][axis] = cut
     _halve(tuple(halves[0]), cells[left], first, least, boxes)

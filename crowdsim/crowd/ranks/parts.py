@@ -52,7 +52,7 @@ class RankPart:
         self._shares = share_out(header.agents.count, ranks.size)
         self._mine = self._shares.of(ranks.rank)
         self._waiting: list[NDArray[Any]] = []
-        # By block of steps: their number; chunks without their content, and its length.
+        # By block of steps: their number; chunks without their content, which is in the file, and its length [bytes].
         self._blocks: list[tuple[int, list[tuple[PackedChunk, int]]]] = []
 
     def __enter__(self) -> Self:

@@ -37,6 +37,7 @@ class AttributeStatistics:
         share: Share = EVERYBODY,
     ) -> None:
         self._attributes, self._rate, self._span, self._share = attributes, steps_per_second, span, share
+        # Of each agent of the share: sum of its ways [m], and number of steps at both ends of which it was present.
         count = len(next(iter(attributes.values()), ())[share.agents])
         self._way, self._steps = np.zeros(count), np.zeros(count, np.int64)
         self._before: tuple[NDArray[Any], ...] | None = None
@@ -64,7 +65,10 @@ class AttributeStatistics:
         return {name: self._spread(values) for name, values in self._attributes.items()}
 
     def _spread(self, values: NDArray[Any]) -> dict[str, Any]:
-        """Return the distribution of one attribute, as :meth:`summary` describes it."""
+        """Return the distribution of one attribute, (n,) values, as :meth:`summary` describes it.
+
+        Agents without a value, nan or an empty word, do not count.
+        """
         if np.issubdtype(values.dtype, np.number):
             given = values[~np.isnan(values)]
             if not len(given):

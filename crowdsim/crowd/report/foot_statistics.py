@@ -30,10 +30,12 @@ class FootStatistics:
         self._rate = steps_per_second
         self._rows = planted_rows(motion.poses, motion.skeleton, motion.arrays.tracks)
         self._skeleton, self._table = _legs_of(motion.skeleton, motion.poses)
+        # Of the step before: agents, their nodes, frames of these, and foot points.
         self._before: tuple[NDArray[np.int64], NDArray[np.int32], Floats, Floats] | None = None
         self._speed_sum = 0.0
         self._speed_count = 0
         self.lowest = np.inf
+        """Least height of a foot point above its lowest position in the clips [m]; negative if it comes below."""
 
     @property
     def stance_speed(self) -> float | None:
@@ -49,6 +51,7 @@ class FootStatistics:
         if len(present):
             self.lowest = min(self.lowest, float((feet.points[..., 2] - feet.lowest).min()))
         if self._before is not None:
+            # Rows, in both steps, of the agents that were in the world in both.
             agents, old_node, old_at, old_points = self._before
             _, now, then = np.intersect1d(present, agents, assume_unique=True, return_indices=True)
             planted = self._rows.stayed(old_node[then], old_at[then], node[now], at[now])
@@ -65,7 +68,10 @@ class FootStatistics:
         at: Floats,
         pose: Floats,
     ) -> Feet:
-        """Return the feet of bodies in the given nodes at frames ``at`` with track poses ``pose`` (n, 3)."""
+        """Return the feet of bodies in the given nodes at frames ``at`` with track poses ``pose`` (n, 3).
+
+        Each node blends with the ``previous`` one of its body (n,), NONE without one.
+        """
         skeleton = self._skeleton
         positions = np.empty((len(node), skeleton.joint_count, 3), np.float32)
         rotations = np.empty((len(node), skeleton.joint_count, 4), np.float32)
@@ -74,7 +80,10 @@ class FootStatistics:
 
 
 def _legs_of(skeleton: Skeleton, table: PoseTable) -> tuple[Skeleton, PoseTable]:
-    """Return skeleton and poses with the joints alone that feet hang on, down from the root: half of all."""
+    """Return skeleton and poses with only those joints that feet hang on, from the root down: half of all.
+
+    Posing them takes less time than posing whole bodies.
+    """
     feet = [skeleton.roles.get(f"{side}_toe", skeleton.joint(f"{side}_ankle")) for side in ("left", "right")]
     kept: set[int] = set()
     for joint in feet:

@@ -1,6 +1,7 @@
-"""Smallest gaps between steered bodies, and between bodies and walls.
+"""Smallest gaps between steered bodies, and between bodies and walls; a gap is negative if they overlap.
 
-``rows`` are ROW[n] (:data:`crowdsim.steering.row_kernels.ROW`), the bodies of steered agents.
+``rows`` are ROW[n] (:data:`crowdsim.steering.row_kernels.ROW`), the bodies of steered agents: capsules whose cores lie
+across the heading (hx, hy), along (-hy, hx). ``walls`` are the :class:`crowdsim.steering.walls.Walls` of one layer.
 """
 
 import math
@@ -12,16 +13,17 @@ from crowdsim.steering.row_kernels import CELL, FRAME_ROWS
 from crowdsim.steering.wall_kernels import distance_at, wall_room
 
 _ROUNDED = 0.1
-"""Amount by which an interpolated distance of the grid may exceed the true one [m]: half a diagonal of its spacing, and
-more."""
+"""Amount by which an interpolated distance of the grid may exceed the true one [m]: half a diagonal of its spacing of
+0.1 m is 0.07 m, and distances are rounded to centimeters."""
 
 
 @kernel
 def closest_bodies(crowd, broadest, limit):
     """Return the least gap between two bodies, and the least distance between two centers, both at most ``limit`` [m].
 
-    ``crowd`` holds the sorted rows, their positions, the start of each cell, and the frame of the grid. ``broadest`` is
-    the largest half breadth of all agents [m].
+    ``crowd`` holds the rows sorted by cells, their positions (n, 2) [m], the first row of each cell (cells + 1,), and
+    the frame of the grid (see :func:`crowdsim.steering.row_kernels.sort_rows`). ``broadest`` is the largest half
+    breadth of all agents, core and radius [m].
     """
     rows, places, starts, frame = crowd
     gap = limit
@@ -33,7 +35,7 @@ def closest_bodies(crowd, broadest, limit):
         farthest = max(centers, gap + own + broadest)
         cells = math.ceil(farthest / CELL)
         column, row = cell_of(frame, mine.x, mine.y)
-        # Each pair once: rows are sorted by cells, so the other one of a higher number is in this line or a later one.
+        # Each pair once, from its lower row: rows are sorted by cells, so higher ones are in this grid row or above.
         for j in range(row, min(row + cells + 1, frame[FRAME_ROWS])):
             begin, end = rows_beside(starts, frame, column, j, cells)
             for number in range(max(begin, me + 1), end):
@@ -45,7 +47,7 @@ def closest_bodies(crowd, broadest, limit):
                 between = math.sqrt(square)
                 centers = min(centers, between)
                 other = rows[number]
-                # Measure the capsules only if their bounding discs come nearer than the least gap.
+                # Measure the capsules only if the gap between the discs around them is below the least gap.
                 if between - own - other.half - other.radius < gap:
                     _, _, apart = core_to_core(px, py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
                     gap = min(gap, apart - mine.radius - other.radius)
@@ -56,14 +58,15 @@ def closest_bodies(crowd, broadest, limit):
 def wall_gap(body, walls, half, radius):
     """Return the least gap between a body and the walls listed near it [m], infinite if there are none.
 
-    ``half`` is the half length of the core, 0 for a disc; ``radius`` that of the capsule or disc [m].
+    ``body`` is a ROW, of which position and heading are read; ``half`` is the half length of the core, 0 for a disc;
+    ``radius`` that of the capsule or disc [m].
     """
     return wall_room(walls, body.x, body.y, -body.hy, body.hx, half) - radius
 
 
 @kernel
 def closest_wall(rows, walls, torso, leg_radius, limit):
-    """Return the least gap between a body and the walls of one layer, at most ``limit`` [m].
+    """Return the least gap of all bodies to the walls of one layer, at most ``limit`` [m].
 
     If ``torso``, bodies are the capsules; else they are discs of ``leg_radius`` [m].
     """

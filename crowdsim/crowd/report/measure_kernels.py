@@ -19,7 +19,8 @@ from crowdsim.steering.row_kernels import CELL, FRAME_COLUMNS, FRAME_ROWS
 def closest_pair(places, order, starts, frame, limit):
     """Return the smallest distance between two of ``places`` (N, 2) if it is below ``limit`` [m], else a larger value.
 
-    ``order``, ``starts`` and ``frame`` are the rows by cells, from :func:`crowdsim.crowd.near.neighbors.sorted_places`.
+    ``order`` (N,), ``starts`` (cells + 1,) and ``frame`` are the rows sorted by cells, from
+    :func:`crowdsim.crowd.near.neighbors.sorted_places`.
     """
     # ``best`` is the least squared distance so far.
     best = math.inf
@@ -28,6 +29,7 @@ def closest_pair(places, order, starts, frame, limit):
     reach = min(limit, CELL * (frame[FRAME_COLUMNS] + frame[FRAME_ROWS]))
     for i in range(len(places)):
         x, y = places[i, 0], places[i, 1]
+        # The cells around the disc of this radius: columns ``low`` to ``high``, rows ``first`` to ``last``.
         far = reach + ROUNDED
         low, first = cell_of(frame, x - far, y - far)
         high, last = cell_of(frame, x + far, y + far)
@@ -49,13 +51,14 @@ def closest_pair(places, order, starts, frame, limit):
 def obstacle_margin(pose, behavior, mesh, radii, limit):
     """Return the smallest distance between a body disc and the obstacles of one layer [m]; negative if they overlap.
 
-    ``pose`` is (N, 3), ``behavior`` (N,) int32, ``radii`` (B,) on this layer [m]. The result is at most ``limit``.
+    ``pose`` is (N, 3), of which x and y [m] are read, ``behavior`` (N,) int32; ``radii`` (B,) are those of the discs on
+    this layer, by behavior [m]. The result is at most ``limit``; a center within an obstacle counts as -1 m from it.
     """
     best = limit
     hint = np.int64(-1)
     for i in range(len(pose)):
-        # The triangle found last is a good start for the next query.
         radius = radii[behavior[i]]
+        # ``hint``: the triangle found last is a good start for the next query.
         distance, hint = disc_clearance(mesh, pose[i, 0], pose[i, 1], radius + limit, hint)
         best = min(best, distance - radius)
     return best

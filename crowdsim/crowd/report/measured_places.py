@@ -40,6 +40,8 @@ class MeasuredPlaces:
         self._rate = scenario.steps_per_second
         self._areas, self._lines = scenario.areas, scenario.lines
         self._shapes = [area.shape() for area in scenario.areas]
+        # Areas count with the floor that is free at the start, lines with that which no fixed obstacle covers: a door
+        # on a line does not make it narrower, even if it is closed at first.
         free = scenario.environment.layers[0].free
         self._sizes = [float(shape.intersection(free).area) for shape in self._shapes]
         for shape in self._shapes:
@@ -49,6 +51,7 @@ class MeasuredPlaces:
         self._pieces = [np.array(line.points) for line in scenario.lines]
         self._span = np.array(scenario.span)
         self._window = round(SPEED_SECONDS * self._rate)
+        # Positions in the last steps of the window; then, by area and line, what was found in each step.
         self._places: list[Floats] = []
         self._counts = [array("i") for _ in self._areas]
         self._speeds = [array("f") for _ in self._areas]
@@ -60,10 +63,12 @@ class MeasuredPlaces:
         """Add one step of the agents of the share."""
         if not self._areas and not self._lines:
             return
+        # Agents outside of the world are at nan, which is in no area and crosses no line.
         places = np.column_stack((frame.x, frame.y)).astype(np.float64)
         places[np.asarray(frame.state) == AgentState.ABSENT] = np.nan
         self._count(places)
         if self._places:
+            # The place before, on this side of the ends of a periodic floor: the way between both is straight.
             self._cross(places - self._way(self._places[-1], places), places)
         self._places.append(places)
         since = self._places[0]
@@ -123,6 +128,7 @@ class MeasuredPlaces:
             )
             left = int(crossings.to_left[during].sum())
             right = int(during.sum()) - left
+            # The flow is that of the direction in which more agents cross.
             flow = flow_of(crossings.time[during & (crossings.to_left == (left > right))])
             lines[line.name] = {
                 "to_left": left,
@@ -138,11 +144,15 @@ class MeasuredPlaces:
         return np.column_stack([shorter_ways(way[:, axis], self._span[axis]) for axis in range(2)])
 
     def _count(self, places: Floats) -> None:
+        """Count the agents, at ``places`` (n, 2) [m], in each area."""
         for number, shape in enumerate(self._shapes):
             self._counts[number].append(int(shapely.contains_xy(shape, places).sum()))
 
     def _cross(self, before: Floats, after: Floats) -> None:
-        """Note which agents crossed which line on the straight way between two steps."""
+        """Note which agents crossed which line on the straight way between two steps, and when.
+
+        ``before`` and ``after`` (n, 2) are positions of the agents of the share [m].
+        """
         for number, points in enumerate(self._pieces):
             for first, second in itertools.pairwise(points):
                 agents, share, to_left = crossings_of(before, after, first, second)

@@ -42,6 +42,7 @@ class PartyStatistics:
         x, y = (np.asarray(column, np.float64) for column in (frame.x, frame.y))
         there = np.asarray(frame.state) != AgentState.ABSENT
         for name, parties in self._parties.items():
+            # Members (p, k) in the world, if another member of their party is there, too.
             here = (parties != NONE) & there[parties]
             here &= here.sum(axis=1, keepdims=True) > 1
             beside = np.zeros(parties.shape, np.bool_)

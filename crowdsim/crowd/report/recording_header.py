@@ -148,7 +148,7 @@ def steered_motion(skeleton: Skeleton, gaits: Sequence[Clip]) -> MotionRecord:
 
 
 def _facing(starts: NDArray[np.float64], goals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return starts (n, 3) with the headings towards the goals."""
+    """Return poses (n, 3) at ``starts`` (n, 2) [m] with the headings towards ``goals`` (n, 2) [rad]."""
     toward = goals - starts
     return np.column_stack([starts, atan2(toward[:, 1], toward[:, 0])])
 

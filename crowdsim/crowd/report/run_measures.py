@@ -27,7 +27,7 @@ class RunMeasures:
     attributes : mapping of str to (N,) array
         Values of each attribute that it gives the agents.
     share : Share
-        The agents whose steps are added. Where that is not everybody, the scenario may have no parties.
+        The agents whose steps are added. If these are not all agents, the scenario may have no parties.
     """
 
     def __init__(self, scenario: Scenario, attributes: Mapping[str, NDArray[Any]], share: Share = EVERYBODY) -> None:
@@ -51,7 +51,11 @@ class RunMeasures:
         return self._places.measured()
 
     def summary(self, removed: NDArray[np.bool_], expected: NDArray[np.bool_]) -> dict[str, Any]:
-        """Return the figures; ``removed`` and ``expected`` (N,) tell who was taken out, and who was to come at all."""
+        """Return the figures of the run.
+
+        ``removed`` (N,) are the agents that a command took out, ``expected`` (N,) those of
+        :attr:`crowdsim.crowd.crowd.Crowd.expected`: others that were not removed are on call and were never added.
+        """
         return {
             "removed": int(removed.sum()),
             "not_added": int((~expected & ~removed).sum()),

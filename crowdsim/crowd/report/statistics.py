@@ -66,6 +66,7 @@ class Statistics:
         if before is not None:
             both = present[np.asarray(before.state)[present] != AgentState.ABSENT]
             x, y = np.asarray(frame.x)[both], np.asarray(frame.y)[both]
+            # Ways count for the behavior at their end, and for the areas in which they end.
             gone = hypot(x - np.asarray(before.x)[both], y - np.asarray(before.y)[both])
             how = np.asarray(frame.behavior)[both]
             np.add.at(self.way[0], how, gone)

@@ -40,9 +40,11 @@ class SteeredFeet:
 
     def __init__(self, clip: Clip) -> None:
         self._clip = clip
+        # By id in the world: x, y [m], heading [rad] and phase [cycles] in each step, and the numbers of these steps.
         self._tracks: dict[int, list[Floats]] = {}
         self._steps: dict[int, list[int]] = {}
         self._step = 0
+        # Tracks that ended at an end of a periodic floor, and the number of steps kept of each agent.
         self._ended: list[list[Floats]] = []
         self._kept = [0] * SAMPLED
 
@@ -66,6 +68,7 @@ class SteeredFeet:
 
     def join(self, ranks: Ranks) -> None:
         """Join the tracks with those of the same agents in other processes; the floor must not be periodic."""
+        # Rows of id, step and the four values of the track, to be sorted by both.
         pieces = [np.empty((0, 6))]
         for number, track in self._tracks.items():
             pieces.append(np.column_stack((np.full(len(track), number), self._steps[number], np.array(track))))
@@ -84,7 +87,8 @@ class SteeredFeet:
         clip = deform_clip(self._clip)
         stands = np.tile([0.0, 0.0, 0.0, STAND], (SHORTEST, 1))
         plan = plan_steps(clip, smooth_tracks([stands, *tracks]))
-        # Body 0 stands with the left sole on the floor, which gives the height of each foot point above the sole.
+        # Body 0 stands with the left sole on the floor, which gives the height of each foot point above the sole; the
+        # right foot has the same heights.
         first = forward_kinematics(clip.skeleton, *pose_at(clip, plan, np.zeros(1, np.int64), np.zeros(1)))
         flat = feet_of(clip.skeleton, *first)
         rest = replace(flat, lowest=flat.lowest[[0, 0]], ankles=flat.ankles[[0, 0]])

@@ -28,11 +28,14 @@ CENTER_LIMIT = 1.0
 
 
 WAY_UNIT = 2.0**-32
-"""Unit in which ways are summed up [m]."""
+"""Unit in which ways are summed up [m], as whole numbers: so several processes get the same sums as one."""
 
 
 class SteeredStatistics:
-    """Measures of steered agents, summed up step by step."""
+    """Measures of steered agents, summed up step by step.
+
+    ``gait`` is the clip from which walking bodies are posed, to measure their feet.
+    """
 
     def __init__(
         self, behaviors: Sequence[Behavior], layers: Sequence[str], areas: Mapping[str, shapely.Polygon], gait: Clip
@@ -41,6 +44,7 @@ class SteeredStatistics:
         self.feet = SteeredFeet(gait)
         self._ways = np.zeros((len(areas) + 1, len(behaviors)), np.int64)
         self.gap = self.centers = np.inf
+        # Least gaps of legs and of torsos to walls [m].
         self._margins = [GAP_LIMIT, GAP_LIMIT]
 
     @property
@@ -61,12 +65,13 @@ class SteeredStatistics:
         for row, area in enumerate(self._areas.values(), start=1):
             inside = shapely.contains_xy(area, rows["x"], rows["y"])
             self._ways[row] += np.bincount(view.behavior[inside], gone[inside], kinds).astype(np.int64)
+        # Legs are discs, torsos are capsules.
         legs, torso, leg_radius = steering.walls
         for layer, (walls, whole) in enumerate(((legs, False), (torso, True))):
             self._margins[layer] = min(self._margins[layer], closest_wall(rows, walls, whole, leg_radius, GAP_LIMIT))
 
     def add_gaps(self, everybody: NDArray[Any], steering: Steering, numbers: NDArray[np.int64] | None = None) -> None:
-        """Add the gaps between bodies (ROW) after a step; ``numbers`` are those of :meth:`Steering.sort`."""
+        """Add the gaps between bodies (ROW[n]) after a step; ``numbers`` (n,) are those of :meth:`Steering.sort`."""
         if not len(everybody):
             return
         crowd = steering.sort(everybody, numbers=numbers)
@@ -77,13 +82,17 @@ class SteeredStatistics:
     def join(self, ranks: Ranks) -> None:
         """Take in what other processes have measured; call it once, after the run."""
         self._ways = ranks.sum(self._ways)
+        # The least of all is the largest of the negative values, negated.
         least = -ranks.most(-np.array([self.gap, self.centers, *self._margins]))
         self.gap, self.centers = float(least[0]), float(least[1])
         self._margins = least[2:].tolist()
         self.feet.join(ranks)
 
     def summary(self) -> dict[str, Any]:
-        """Return the figures under the names that ``crowdsim run --json`` prints."""
+        """Return the figures under the names that ``crowdsim run --json`` prints.
+
+        ``closest_pair`` and ``closest_bodies`` are None from CENTER_LIMIT on, up to which they are measured.
+        """
         names = [behavior.name for behavior in self._behaviors]
         areas = enumerate(self._areas, start=1)
         stance_speed, lowest = self.feet.measure()

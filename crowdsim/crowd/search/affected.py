@@ -26,19 +26,24 @@ is less than a millimeter off it."""
 
 
 def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints) -> int:
-    """Return the first node of a plan, from ``first`` on, whose body touches ``taken``; the plan's count if none."""
+    """Return the first node of a plan, from ``first`` on, whose body touches ``taken``; the plan's count if none.
+
+    ``taken`` is the area that an edit covers, by layer.
+    """
     ground = taken[0]
     if ground is None or first >= plan.count:
         return plan.count
     graph = assets.graph
     nodes, origins = plan.nodes[first:], plan.origins[first:]
-    # Quick rejection by the lowest layer, which contains the areas of all others: each node starts too far away.
+    # Quick rejection by the lowest layer, which contains the areas of all others: each node starts too far away. The
+    # meter more amply covers blend offsets.
     reach = assets.personal_radius + float(graph.node_length[nodes].max()) + 1.0
     if float(shapely.distance(shapely.points(origins[:, :2]), ground).min()) > reach:
         return plan.count
     frames = graph.node_frames[nodes].astype(np.int64)
     out = np.empty((int(frames.sum()) // _STRIDE + 2, SAMPLE))
     chain = Chain(nodes, origins, plan.blend_offsets[first:])
+    # One sample every _STRIDE frames.
     playback = Playback.natural(0, _STRIDE)._replace(slot_frames=_STRIDE)
     sample_chain(graph, chain, len(nodes), assets.breadths, 0, playback, out)
     # Node of each sample; between two nodes, the broader body counts.
@@ -56,7 +61,8 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
 def route_taken(assets: Assets, route: AnnotatedPath, position: NDArray[np.float64], taken: Footprints) -> bool:
     """Return True if ``taken`` is nearer to the rest of a route than the planned clearance.
 
-    The rest begins at the point of the route nearest to ``position`` (2,), where its agent is [m].
+    The rest begins at the point of the route nearest to ``position`` (2,), where its agent is [m]. Routes touch corners
+    at exactly their clearance, so rounding must not count (CONTACT_TOLERANCE).
     """
     arc = _arc_near(route, position)
     # The area on the lowest layer contains those on all others.
@@ -94,7 +100,11 @@ def could_shorten(route: AnnotatedPath, position: NDArray[np.float64], freed: Ba
 
 
 def outdated(assets: Assets, plan: MotionPlan | None, position: NDArray[np.float64], edits: list[Edit]) -> bool:
-    """Return True if a result found before ``edits`` (a plan, or None for no path) does not hold after them."""
+    """Return True if a result found before ``edits`` (a plan, or None for no path) does not hold after them.
+
+    ``position`` (2,) is where the search began [m].
+    """
+    # If there was no path, freed floor may open one; a plan stays valid unless an edit covers some of its way.
     if plan is None:
         return any(edit.freed is not None for edit in edits)
     return any(

@@ -44,10 +44,10 @@ SLICE_BRANCHES = 1200
 """Candidate branches of the first slice of a search: 1 to 2 ms; most searches end with it."""
 
 MOTION_WORK = 24
-"""Candidate branches that a motion takes per meter of its route: those of one map query."""
+"""Candidate branches that a motion takes per meter of its route: those of one map query, ``FollowOptions.branches``."""
 
 ROUTE_WORK = (600, 40)
-"""Estimated work of planning a route, in branch evaluations: constant, and per meter."""
+"""Estimated work of planning a route, in branch evaluations: constant, and per meter of the straight line."""
 
 PASSING_WORK = 1500
 """Estimated work of a way around others beyond its route and motion, in branch evaluations: a mesh that contains those
@@ -98,6 +98,7 @@ class MotionSearch:
     recoveries: int = 0
     """Number of searches from there that found a motion."""
     _steps: Generator[MotionPlan, None, MotionPlan | PathNotFound] = field(init=False)
+    # Arguments of the present call of :meth:`advance`.
     _kept: int = 0
     _branches: int = 0
 
@@ -131,6 +132,7 @@ class MotionSearch:
         request = self.request
         meters = distance(request.goal, request.position)
         work = min(MOTION_WORK * meters, SLICE_BRANCHES) + PASSING_WORK * self.is_way_around
+        # A way around others is a route of its own, whether there is an old one or not.
         if request.route is None or self.is_way_around:
             work += ROUTE_WORK[0] + ROUTE_WORK[1] * meters
         return int(work)
@@ -158,8 +160,10 @@ class MotionSearch:
             return plan
         if kept:
             return (yield from self._recover(plan, kept))
+        # The environment has changed, and nothing is played yet: begin anew.
         if environment.revision != revision:
             return (yield from self._search())
+        # It stands idle and finds no first node: it may be too near to an obstacle.
         if plan.count == 0 and request.departure is not None and self.assets.graph.node_idle[request.departure[0]]:
             return (yield from self._step_aside(route)) or plan
         return plan
@@ -180,6 +184,7 @@ class MotionSearch:
             except PathNotFound:
                 return played
             revision = self.environment.revision
+            # Only the first attempt tries to end exactly as requested; the others come near.
             plan, kept = yield from self._follow(
                 request, route, self.environment.meshes, played=played, strictly=attempt == 0
             )
@@ -199,23 +204,27 @@ class MotionSearch:
         played: MotionPlan | None = None,
         strictly: bool = True,
     ) -> Generator[MotionPlan, None, _Outcome]:
-        """Follow a route: quickly, then thoroughly.
+        """Follow a route, by the attempts of :func:`crowdsim.crowd.search.standing.attempts` until one succeeds.
 
-        See :func:`crowdsim.following.follower.path_follower.follow_path`. ``shown``: parts of the motion may be played
-        before it is complete; ``played`` comes before it. ``strictly``: try to end exactly as requested before coming
-        near is enough.
+        See :func:`crowdsim.following.follower.path_follower.follow_path`. ``budget``: map queries. ``shown``: parts of
+        the motion may be played before it is complete; ``played`` comes before it. ``strictly``: try to end exactly as
+        requested before coming near is enough.
         """
         assets, revision = self.assets, self.environment.revision
         samples = _rest_of(route.sample(), request.position)
         node, origin = _departure(assets, request, route, samples)
         before = 0 if played is None else played.count
         arrays = tuple(mesh.arrays for mesh in meshes)
+        # ``best`` ends ``least`` off the goal [m], infinite if no attempt has arrived; ``plan`` was yielded last, and
+        # ``kept`` nodes of it behind ``played`` are played.
         best: FollowResult | None = None
         plan, kept, least = None, 0, np.inf
         for options, exactly in attempts(request, budget, strictly):
+            # What was found comes near: attempts that only have to come near find nothing better.
             if least < np.inf and not exactly:
                 break
             search = PathFollower(assets.character, samples, arrays, origin, node, options)
+            # Map queries of a slice, and nodes to keep, with the departure, which is the first node of a result.
             while (found := search.advance(max(self._branches // options.branches, 1), kept + 1)) is None:
                 plan = _as_plan(assets, route, search.present, played, kept if shown else _HIDDEN)
                 yield plan
@@ -223,17 +232,19 @@ class MotionSearch:
                 if self.environment.revision != revision:
                     return _Outcome(plan, before + kept)
             if found.status == FollowStatus.FOUND:
-                off = 0.0
+                off = 0.0  # it comes near, which is enough for an attempt that is not bent
                 if exactly:
                     found, off = nearest_end(assets.graph, search, found, request, samples.pose[-1, :2], kept + 1)
                 if off < least:
                     best, least = found, off
+                # Another attempt could begin with other nodes than those played.
                 if off <= request.within or kept:
                     break
+            # Without a motion that arrives, keep the one that came farthest.
             elif best is None or (least == np.inf and found.reached >= best.reached):
                 best = found
             if plan is not None and kept:
-                # The result that came farthest may begin with other nodes than those played.
+                # Return what was yielded: the result that came farthest may begin with other nodes than those played.
                 self.backtracks += found.status == FollowStatus.PAST_KEPT
                 return _Outcome(plan, before + kept)
         assert best is not None
@@ -249,7 +260,7 @@ class MotionSearch:
     def _step_aside(self, route: AnnotatedPath) -> Generator[MotionPlan, None, MotionPlan | None]:
         """Search a motion to the goal by way of a position beside, for an agent too near to an obstacle to set out.
 
-        Positions in the direction of ``route`` are tried first.
+        Positions in the direction of ``route`` are tried first; ``turn`` is the angle off it as a share of 180 degrees.
         """
         request, environment = self.request, self.environment
         ahead = route.at(np.array([SIDE_STEP]))[0] - request.position
@@ -268,10 +279,14 @@ class MotionSearch:
         return None
 
     def _passing(self) -> Generator[MotionPlan, None, MotionPlan | None]:
-        """Search a motion to the goal that keeps clear of the agents that stand ``around``; None without one."""
+        """Search a motion to the goal that keeps clear of the agents that stand ``around``; None without one.
+
+        These become obstacles: rings of points, inserted in copies of the meshes, on which a route is planned.
+        """
         assets, environment, request = self.assets, self.environment, self.request
         turn = np.arange(_RING) * 2.0 * np.pi / _RING
         ring = np.stack([cos(turn), sin(turn)], axis=1)
+        # Middle and both ends of the core of each body, (3, k, 2): a capsule counts as three discs.
         x, y, heading = request.around.T
         half = assets.breadths[request.postures, 1]
         core = half[:, None] * np.stack([-sin(heading), cos(heading)], axis=1)
@@ -285,7 +300,7 @@ class MotionSearch:
             meshes.append(mesh.with_points(points) if len(points) else mesh)
         if all(mesh is before for mesh, before in zip(meshes, environment.meshes, strict=True)):
             return None
-        # Without a roadmap, which would be built for this one plan.
+        # Without a roadmap, which would be built for this one plan: from the shortest path of each behavior area.
         query = Planner(meshes, assets.behaviors).query(request.position, request.goal)
         route = cheapest_uniform(query).path
         if route is None:
@@ -300,9 +315,10 @@ class MotionSearch:
 def _departure(
     assets: Assets, request: Request, route: AnnotatedPath, samples: PathSamples
 ) -> tuple[int, NDArray[np.float64]]:
-    """Return the node behind which a motion begins and its start; before it enters, an agent stands idle."""
+    """Return the node behind which a motion begins, and the track pose (3,) at which that node starts."""
     if request.departure is not None:
         return request.departure
+    # It has not entered yet: it will stand idle, and face as the first behavior of its route does.
     behavior = route.sections[0].behavior
     heading = wrap_angle(samples.pose[0, 2] + assets.facings[behavior, 0])
     return int(assets.idle_nodes[behavior]), np.array([*request.position, heading])
@@ -313,7 +329,8 @@ def _as_plan(
 ) -> MotionPlan:
     """Return a plan of ``played`` and what was found behind it.
 
-    ``kept`` nodes of what was found stay even if it is not worthwhile.
+    ``kept`` nodes of what was found stay even if it is not worthwhile. Its first node is the departure, which is no
+    part of the plan.
     """
     origins = found.origins[1:]
     blend_offsets = np.empty(origins.shape)
@@ -334,7 +351,10 @@ def _as_plan(
 
 
 def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples:
-    """Return the samples from the one nearest to ``position`` on; a millimeter if the agent is there already."""
+    """Return the samples from the one nearest to ``position`` (2,) [m] on, at least two.
+
+    A path of length 0, as the agent is there already, becomes one of a millimeter: a search needs a length.
+    """
     if not samples.arc[-1] > 0.0:
         pose = samples.pose.copy()
         pose[0, :2] -= _LEAST * np.array([cos(pose[0, 2]), sin(pose[0, 2])])

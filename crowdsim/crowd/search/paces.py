@@ -12,7 +12,7 @@ from crowdsim.crowd.state.timelines import FASTEST, SLOWEST, Playback
 from crowdsim.geometry.elementary import hypot
 
 _STEADY = 0.7
-"""Least mean speed of a node of steady walking, as a share of the natural speed; slower nodes start or stop."""
+"""Least mean speed of a node of steady walking, as a share of the natural speed; slower nodes set off or stop."""
 
 _WINDOW = 4
 """Number of consecutive nodes over which the mean speed is that of the agent: two strides or more."""
@@ -27,7 +27,7 @@ Ints = NDArray[np.int64]
 class Paces:
     """Rates at which n agents play their plans while nothing is in their way.
 
-    Nodes are played as captured unless :meth:`keep` is called.
+    Nodes are played at the natural rate, as captured, unless :meth:`keep` is called.
     """
 
     def __init__(self, assets: Assets, count: int) -> None:
@@ -39,6 +39,7 @@ class Paces:
         first = graph.node_track.astype(np.int64)
         self._lengths: Floats = ways[first + graph.node_frames] - ways[first]
         self._seconds: Floats = graph.node_frames / CAPTURE_RATE
+        # The last behavior is the preferred one; only its nodes can count as steady walking.
         self._preferred = graph.node_behavior == len(assets.behaviors) - 1
         self._steady = np.zeros(len(first), np.bool_)
         self._natural_speed = np.inf
@@ -54,7 +55,7 @@ class Paces:
         speeds : (n,) float64
             Speed of each while nothing is in its way [m/s], nan for that of the motion.
         natural_speed : float
-            Speed of the motion [m/s].
+            Speed of the motion at the natural rate [m/s].
         """
         self._natural_speed = natural_speed
         self._steady = self._preferred & (self._lengths >= _STEADY * natural_speed * self._seconds)
@@ -64,7 +65,8 @@ class Paces:
         """Return the rates (P,) at which an agent plays the nodes of a plan [ticks/step].
 
         Nodes of steady walking were captured at different speeds. The mean speed over a node and the next ones,
-        :data:`_WINDOW` in all, is scaled to that of the agent.
+        :data:`_WINDOW` in all, is scaled to that of the agent. Of these nodes only steady ones count; where there are
+        none, the natural speed is scaled. No rate is above FASTEST, even if the captured nodes are slow.
         """
         speed = float(self.speeds[agent])
         if np.isnan(speed):

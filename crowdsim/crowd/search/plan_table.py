@@ -30,11 +30,12 @@ class PlanTable(NamedTuple):
     arrives: NDArray[np.bool_]
     """(n,) True if the plan reaches its goal."""
     rates: NDArray[np.int64]
-    """(n,) rate of its first node while nothing is in the way [ticks/step]."""
+    """(n,) rate of its first node while nothing is in the way [ticks/step]; without a plan, that of the last plan,
+    or the natural rate."""
 
 
 class Motions(MutableMapping[int, MotionPlan]):
-    """Plan of each agent that has one, also kept in a row of ``table``.
+    """Plan of each agent that has one, also kept in a row of ``table``, where kernels find it.
 
     Parameters
     ----------
@@ -77,6 +78,7 @@ class Motions(MutableMapping[int, MotionPlan]):
                 raise TypeError(f"kernels read plans of contiguous arrays of int32 and float64, not {array.dtype}")
         self._plans[agent], self._rates[agent] = plan, self._rates_of(agent, plan)
         arrays.append(self._rates[agent])
+        # Kernels read the arrays at their addresses, without a copy.
         table.places[agent] = [array.__array_interface__["data"][0] for array in arrays]
         table.nodes[agent] = plan.count
         table.first_pass[agent] = min(plan.passes, default=NO_PASS)

@@ -41,7 +41,10 @@ class Join(NamedTuple):
     """Length below which the path must be to be taken [m]."""
 
     def fits(self, plan: MotionPlan | None, cursor: int) -> bool:
-        """Return True if an agent in node ``cursor`` of ``plan`` can still continue there."""
+        """Return True if an agent in node ``cursor`` of ``plan`` can still continue there.
+
+        Plans are the same as long as they share their array of nodes.
+        """
         return plan is not None and plan.nodes is self.plan.nodes and NONE < cursor <= self.after
 
 
@@ -137,6 +140,7 @@ class Plans:
                 return 0
             if plan is None or plan.nodes is not search.handed:
                 return None  # it has come to a stand, or follows another plan
+            # Nodes before ``first`` were not found by this search.
             return max(played(agent) - search.first, 0)
 
         self.searches.submit(self.step, self.environment.revision, kept)

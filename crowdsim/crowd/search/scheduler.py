@@ -44,13 +44,14 @@ class Ongoing:
     branches: int
     """Candidate branches of the next slice."""
     walks: bool
-    """True if the agent walked when it was requested."""
+    """True if it is needed at once: its agent is on its way."""
     patient: bool
     """True if it was requested by an agent that waits for others."""
     handed: NDArray[np.int32] | None = None
     """Nodes of the plan that its agent follows since, of which those from ``first`` on are what it found."""
     first: int = 0
     revision: int = 0
+    """Revision of the environment when its last slice began."""
     ready: float | None = None
     """Time from the request until there were nodes to play [s]."""
 
@@ -134,7 +135,8 @@ class Searches:
         for agent, search in self._ongoing.items():
             ranks[search.rank].append((agent, search))
         walking, standing, patient = (iter(rank) for rank in ranks)
-        # Work left for this step. Each rank leaves a share for the ones after it, and gets what they do not need.
+        # Work left for this step, less an excess of the last one. Each rank leaves a share for the ones after it, and
+        # gets what they do not need: so those that walk come again after those that stand.
         self._left = min(self._left, 0) + self.each_step
         share = min(PATIENT_BRANCHES, self.each_step // 4)
         spared = min(share, self._left) if ranks[2] else 0
@@ -161,6 +163,7 @@ class Searches:
         for agent, (search, found) in self.pool.collect(step):
             if self._ongoing.get(agent) is not search:
                 continue
+            # Few searches need another slice, and most of those need many: make it longer.
             search.branches = min(2 * search.branches, self.longest_slice)
             if search.search.over:
                 self.drop(agent)
@@ -168,7 +171,10 @@ class Searches:
         return results
 
     def summary(self) -> dict[str, Any]:
-        """Return counts, and median, 95th percentile and maximum of the time to the first nodes to play [ms]."""
+        """Return counts, and median, 95th percentile and maximum of the time to the first nodes to play [ms].
+
+        Times are None if no search has found any.
+        """
         waits = np.array(self.waits or [np.nan]) * 1e3
         median, p95, most = (None if np.isnan(q) else float(q) for q in np.quantile(waits, [0.5, 0.95, 1.0]))
         return {

@@ -30,8 +30,10 @@ def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[Fo
 
     A motion that ends standing is searched first with the requested distance and heading, by a quick and then a
     thorough search; if only a bent motion can come that near, with several options that end differently. If none
-    succeeds, or if not ``strictly``, coming near is enough.
+    succeeds, or if not ``strictly``, coming near is enough: within the default tolerance, by a quick search with a
+    quarter of ``budget`` (map queries), then a thorough one with the rest.
     """
+    # Searches alone end within STAND_WITHIN of the goal; what is to end nearer has to be bent.
     quick, nearest = max(budget // 4, 1), request.within < STAND_WITHIN
     if strictly and request.stays:
         breadths = (
@@ -65,6 +67,14 @@ def nearest_end(
 
     Parameters
     ----------
+    graph : GraphArrays
+        Motion graph.
+    search : PathFollower
+        The search, which goes on to further solutions.
+    found : FollowResult
+        Its first solution.
+    request : Request
+        What was requested, of which the distance from the goal counts.
     goal : (2,) float64
         End of the path [m].
     kept : int

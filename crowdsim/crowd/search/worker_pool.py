@@ -34,6 +34,7 @@ class WorkerPool(Generic[Result]):
             raise ValueError("workers and latency must be at least 1")
         self.latency = latency
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="crowdsim")
+        # Step in which each job is due, its key, and its result to come.
         self._pending: list[tuple[int, int, Future[Result]]] = []
 
     def submit(self, step: int, key: int, job: Callable[[], Result]) -> None:

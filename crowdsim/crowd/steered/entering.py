@@ -34,7 +34,7 @@ AWAITS_SECONDS = 10.0
 _RADII = np.repeat([0.5, 1.0, 1.5, 2.0], 8)
 _TURNS = np.tile(np.arange(8), 4) * (np.pi / 4.0)
 _AROUND = np.column_stack((_RADII * cos(_TURNS), _RADII * sin(_TURNS)))
-"""Offsets of these others, (k, 2) [m]; one is tried in each step."""
+"""Offsets of these other places, (k, 2) [m]: eight on each of four circles; one is tried in each step."""
 
 
 class Entering:
@@ -62,6 +62,7 @@ class Entering:
         """(n,) step in which each agent entered the world, -1 before."""
         self.shut_out = np.zeros(0, np.int64)
         """Agents whose time has come and whose place is covered by a movable."""
+        # Half breadth of the broadest agent [m].
         self._broadest = 0.5 * float(cast.walkers.breadths.max(initial=0.0))
 
     def enter(
@@ -97,6 +98,7 @@ class Entering:
         admit(coming, crowd, self._broadest, steering.walls, admitted)
         agents, rows = due[admitted], coming[admitted]
         self.entered[agents], cast.starts[agents] = step, places[admitted]
+        # Those with a delay stand first, without a goal in their row, so that others may ask them to step aside.
         go_step = step + cast.delay_steps[agents]
         stands = go_step > step
         goals = rows["goal"].astype(np.int32)
@@ -118,7 +120,11 @@ class Entering:
         )
 
     def _places(self, agents: NDArray[np.int64], step: int) -> NDArray[np.float64]:
-        """Return where agents (k,) try to enter in this step, (k, 2) [m]."""
+        """Return where agents (k,) try to enter in this step, (k, 2) [m].
+
+        Their own places, unless they have waited too long, and the place tried instead is in their start region and in
+        sight.
+        """
         cast = self._cast
         places = cast.starts[agents]
         waited = step - cast.start_steps[agents] - round(AWAITS_SECONDS * STEERING_RATE)

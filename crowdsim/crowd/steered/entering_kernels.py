@@ -18,6 +18,8 @@ ROOM = 0.01
 def admit(coming, crowd, broadest, walls, admitted):
     """Decide which agents have room to enter, one after the other; those admitted take room from those after them.
 
+    Bodies are capsules; their cores lie across the heading (hx, hy), along (-hy, hx).
+
     Parameters
     ----------
     coming : ROW[k]
@@ -26,7 +28,7 @@ def admit(coming, crowd, broadest, walls, admitted):
         Agents present, sorted by cells; first row of each cell; frame of the grid: left and bottom edge [m], columns
         and rows of cells.
     broadest : float
-        Largest half breadth of all agents [m].
+        Largest half breadth of all agents, core and radius [m].
     walls : (Walls, Walls, float)
         Walls of the legs' layer, walls of the torso's layers, and radius of the legs [m].
     admitted : (k,) bool
@@ -34,7 +36,8 @@ def admit(coming, crowd, broadest, walls, admitted):
     """
     rows, starts, frame = crowd
     legs, torso, leg_radius = walls
-    # Linked lists of the agents admitted so far, by cells of the same grid: head of each cell, next of each agent.
+    # Linked lists of the agents admitted so far, by cells of the same grid: the latest of each cell, and for each agent
+    # the one admitted before it in its cell; -1 if there is none.
     heads = np.full(frame[FRAME_COLUMNS] * frame[FRAME_ROWS], -1, np.int32)
     nexts = np.full(len(coming), -1, np.int32)
     for number in range(len(coming)):
@@ -44,7 +47,7 @@ def admit(coming, crowd, broadest, walls, admitted):
         column, row = cell_of(frame, one.x, one.y)
         free = True
 
-        # Keep off agents that are present, then off those admitted in this step.
+        # Row by row of cells, keep off agents that are present, then off those admitted in this step.
         for j in range(max(row - cells, 0), min(row + cells + 1, frame[FRAME_ROWS])):
             begin, end = rows_beside(starts, frame, column, j, cells)
             for other_number in range(begin, end):

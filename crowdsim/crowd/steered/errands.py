@@ -77,9 +77,12 @@ class Errands:
         for number, itinerary in enumerate(groups):
             self._goals[number, : len(itinerary.goals)] = itinerary.goals
             self._headings[number, : len(itinerary.goals)] = itinerary.headings
+        # Regions of the goals by number; commands add others, or replace what they added before.
         self._regions = list(cast.goals)
         # Itinerary of each agent, and its own spots at places; commands change both.
         self._itinerary, self._own_spots = cast.group.copy(), cast.spots.copy()
+        # By itinerary: places of one round, and of all rounds (NONE if these never end); steps to stand at each; if the
+        # last place is an exit; if agents stay at the end; how near to their spots they must stand [m].
         self._rate = steps_per_second
         self._places = np.array([len(itinerary.goals) for itinerary in groups], np.int64)
         self._last = np.array([it.rounds * len(it.goals) if it.rounds != NONE else NONE for it in groups], np.int64)
@@ -91,6 +94,8 @@ class Errands:
         """(m, 2) points in the regions of the goals [m]."""
         self.arrived = np.full(cast.head_count, NONE, np.int64)
         """(n,) step in which each agent reached its last place, -1 before."""
+        # (n,) number of places reached, also by agents that have left; and how those that went on had stood, as
+        # `how_they_stood` returns it.
         self._visits = np.zeros(cast.head_count, np.int64)
         self._stood: list[tuple[Floats, Floats]] = []
         for region in cast.goals:
@@ -98,6 +103,7 @@ class Errands:
 
     def free_goal(self) -> int:
         """Return the number for another goal: that of a commanded goal no longer in use, else a new one."""
+        # In use are the goals of agents on their way, and of those that stay at one.
         goes = (self.arrived == NONE) | self._stays[self._itinerary]
         used = np.unique(self._goals[self._itinerary[goes]])
         free = np.setdiff1d(np.arange(len(self._cast.goals), len(self._regions)), used)
@@ -105,6 +111,7 @@ class Errands:
 
     def redirect(self, view: View, agents: NDArray[np.int64], goal: NewGoal) -> None:
         """Send agents (k,) to another goal instead of all their places, wherever they are."""
+        # Put the goal in place of an old one of that number, or behind all; any of its places is a point in it.
         shapely.prepare(goal.region)
         self._regions[goal.number : goal.number + 1] = [goal.region]
         self.middles = np.concatenate((self.middles[: goal.number], goal.places[:1], self.middles[goal.number + 1 :]))
@@ -139,6 +146,7 @@ class Errands:
         group = self._itinerary[agents]
         place = reached % self._places[group]
         goals = self._goals[group, place]
+        # The last place of a group with exits is the one that each agent has chosen, or was assigned.
         at_exit = self._has_exits[group] & (place == self._places[group] - 1)
         goals[at_exit] = self._exits.goals[agents[at_exit]]
         return np.asarray(goals)
@@ -154,6 +162,7 @@ class Errands:
     def set_out(self, view: View, step: int) -> None:
         """Let standing agents go on whose time has come; call it before guidance is written."""
         go = np.flatnonzero((view.errand == Errand.STANDS) & (view.go_step <= step))
+        # Those that have reached nothing yet stood where they entered.
         stood = go[view.reached[go] > 0]
         if len(stood):
             self._stood.append(self._how_they_stand(view, stood))
@@ -210,7 +219,7 @@ class Errands:
         return laps
 
     def _within_goals(self, view: View, near: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which of some rows are in the region of their goal, or as near to it as paths lead."""
+        """Return which of the rows ``near`` (k,) are in the region of their goal, or as near to it as paths lead."""
         state, goals = view.row, view.goal[near]
         within: NDArray[np.bool_] = state["togo"][near] <= REACHED
         for goal in np.unique(goals).tolist():
@@ -220,7 +229,10 @@ class Errands:
         return within
 
     def _reach(self, view: View, step: int, there: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Let agents in the region of their goal leave, go on, or take their spot; return those that leave."""
+        """Let the rows ``there`` (k,), in the region of their goal, leave, go on, or take their spot.
+
+        Return the rows that leave.
+        """
         agents, group = view.agent[there], self._itinerary[view.agent[there]]
         last = view.reached[there] + 1 == self._last[group]
         stands = np.where(last, self._stays[group], self._waits[group] > 0)
@@ -239,7 +251,10 @@ class Errands:
         return np.asarray(leaves)
 
     def _how_they_stand(self, view: View, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """Return distances to the spots [m] and angles to the prescribed headings [rad], nan if none, of rows."""
+        """Return distances to the spots [m] and angles to the prescribed headings [rad], nan if none, of rows.
+
+        All have been counted as having reached the place where they stand.
+        """
         state, reached = view.row, view.reached[rows] - 1
         spot = self._spots(view, rows, reached)
         off: Floats = hypot(spot[:, 0] - state["x"][rows], spot[:, 1] - state["y"][rows])
@@ -250,6 +265,7 @@ class Errands:
         view.reached[rows] += 1
         self._visits[view.agent[rows]] += 1
         group = self._itinerary[view.agent[rows]]
+        # Exits are the last place: choose one when it comes next.
         chooses = rows[self._has_exits[group] & (view.reached[rows] == self._places[group] - 1)]
         self._exits.enter(view.agent[chooses].astype(np.int64), view.row[chooses])
         view.goal[rows] = self.goal(view.agent[rows], view.reached[rows])
@@ -259,6 +275,7 @@ class Errands:
 
     def _take_places(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
         """Lead agents to their spots; those that are there, or come no nearer, turn and count as standing."""
+        # ``go_step`` is the last step of taking their spot, then that of turning.
         group = self._itinerary[view.agent[rows]]
         distance = self._lead(view, rows)
         is_there = distance <= self._within[group]
@@ -274,6 +291,7 @@ class Errands:
         stops = rows[~turns | (view.go_step[rows] <= step)]
         agents = view.agent[stops]
         group = self._itinerary[agents]
+        # At the last place all of these stay: agents that leave there do not take a spot.
         last = view.reached[stops] + 1 == self._last[group]
         view.errand[stops] = np.where(last, Errand.STAYS, Errand.STANDS)
         view.go_step[stops] = step + self._waits[group]
@@ -297,13 +315,16 @@ class Errands:
         view.row["stuck"][stays] = 0.0
 
     def _stop(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Remove the guidance of rows."""
+        """Remove the guidance of rows, with what it prescribes for their bodies (-1 for none)."""
         state = view.row
         state["gx"][rows] = state["gy"][rows] = state["togo"][rows] = 0.0
         state["turn"][rows] = state["held"][rows] = -1.0
 
     def _turn(self, view: View, rows: NDArray[np.int64], headings: Floats) -> NDArray[np.bool_]:
-        """Let rows turn on the spot to headings [rad], nan for any; return which rows still turn."""
+        """Let rows turn on the spot to headings [rad], nan for any; return which rows still turn.
+
+        They are guided in the direction of the heading at a free speed of 0: the body turns there, and does not move.
+        """
         state = view.row
         off = np.abs(wrap_angle(headings - state["heading"][rows])) > TURNED_OFF
         turns = rows[off]
@@ -326,7 +347,7 @@ class Errands:
         state: NDArray[Any] = view.row
         dx, dy = view.stand[rows, 0] - state["x"][rows], view.stand[rows, 1] - state["y"][rows]
         distance: Floats = hypot(dx, dy)
-        far = np.maximum(distance, 1e-9)
+        far = np.maximum(distance, 1e-9)  # at the spot itself there is no direction
         state["gx"][rows], state["gy"][rows], state["togo"][rows] = dx / far, dy / far, distance
         state["turn"][rows] = state["held"][rows] = -1.0
         state["speed"][rows] = np.minimum(view.pace[rows], np.maximum(_SLOWING * distance, _SLOWEST))

@@ -94,11 +94,15 @@ class ExitChoice:
         self._chooses = np.array([it.choice in ("nearest", "quickest") for it in cast.itineraries], np.bool_)
         self._quickest = np.array([it.choice == "quickest" for it in cast.itineraries], np.bool_)
         self._flows = np.array([flow_through(goal, free) for goal in cast.goals])
+        # By goal: number of agents that have left there, and that had when flows were last learned, every second.
         self._left = np.zeros(len(cast.goals), np.int64)
         self._left_before = np.zeros(len(cast.goals), np.int64)
 
     def enter(self, agents: Ints, rows: NDArray[Any]) -> None:
-        """Let agents that enter, or have finished a route, choose an exit from the positions of ``rows`` (ROW)."""
+        """Let agents that enter, or have finished a route, choose an exit from the positions of ``rows`` (ROW).
+
+        Queues do not count yet: they choose the one that they reach first, and may change soon (:meth:`consider`).
+        """
         for group, mine in self._choosing(agents):
             times = self._costs(group, agents[mine], rows[mine], ())
             exits = self._cast.itineraries[group].exits
@@ -130,7 +134,7 @@ class ExitChoice:
             ahead = [queues[goal] for goal in exits.tolist()] if quickest else ()
             costs = self._costs(group, ones, view.row[rows], ahead)
             best = np.argmin(costs, axis=1)
-            # Index of each one's own exit.
+            # Index in ``exits``, which need not be sorted, of each one's own exit.
             own = np.searchsorted(exits, self.goals[ones], sorter=np.argsort(exits))
             own = np.argsort(exits)[own]
             least, now = costs[np.arange(len(ones)), best], costs[np.arange(len(ones)), own]
@@ -152,7 +156,7 @@ class ExitChoice:
         self.goals[view.agent[rows]] = goals
         view.goal[rows] = goals
         view.row["goal"][rows] = goals
-        view.following[rows] = PLAIN
+        view.following[rows] = PLAIN  # the field followed so far leads to the old exit
 
     def _follow_the_first(self, view: View) -> None:
         """Let all members go to the exit of the first one of their party, as long as that one is in the world."""
@@ -183,9 +187,11 @@ class ExitChoice:
         return [(number, np.flatnonzero(group == number)) for number in np.unique(group[self._chooses[group]]).tolist()]
 
     def _costs(self, group: int, agents: Ints, rows: NDArray[Any], queues: Sequence[Floats]) -> Floats:
-        """Return (k, e) the time until each is through each exit [s], or the length of the path [m].
+        """Return (k, e) the time until each agent is through each exit [s], or the length of the path [m].
 
-        It is infinite if there is no path.
+        Times are those of a group that takes the quickest exit. They are infinite if there is no path. ``agents`` (k,)
+        are of one ``group``, with ``rows`` (ROW[k]); ``queues``: for each exit, the ascending lengths of the paths of
+        all that walk to it [m]; empty if no queue counts.
         """
         places = np.column_stack((rows["x"], rows["y"]))
         exits = self._cast.itineraries[group].exits.tolist()
@@ -194,13 +200,15 @@ class ExitChoice:
             return lengths
         times: Floats = lengths / self._cast.walkers.speeds[agents][:, None]
         for k, queue in enumerate(queues):
-            # Agents nearer to the exit are through before it: it waits for them at the expected flow.
+            # Agents nearer to the exit are through before it: it waits for them at the expected flow. An agent's own
+            # length, which may be rounded otherwise in the queue, does not count.
             ahead = np.searchsorted(queue, lengths[:, k] - 1e-6)
             times[:, k] = np.maximum(times[:, k], ahead / self._flows[exits[k]])
         return times
 
     def _learn(self, view: View) -> None:
         """Update the expected flows of exits with a queue by the number that left in the last second."""
+        # ``left`` and ``queued`` are numbers of agents by goal.
         row = view.row
         held_up = (hypot(row["vx"], row["vy"]) < HELD_UP * view.pace) & (row["goal"] >= 0)
         queued = self._ranks.sum(np.bincount(row["goal"][held_up], minlength=len(self._flows)))

@@ -91,6 +91,7 @@ class Parties:
         # Steps that each member has waited (counted down while it walks), and whether its patience is over.
         self._waited = np.zeros(len(first), np.int64)
         self._goes_on = np.zeros(len(first), np.bool_)
+        # Agents that have left their party for good.
         self._alone = np.zeros(len(first), np.bool_)
 
     def __bool__(self) -> bool:
@@ -106,6 +107,7 @@ class Parties:
             return
         rows = self._rows(view)
         state = view.row
+        # Member ``k`` of all parties at once.
         for k in range(self._most):
             mine = rows[:, k]
             here = mine != NONE
@@ -149,7 +151,8 @@ class Parties:
             )
             distance = hypot(dx, dy)
             passed = view.reached[mine] - view.reached[at]
-            # A member that walks to a later place already is ahead by the distance between both.
+            # Lead over this member: by the ways left. A member that walks to a later place already is ahead by the
+            # distance between both. A floor is periodic along one axis at most, and ways left jump by its period.
             behind = shorter_ways(state["togo"][at] - state["togo"][mine], max(self._span))
             over = np.where(passed == 0, behind, np.sign(passed) * distance)
             lead = np.where(there, np.maximum(lead, over), lead)
@@ -165,14 +168,15 @@ class Parties:
         agents = view.agent[rows]
         # Slow down linearly with the lead.
         share = 1.0 - np.clip((lead - SLOWS_AT) / (WAITS_AT - SLOWS_AT), 0.0, 1.0)
-        # Count the time waited, faster if a stuck agent is beside; it counts down while walking.
+        # At less than half its speed it counts as waiting. Count the time waited, faster if a stuck agent is beside; it
+        # counts down while walking.
         waits = (share < 0.5) & ~self._goes_on[agents]
         holds_up = waits.copy()
         holds_up[waits] = self._hold_up(view, rows[waits])
         self._waited[agents] += np.where(waits, np.where(holds_up, URGENCY, 1), -1)
         self._waited[agents[lead <= SLOWS_AT]] = 0
         np.clip(self._waited, 0, self._patience, out=self._waited)
-        # Out of patience: go on until the count is back to 0.
+        # Out of patience: go on until the count is back to 0. Those behind hurry, in proportion to their lag.
         waited = self._waited[agents]
         self._goes_on[agents] = (waited >= self._patience) | (self._goes_on[agents] & (waited > 0))
         share[self._goes_on[agents]] = 1.0
@@ -185,9 +189,12 @@ class Parties:
         return stuck_beside(places, self.first[view.agent], rows, np.flatnonzero(view.row["stuck"] > STUCK))
 
     def _head_for(self, state: NDArray[Any], rows: Ints, dx: Floats, dy: Floats) -> None:
-        """Turn the directions of rows towards the middle of the others, if it is to the side and in sight."""
+        """Turn the directions of rows towards the middle of the others, if it is to the side and in sight.
+
+        ``(dx, dy)`` (k,) lead from each row to that middle [m].
+        """
         gx, gy = state["gx"][rows], state["gy"][rows]
-        side = gx * dy - gy * dx
+        side = gx * dy - gy * dx  # distance to the left of the way [m]
         turn = np.clip(COMES_CLOSER * (np.abs(side) - ABREAST), 0.0, TURNS_MOST)
         turns = np.flatnonzero((turn > 0.0) & (state["togo"][rows] > STRAIGHT))
         if not len(turns):

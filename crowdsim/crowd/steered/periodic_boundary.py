@@ -64,14 +64,14 @@ class PeriodicBoundary:
         beyond[self._name] += self._span
         before[self._name] -= self._span
         copies = np.concatenate((beyond, before))
-        # Ids of copies differ from all others.
+        # Ids of copies differ from all others: those of rows are below ``most``.
         most = int(rows["id"].max(initial=0)) + 1
         copies["id"] += np.repeat((most, 2 * most), (len(beyond), len(before)))
         self._guide(copies)
         return joined(rows, copies)
 
     def wrap(self, view: View) -> None:
-        """Move the agents that have left at one end to the other end."""
+        """Move the agents that have left at one end to the other end, with the anchors of their gait."""
         if self._name is None:
             return
         at = view.row[self._name]

@@ -92,6 +92,7 @@ class SteeredCrowd:
         self.entering = Entering(
             self.world, self.place, self.cast, self.exits, self.errands, self.boundary, regions, ranks
         )
+        # One by behavior, the preferred one last.
         self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
             behaviors,
@@ -131,6 +132,8 @@ class SteeredCrowd:
         waits = self.cast.start_steps != NEVER
         waits &= self.entering.entered < 0
         done = self.arrived
+        # Once nothing moves any more, those without a path never get one. All processes know who is shut out, so one
+        # counts them.
         if self.place.agenda.over:
             since = self.world.column("lost_since")
             done += int(((since != NONE) & (self._step - since > LOST_SECONDS * STEERING_RATE)).sum())
@@ -139,6 +142,7 @@ class SteeredCrowd:
         # While some are yet to come, which all processes know, nobody needs to count.
         if waits.any():
             return False
+        # Several processes take no commands, so that nobody is removed; each knows the arrivals of its own agents only.
         expected = int((self.cast.start_steps != NEVER).sum())
         if self.ranks.size == 1:
             expected = int(self.expected.sum())
@@ -239,6 +243,7 @@ class SteeredCrowd:
             everybody = joined(view.row, ghosts.rows[~ghosts.leaves])
             numbers = np.concatenate((view.id, ghosts.ids[~ghosts.leaves]))
         self.steering.step(everybody, others, len(view.row), numbers)
+        # Joined rows were copied: take the results over.
         if everybody is not view.row:
             opaque(view.row)[:] = opaque(everybody)[: len(view.row)]
         walk_on(view, before, place.asked)
@@ -254,6 +259,7 @@ class SteeredCrowd:
         view, entered = self.world.view(), self.entering.entered
         came, leaves = entered[view.agent] == self._step, np.isin(view.id, gone)
         ghosts = self.ranks.exchange(self.world, self.exits.goals, came, leaves)
+        # In the step before, those that enter now were not there, and those that leave now were.
         view = self.world.view()
         there = entered[view.agent] != self._step
         everybody = joined(opaque(view.row)[there].view(view.row.dtype), ghosts.rows[~ghosts.came])
@@ -297,13 +303,14 @@ class SteeredCrowd:
         """Add the present step to the statistics."""
         view = self.world.view()
         self.statistics.add(view, self.steering)
+        # Several processes measure gaps when they exchange agents; see `meet`.
         if self.ranks.size == 1:
             self.statistics.add_gaps(self.boundary.with_copies(view.row), self.steering)
 
     def join(self) -> None:
         """Take in what other processes know, after the last step: arrivals, exits, and what they have measured."""
         ranks = self.ranks
-        self.meet(np.zeros(0, np.int64))
+        self.meet(np.zeros(0, np.int64))  # measures the gaps after the last step
         came = self.errands.arrived != NONE
         self.exits.goals[:] = ranks.most(np.where(came, self.exits.goals, NONE))
         self.errands.arrived[:] = ranks.most(self.errands.arrived)
@@ -325,6 +332,7 @@ class SteeredCrowd:
             "exits": self.exits_used(arrived),
             "stands": stands_summary(*stands.T),
             "events": self.place.agenda.report(),
+            # Only captured agents plan anew and search.
             "replans": 0,
             "searches": None,
             "steps": self._step,

@@ -80,6 +80,7 @@ class SteeredPlace:
         self._steps_per_second = steps_per_second
         # By event, as the next event of the same movable may place it elsewhere.
         self._announced: dict[int, Footprints] = {}
+        # Union of all movables present.
         self._standing = _union([*things.values()])
 
     @property
@@ -132,7 +133,11 @@ class SteeredPlace:
         return bool((shapely.distance(_cores(state), outline) < reach).any())
 
     def change(self, happening: Sequence[int], waiting: Sequence[int]) -> bool:
-        """Let some events happen and announce those that wait; return True if walls changed."""
+        """Let some events happen and announce those that wait; return True if walls changed.
+
+        ``happening`` and ``waiting`` are numbers of events. Fields are rebuilt in the window (left, bottom, right, top)
+        of all that has changed or is announced anew, or no longer.
+        """
         events = self.agenda.timetable.events
         announced: dict[int, Footprints] = {}
         for number in waiting:
@@ -185,7 +190,11 @@ class SteeredPlace:
         return np.asarray(shapely.dwithin(outline, shapely.points(places), reach))
 
     def lead_out(self, state: NDArray[Any], lost: NDArray[np.int64]) -> None:
-        """Lead rows of ``state`` that have no path and are where a movable waits to appear straight out of it."""
+        """Lead rows that have no path straight away from where a movable waits to appear, if they are in its way.
+
+        ``lost`` (k,) are the rows of ``state`` (ROW) without a path. They are in its way within its outline and up to
+        0.5 m from it: fields lead around the outline with a clearance, so that bodies just outside may have no path.
+        """
         if not self._announced or not len(lost):
             return
         outline = _union(list(self._announced.values()))
@@ -193,6 +202,7 @@ class SteeredPlace:
         inside = shapely.contains(outline, places)
         near = inside | (shapely.distance(outline, places) < 0.5)
         ends = shapely.get_coordinates(shapely.shortest_line(places, outline.boundary)).reshape(-1, 2, 2)
+        # The way to the nearest point of the outline; from outside, the opposite one.
         away = np.where(inside[:, None], 1.0, -1.0) * (ends[:, 1] - ends[:, 0])
         length = np.sqrt((away * away).sum(axis=1))
         go = near & (length > 0.0)
@@ -206,6 +216,7 @@ class SteeredPlace:
             return
         if self.guidance.goal_in_turn(step, self._steps_per_second) is None:
             return
+        # All processes renew the same field, in the crowd of all of them.
         walking = np.empty(len(state), WALKING)
         for name in ("x", "y", "goal", "stuck"):
             walking[name] = state[name]
