@@ -75,6 +75,7 @@ def valleys(image: ErrorImage, threshold: float) -> tuple[NDArray[np.int64], NDA
     clip = image.clip_of(frames)
     within = frames - image.clip_first[clip]
     whole = (within >= WINDOW_REACH) & (image.clip_first[clip + 1] - 1 - frames >= WINDOW_REACH)
+    # The image is symmetric: look above its diagonal, and mirror what is found.
     usable = np.flatnonzero(whole)
     rows, columns = [], []
     for row in usable:
@@ -134,6 +135,7 @@ def _pieces(clip: Clip, row: int) -> list[_Piece]:
         end = min(begin + _BLOCK, clip.frame_count)
         frames = held[begin : end + 2 * WINDOW_REACH]
         middle = np.array([*frames[..., :2].mean(axis=(0, 1)), 0.0])
+        # 2 * points: a sum has the products of x and of y of all points.
         x, y, z = np.moveaxis(rounded_for_sums(frames - middle, 2 * points), 2, 0)
         mean_x, mean_y = (_window_sums(v.sum(axis=1)) / points for v in (x, y))
         own = _window_sums((x * x + y * y + z * z).sum(axis=1)) - points * (mean_x * mean_x + mean_y * mean_y)
@@ -145,6 +147,7 @@ def _pieces(clip: Clip, row: int) -> list[_Piece]:
 
 def _distances(a: _Piece, b: _Piece) -> Floats:
     """Return the distances (n, m) between the moments of two pieces [m]."""
+    # Sums about the means, as in PairAlignments; at the best turn, cos(t) dot + sin(t) cross is their hypotenuse.
     dot = _diagonal_sums(_products(a.flat, b.flat))
     dot -= a.points * (np.outer(a.mean_x, b.mean_x) + np.outer(a.mean_y, b.mean_y))
     cross = _diagonal_sums(_products(a.turned, b.flat))
@@ -184,6 +187,7 @@ def _diagonal_sums(products: Floats) -> Floats:
         remaining >>= 1
         if remaining:
             total, span = total[:-span, :-span] + total[span:, span:], 2 * span
+    # Each part holds sums of ``length`` entries; the next part goes on where those end.
     rows, columns = (n - WINDOW + 1 for n in products.shape)
     begin, result = 0, np.zeros((rows, columns))
     for part, length in parts:

@@ -20,7 +20,7 @@ _CLIP_COLORS = "tab20"
 _PIXELS = 2000
 """Largest number of rows of the image that are drawn."""
 _LABEL = 25
-"""Agents of a clip's name beside its node."""
+"""Largest number of letters of a clip's name beside its node."""
 
 
 def draw_motion_graph(sources: Sequence[MotionSource], graph: MotionGraph) -> Figure:
@@ -59,6 +59,7 @@ def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], 
     axes.scatter(
         minima[1], minima[0], s=size, c="red", linewidths=0, label=f"{len(minima[0]):,} local minima (standard graph)"
     )
+    # A white cross below each black one, so that it is seen on dark colors.
     axes.scatter(starts[joins], ends[joins], s=3.0 * size, c="white", marker="x", linewidths=2.4)
     axes.scatter(
         starts[joins],
@@ -125,6 +126,7 @@ def _draw_graph(axes: Axes, sources: Sequence[MotionSource], graph: MotionGraph)
         linewidths=0.6,
         zorder=3,
     )
+    # Names only if there is room for them; on the left half of the circle turned around, so that none is upside down.
     for i in range(count) if count <= 60 else ():
         turn = np.degrees(angle[i])
         flip = 90.0 < turn < 270.0
@@ -156,6 +158,7 @@ def _label(node: str) -> str:
     """Return a node's name, shortened in the middle if it is long: trials differ at both ends."""
     clip, first, last = clip_frames(node)
     if len(clip) > _LABEL:
+        # Its first five letters, and its last ones from behind an underscore on, if there is one.
         _, _, tail = clip[6 - _LABEL :].partition("_")
         clip = f"{clip[:5]}\N{HORIZONTAL ELLIPSIS}{tail or clip[6 - _LABEL :]}"
     return f"{clip} {first}\N{EN DASH}{last}"

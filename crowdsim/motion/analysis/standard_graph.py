@@ -56,6 +56,7 @@ def build_standard_graph(
     if max_out_edges is not None:
         leave, enter = _nearest(image, leave, enter, max_out_edges)
     cuts = np.unique(np.concatenate([leave, enter]))
+    # Windows of the image never hold a standing pose, so those of nodes do not either.
     clip_of = image.clip_of(cuts)
     nodes: list[Node] = []
     for index, source in enumerate(prepared):
@@ -104,6 +105,7 @@ def _nearest(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the ``count`` nearest transitions out of each frame, in their order."""
     order = np.lexsort((enter, image.distance[leave, enter], leave))
+    # Rank of each transition among those out of its frame.
     ordered = leave[order]
     rank = np.arange(len(order)) - np.searchsorted(ordered, ordered)
     chosen = np.sort(order[rank < count])
@@ -125,6 +127,7 @@ def _edges(
     for index, node in enumerate(nodes):
         row = image.clip_first[node.source]
         ending[row + node.segment.last], starting[row + node.segment.first] = index, index
+    # Nodes that meet at a frame of their clip, and those that meet at a transition.
     frames = np.arange(count)
     source = ending[np.concatenate([frames, leave])]
     target = starting[np.concatenate([frames, enter])]

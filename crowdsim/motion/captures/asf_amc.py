@@ -25,7 +25,11 @@ _MOST_FRAMES = 1_000_000
 
 @dataclass(frozen=True)
 class _Bone:
-    """Bone of an ASF file; ``axes`` is the order of its own axes, ``turns`` that of its angles, first applied first."""
+    """Bone of an ASF file; ``axes`` is the order of its own axes, ``turns`` that of its angles, first applied first.
+
+    offset: (3,) from its begin to its end, in file units. axis: (3,) angles that turn its own axes, in the file's unit
+    of angles.
+    """
 
     name: str
     offset: Floats
@@ -129,6 +133,7 @@ def _parse_asf(path: Path) -> tuple[dict[str, _Bone], dict[str, list[str]], bool
             elif key == "end":
                 made = _bone(place, bone)
                 bones[made.name] = made
+            # Further lines of limits count as keys that are never read.
             else:
                 bone.setdefault(key, rest)
         elif section == ":hierarchy" and key not in ("begin", "end"):
@@ -218,7 +223,8 @@ def _walk(
 
 
 def _own_axes(bone: _Bone, scale: float) -> Floats:
-    """Return the rotation C (4,) of a bone's own axes."""
+    """Return the rotation C (4,) of a bone's own axes; ``scale`` is the file's unit of angles [rad]."""
+    # Reversed, as euler_rotations applies the last turn first.
     return euler_rotations((bone.axis * scale)[::-1], bone.axes[::-1])
 
 
@@ -227,6 +233,7 @@ def _rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
     count = len(angles)
     if not bone.turns:
         return np.broadcast_to(np.array([1.0, 0.0, 0.0, 0.0]), (count, 4))
+    # C M C^-1, of which M has its turns reversed, as euler_rotations applies the last one first.
     own = _own_axes(bone, scale)
     turned = euler_rotations(angles[:, ::-1], [turn[1] for turn in bone.turns[::-1]])
     return multiply(multiply(np.broadcast_to(own, (count, 4)), turned), np.broadcast_to(conjugate(own), (count, 4)))

@@ -35,6 +35,7 @@ def parse_bvh(path: Path) -> RawMotion:
     try:
         with warnings.catch_warnings(), TemporaryDirectory() as folder:
             warnings.simplefilter("error")
+            # world_up is given only so that pybvh does not look for it: the reader of captures finds all axes.
             file, assumed, still = _in_lines(path, Path(folder))
             bvh = pybvh.read_bvh_file(file, world_up="+y", warn_on_world_up_disagreement=False)
         return without_still(_from_pybvh(bvh, assumed), still)
@@ -71,10 +72,13 @@ def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...], tuple[st
     if values % channels:
         raise MotionError(f"MOTION holds {values} values, not a multiple of its {channels} channels")
     if len(rows) > 1:
+        # A row may be broken over several lines, but each row must end where a line does.
         ends = set(accumulate(len(row) for row in rows))
         short = next((k for k in range(channels, values, channels) if k not in ends), None)
         if short is not None:
             raise MotionError(f"row {short // channels} of MOTION ends within a line; it has {channels} values")
+    # pybvh reads line by line: one thing a line in the hierarchy, a frame a line, and 'MOTION', 'Frames: N' and
+    # 'Frame Time: T', which are six words on three lines.
     as_usual = len(text[: motion.start()].splitlines()) >= len(lines) and all(len(row) == channels for row in rows)
     as_usual = as_usual and len(motion[0].split()) == 6 and len(motion[0].splitlines()) == 3
     if as_usual and is_plain(lines):
@@ -107,6 +111,7 @@ def _hierarchy_lines(words: list[str]) -> list[list[str]]:
         depth += (word == "{") - (word == "}")
         if depth < 0:
             raise MotionError("a brace closes that was not opened")
+        # A word that begins a line does not if it is the name of a joint.
         if not lines or (word in _STARTS_LINE and before not in ("ROOT", "JOINT")):
             lines.append([])
         lines[-1].append(word)

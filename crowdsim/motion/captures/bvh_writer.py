@@ -36,6 +36,7 @@ def euler_zxy(q: Floats) -> Floats:
 
 def joint_angles(rotations: Floats) -> Floats:
     """Return channel values (..., 3) [degrees] of joints turned by quaternions (..., 4) of x ahead, y left, z up."""
+    # The vector part changes axes as any vector, see to_y_up.
     return euler_zxy(rotations[..., [0, 2, 3, 1]])
 
 
@@ -51,6 +52,7 @@ def hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
     order: list[int] = []
 
     def offset(v: Floats) -> str:
+        """Return the OFFSET of a joint at ``v`` (3,) [m] from its parent."""
         return "OFFSET " + " ".join(_number(c, 4) for c in to_y_up(v) * CENTIMETERS)
 
     def visit(joint: int, depth: int) -> None:

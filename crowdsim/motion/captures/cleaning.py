@@ -23,8 +23,8 @@ def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int
     """Find the frames of world ``positions`` (F, J, 3) that can be used.
 
     Return the clean stretches as (first, last) frames, True if the first frame was a calibration pose, and the jumps as
-    (frame, joint). The frames within 25 ms of a jump are removed, as spikes have shoulders. Remaining stretches shorter
-    than 0.3 s are dropped, unless there was no jump.
+    (frame, joint). The frames within 25 ms of a jump are removed, as those next to a spike are off, too. Remaining
+    stretches shorter than 0.3 s are dropped, unless there was no jump.
     """
     count = len(positions)
     leaps = np.linalg.norm(np.diff(positions, axis=0), axis=-1)
@@ -57,6 +57,7 @@ def resample(root_positions: Floats, rotations: Floats, rate: float, target: flo
     step = round(ratio)
     if step >= 1 and abs(ratio - step) < 1e-9:
         return root_positions[::step].copy(), rotations[::step].copy()
+    # 1e-9: rounding must neither lose the last frame nor move a time to the frame before.
     last = len(root_positions) - 1
     times = np.arange(int(np.floor(last / ratio + 1e-9)) + 1) * ratio
     before = np.clip(np.floor(times + 1e-9).astype(np.int64), 0, max(last - 1, 0))

@@ -38,7 +38,7 @@ def on_joints_of(clip: Clip, skeleton: Skeleton) -> Clip:
     """Move ``skeleton`` as the clip moves its own, whatever the joints of both are called.
 
     A joint without a role, as those of the spine, turns halfway between the joints around it that have one. Places
-    scale with the length of the legs. MotionError if one of both has no legs.
+    scale with the length of the legs. Raise MotionError if one of both has no legs.
     """
     own = clip.skeleton
     if own.names == skeleton.names and np.array_equal(own.parents, skeleton.parents):
@@ -47,8 +47,9 @@ def on_joints_of(clip: Clip, skeleton: Skeleton) -> Clip:
         if role not in own.roles or role not in skeleton.roles:
             raise MotionError(f"clip '{clip.name}' has no joint for '{role}', or the other behaviors have none")
     positions, world = clip.posed
-    # Rotations in the world: a joint with a role turns as the one with that role, from its own rest pose; others go
-    # with their parents, and those of the spine share its turn.
+    # Rotations in the world (turned): a joint with a role turns as the one with that role, from its own rest pose;
+    # others go with their parents, and those of the spine share its turn. level: turn about the vertical between the
+    # directions in which both skeletons face at rest.
     level = multiply(_facing(own), conjugate(_facing(skeleton)))
     turned = np.tile([1.0, 0.0, 0.0, 0.0], (clip.frame_count, skeleton.joint_count, 1))
     roles = {joint: role for role, joint in skeleton.roles.items() if role in own.roles}
@@ -75,20 +76,23 @@ def on_joints_of(clip: Clip, skeleton: Skeleton) -> Clip:
 
 
 def _middle(positions: Floats, skeleton: Skeleton) -> Floats:
-    """(F, 3) between the joints of the hips."""
+    """Return the places (F, 3) halfway between the hip joints."""
     middle: Floats = 0.5 * (positions[:, skeleton.roles["left_hip"]] + positions[:, skeleton.roles["right_hip"]])
     return middle
 
 
 def _facing(skeleton: Skeleton) -> Floats:
-    """Rotation (4,) about the vertical by which a skeleton at rest faces off +x."""
+    """Return the rotation (4,) about the vertical from +x to where a skeleton at rest faces."""
     rest = skeleton.rest_positions()
     left = rest[skeleton.roles["left_hip"]] - rest[skeleton.roles["right_hip"]]
     return about_axis(np.array([0.0, 0.0, 1.0]), float(atan2(-left[0], left[1])))
 
 
 def _rest_turn(own: Skeleton, skeleton: Skeleton, level: Floats, role: str) -> Floats:
-    """Rotation (4,) that brings a bone of ``skeleton`` at rest to where that of ``own`` points at rest."""
+    """Return the rotation (4,) that brings a bone of ``skeleton`` at rest to where that of ``own`` points at rest.
+
+    ``skeleton`` is first turned by ``level`` (4,). For a role without a bone in both it is the identity.
+    """
     joint = _AS_ABOVE.get(role, role)
     end = _BONES.get(joint)
     if end is None or any(each not in s.roles for s in (own, skeleton) for each in (joint, end)):
@@ -96,6 +100,7 @@ def _rest_turn(own: Skeleton, skeleton: Skeleton, level: Floats, role: str) -> F
     a, b = (s.rest_positions()[s.roles[end]] - s.rest_positions()[s.roles[joint]] for s in (skeleton, own))
     a, b = rotate(level, unit(a)), unit(b)
     cosine = float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+    # No shortest rotation leads to nearly the opposite direction.
     if cosine < -0.99:
         raise MotionError(f"the bone from '{joint}' to '{end}' points the other way in the skeleton of the clip")
     return unit(np.concatenate([[1.0 + cosine], np.cross(a, b)]))

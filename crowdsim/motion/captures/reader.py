@@ -111,6 +111,7 @@ def read_capture(
         roles,
     )
     root = _in_axes(basis, raw.root_positions) * scale
+    # The vector part of a quaternion goes over as any vector does, as both frames are right-handed.
     rotations = np.concatenate([raw.rotations[..., :1], _in_axes(basis, raw.rotations[..., 1:])], axis=-1)
 
     # Clips are the stretches between jumps of joints, on the floor, at the usual rate.
@@ -202,6 +203,7 @@ def _axes(skeleton: Skeleton, positions: Floats, tips: Floats, path: Path) -> tu
     hips = (positions[:, roles["left_hip"]] + positions[:, roles["right_hip"]]) / 2.0
     upward = np.mean(hips - _low_points(skeleton, positions, tips).mean(axis=1), axis=0)
     across = rest[roles["left_hip"]] - rest[roles["right_hip"]]
+    # Two axes of a file are the same, opposite (dot product 1 or -1) or at right angles (0).
     up, left = _snap_axis(upward), _snap_axis(across)
     if not up.any() or not left.any() or abs(dot(up, left)) > 0.5:
         raise MotionError(
@@ -246,12 +248,16 @@ def _axis_name(axis: Floats) -> str:
 def _unit(
     raw: RawMotion, roles: dict[str, int], basis: Floats, given: float | None, path: Path
 ) -> tuple[str, float, float]:
-    """Return the name of the unit, meters per unit, and the leg length [m]."""
+    """Return the name of the unit, meters per unit, and the leg length [m].
+
+    basis: (3, 3), whose last row is the file's axis up. Of units that fit, the one nearest to an adult's leg is taken.
+    """
     rest_tree = Skeleton(raw.names, raw.parents, raw.offsets, raw.end_parents, raw.end_offsets, roles)
     if all(f"{side}_{part}" in roles for side in ("left", "right") for part in ("hip", "knee", "ankle")):
         leg = rest_tree.leg_length()
     else:
         rest = rest_tree.rest_positions()
+        # Without leg joints: from the root down to the lowest point.
         points = np.concatenate([rest, rest[raw.end_parents] + raw.end_offsets])
         leg = float(-dot(points, basis[2]).min())
     if given is not None:
@@ -269,6 +275,9 @@ def _unit(
 
 
 def _floor_height(positions: Floats, tips: Floats, up: Floats, stretches: list[tuple[int, int]]) -> float:
-    """Return the height of the lowest joint or end site in the kept frames, which is a standing sole."""
+    """Return the height [m] of the lowest joint or end site in the kept frames, which is a standing sole.
+
+    positions, tips: in units of the file; up: (3,) the file's axis up, times meters per unit.
+    """
     height = np.minimum(dot(positions, up).min(axis=1), dot(tips, up).min(axis=1, initial=np.inf))
     return min(float(height[first : last + 1].min()) for first, last in stretches)

@@ -28,6 +28,7 @@ def retarget(clip: Clip, skeleton: Skeleton) -> Clip:
         return Clip(clip.name, skeleton, clip.root_positions, clip.rotations)
     root = clip.root_positions * (skeleton.leg_length() / own.leg_length())
     moved = Clip(clip.name, skeleton, root, clip.rotations)
+    # Proportions differ, so the lowest joint is put as high as it was.
     lift = clip.joint_positions[..., 2].min() - moved.joint_positions[..., 2].min()
     return Clip(clip.name, skeleton, root + np.array([0.0, 0.0, lift]), clip.rotations)
 

@@ -50,6 +50,7 @@ def with_travelling_root(
     for number, index in enumerate(chain):
         joint = joints[index]
         own = _places(joint, values)
+        # The one that travels: it goes farther than the longest bone is long.
         if own is not None and number and np.ptp(own, axis=0).max() > longest:
             break
         moved = 0.0 if own is None else np.ptp(own, axis=0).max()
@@ -60,6 +61,7 @@ def with_travelling_root(
         place = place + rotate(turn, joint.offset if own is None else own[0])
         turn = multiply(turn, euler_rotations(turns[0], [name[0] for name in joint.channels if name not in PLACES]))
     else:
+        # None travels.
         return given, values, ()
     # The first joint takes the places of the one that travels; those between have none.
     there = place + rotate(turn, own)
@@ -125,6 +127,7 @@ def _longest_bone(joints: Sequence[_Joint], chain: Sequence[int], values: Floats
     for index, joint in enumerate(joints):
         own = _places(joint, values)
         if index not in chain:
+            # Channels of places stand for an offset, which is then often given as zero.
             bone = joint.offset if own is None or joint.offset.any() else own.mean(axis=0)
             lengths.append(float(np.sqrt(dot(bone, bone))))
     return max(lengths)

@@ -1,6 +1,7 @@
 """Clearance that a motion needs beside its track, by height band (2018 paper, section 3.1).
 
 The paper measures diameters that enclose the body orthogonally to its motion; the engine keeps radii about the track.
+A frame *goes on* if the body moves in it and hardly turns: only then has its way a side.
 """
 
 from __future__ import annotations
@@ -130,7 +131,8 @@ def measure_turning(clip: Clip, bands: Sequence[tuple[float, float]], back: bool
     """Return the largest reach (bands,) of the body to either side while it turns off its way, or ``back`` onto it [m].
 
     The way points where the body faces in the first frame, or in the last one if it turns back. Frames in which it
-    faces nearly as in the first or last one do not count. Bands as in :func:`measure_clearances`.
+    faces nearly as in the first or last one do not count: there it has one behavior or the other, not turned between
+    them. Bands as in :func:`measure_clearances`.
     """
     track = track_of(clip)
     heading = np.unwrap(track[:, 2])
@@ -143,10 +145,10 @@ def measure_turning(clip: Clip, bands: Sequence[tuple[float, float]], back: bool
 
 
 def clearance_profile(clip: Clip, heights: Floats, facing: float = 0.0) -> Floats:
-    """Return the least diameter that encloses the body across its motion, in planes at ``heights``, (F, heights) [m].
+    """Return the least diameter that encloses the body across its motion, in planes at ``heights``, (n, heights) [m].
 
-    One row per frame that goes on (see :func:`measure_clearances`), 0 if no part of the body is in the plane. Unlike a
-    clearance, a diameter does not depend on where the track is (2018 paper, section 3.1 and figure 2).
+    One row for each of the n frames that go on, 0 if no part of the body is in the plane. Unlike a clearance, a
+    diameter does not depend on where the track is (2018 paper, section 3.1 and figure 2).
     """
     found = _beside_track(clip, facing)
     if found is None:
@@ -188,6 +190,7 @@ def _beside_track(clip: Clip, facing: float) -> _Beside | None:
     if not goes_on.any():
         return None
     points, flesh, owner = _body_points(clip)
+    # ``motion`` is the direction of motion [rad].
     points, motion, track = points[goes_on], track[goes_on, 2] - facing, track[goes_on]
     x, y = np.moveaxis(points[..., :2] - track[:, None, :2], -1, 0)
     offset = y * cos(motion)[:, None] - x * sin(motion)[:, None]
@@ -217,10 +220,11 @@ def _body_points(clip: Clip) -> tuple[Floats, Floats, NDArray[np.int64]]:
             add_bone(positions[:, parent], positions[:, joint], around[parent], around[joint], joint)
     ends = end_positions(skeleton, positions, world)
     for k, parent in enumerate(skeleton.end_parents):
-        # An end site lies on the skin, so the flesh about it must not reach farther.
+        # An end site lies on the skin, so the flesh about it is thin.
         add_bone(positions[:, parent], ends[:, k], around[parent], 0.02, int(parent))
     for side in ("left", "right"):
         if f"{side}_ankle" in skeleton.roles and f"{side}_toe" in skeleton.roles:
+            # The heel: a point with 2 cm of flesh that ends _HEEL behind the ankle.
             ankle, toe = positions[:, skeleton.joint(f"{side}_ankle")], positions[:, skeleton.joint(f"{side}_toe")]
             along = toe - ankle
             along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)

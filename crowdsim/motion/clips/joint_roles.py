@@ -65,6 +65,7 @@ def _shared_beginning(names: Sequence[str]) -> str:
 def _stripped(names: Sequence[str]) -> list[str]:
     """Return normalized names without common beginnings or ends, such as a character's name, ``bip01`` or ``jnt``."""
     normal = [_normalize(name) for name in names]
+    # Of a few joints, most may begin alike by chance.
     if len(names) < 8:
         return normal
     beginning = _shared_beginning(normal)
@@ -98,7 +99,9 @@ def find_roles(
                 f"no joint is called '{name}', the name given for '{role}'; the joints are {', '.join(names)}"
             )
         roles[role] = list(names).index(name)
+    # First joint of each name; a joint whose whole name fits goes before one whose stripped name does.
     first_place = {name: index for normal in (stripped, plain) for index, name in reversed(list(enumerate(normal)))}
+    # A joint plays one role only.
     for role, aliases in _ALIASES.items():
         found = next((first_place[alias] for alias in aliases if alias in first_place), None)
         if role not in roles and found is not None and found not in roles.values():

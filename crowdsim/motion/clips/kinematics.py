@@ -84,6 +84,7 @@ def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:
     angle = acos(np.clip(np.abs(dot), 0.0, 1.0))
     weight = np.asarray(weight, np.float64)[..., None]
     sine = sin(angle)
+    # Nearly equal rotations are mixed linearly, as the sine is too small to divide by.
     near = sine < 1e-6
     safe = np.where(near, 1.0, sine)
     wa = np.where(near, 1.0 - weight, sin((1.0 - weight) * angle) / safe)

@@ -46,6 +46,8 @@ def missing_height(leg: Leg, targets: Floats, most: Floats) -> Floats:
 
     most: (n,) stretch up to which legs may reach.
     """
+    # Pythagoras: the hip's largest height above the target at this horizontal distance; at least 0.1 m, also for a
+    # target that is out of reach at any height.
     x, y, z = (leg.hips - targets).T
     reach = most * _whole(leg)
     missing: Floats = z - np.sqrt(np.maximum(reach * reach - x * x - y * y, 0.01))
@@ -63,7 +65,8 @@ def raised_heels(leg: Leg, balls: Floats, targets: Floats, most: Floats) -> Floa
     # In the vertical plane of the foot, seen from the ball: the hip at (x, z), the ankle on a circle of this radius.
     x, z = np.sum(hip * ahead, axis=-1), hip[:, 2]
     radius = np.maximum(_length(foot), 1e-9)
-    # Law of cosines in the triangle of ball, ankle and hip, whose longest side lies aside of the plane by some way.
+    # Law of cosines in the triangle of ball, ankle and hip, of which the hip may lie aside of the plane. The angle is
+    # how far the ankle turns about the ball, negative if the heel rises.
     reach = most * _whole(leg)
     square = np.sum(hip * hip, axis=-1) + radius * radius - reach * reach
     share = square / (2.0 * radius * np.maximum(np.sqrt(x * x + z * z), 1e-9))
@@ -83,7 +86,7 @@ def bend_legs(leg: Leg, targets: Floats, most: Floats) -> tuple[Floats, Floats]:
     """
     thigh, shank = leg.knees - leg.hips, leg.ankles - leg.knees
     upper, lower = _length(thigh), _length(shank)
-    # Bend the knee until the ankle is as far away as its target.
+    # Bend the knee until the ankle is as far away as its target. A leg is no shorter than the difference of its bones.
     way = targets - leg.hips
     far = np.clip(_length(way), np.abs(upper - lower) + 1e-3, most * (upper + lower))
     angle = _angle((far * far - upper * upper - lower * lower) / (2.0 * upper * lower))

@@ -55,6 +55,7 @@ def _seconds_from_standing(hips: Floats) -> Floats:
     if len(rests) == 0:
         return np.full(len(hips), np.inf)
     frames = np.arange(len(hips))
+    # Distances to the next rest and to the last one; beyond the first or the last of all, to that one.
     after = np.searchsorted(rests, frames)
     to_next = np.abs(rests[np.minimum(after, len(rests) - 1)] - frames)
     to_last = np.abs(rests[np.maximum(after - 1, 0)] - frames)
@@ -77,6 +78,7 @@ def _smooth(values: Floats, span: Floats) -> Floats:
     after = 2.0 * values[-1] - values[-2 : -2 - reach : -1]
     padded = np.concatenate([before, values, after])
     steps = np.arange(-reach, reach + 1)
+    # A span of 0 leaves a frame as it is: all other weights vanish.
     width = np.maximum(span * CAPTURE_RATE, 1e-3)
     squares = np.square(steps[None, :] / width[:, None])
     weights = (3.0 - squares) * exp(-0.5 * squares)

@@ -5,7 +5,8 @@ Rotations are unit quaternions (w, x, y, z) in tuples. World axes are x, y on th
 
 ``q`` is a rotation, ``rows`` an array of rotations or samples; ``bones`` (2, 5) are those of the model: thigh, shank,
 ankle to ball along the foot, heights of ankle and ball [m]; ``pitch`` is that of a foot, toes up [rad]; ``print_yaw``
-is the heading of a print [rad]; ``hip``, ``ankle`` and ``ball`` are points [m].
+is the heading of a print [rad]; ``hip``, ``ankle`` and ``ball`` are points [m]; ``track`` is a result of
+:func:`track_at`; ``u`` is the phase since a foot landed, the share of its cycle.
 """
 
 import math
@@ -14,7 +15,9 @@ from crowdsim.geometry.elementary_kernels import acos, atan2, cos_sin
 from crowdsim.jit import helper
 from crowdsim.motion.deformed.spline_kernels import span_of, value_at, weights_of
 
-# Columns of the samples of a track.
+# Columns of the samples of a track: place [m], heading of the hips [rad], phase [cycles], stride as a multiple of the
+# clip's (SHARE), the same of the movement ahead alone (AHEAD), how far the pelvis comes down for legs to reach [m], and
+# angle from the chest to the hips [rad].
 X, Y, HEADING, PHASE, SHARE, AHEAD, DROP, TWIST = 0, 1, 2, 3, 4, 5, 6, 7
 COLUMNS = 8
 
@@ -73,7 +76,10 @@ def rotate(q, x, y, z):
 
 @helper
 def turned_by(x, y, z):
-    """Return the rotation of a half rotation vector, to 1e-4 up to a quarter turn, by the series of cosine and sine."""
+    """Return the rotation of a half rotation vector, which is the axis times half the angle [rad].
+
+    By the series of cosine and sine, to 1e-4 for angles up to half a turn.
+    """
     square = x * x + y * y + z * z
     c = square / 40320.0 - 1.0 / 720.0
     c = ((c * square + 1.0 / 24.0) * square - 0.5) * square + 1.0
@@ -113,7 +119,7 @@ def track_at(samples, first, count, step, time):
 
 @helper
 def pelvis_of(model, track):
-    """Return place and rotation of the root on a track.
+    """Return place [m] and rotation of the root on a track.
 
     It is the clip's sway, bob, surge and turns, scaled by the share of the clip's stride that the body takes.
     """
@@ -146,7 +152,7 @@ def pelvis_of(model, track):
 
 @helper
 def hip_of(model, foot, place, turn):
-    """Return the hip joint of a leg for a root at ``place`` with rotation ``turn``."""
+    """Return the place of the hip joint of a leg [m], for a root at ``place`` [m] with rotation ``turn``."""
     x, y, z = rotate(turn, model.hips[foot, 0], model.hips[foot, 1], model.hips[foot, 2])
     return place[0] + x, place[1] + y, place[2] + z
 
@@ -164,8 +170,8 @@ def sampled(rows, foot, u):
 def standing_yaw(print_yaw, out, heading, u):
     """Return the heading of a standing foot: its print's, but turned on its ball if the leg would twist too much [rad].
 
-    out: heading of the foot relative to the body when the body faces along the print. u: share of the foot's cycle. A
-    foot on its heel does not turn.
+    out: heading of the foot relative to a body whose leg is not twisted [rad]. heading: of the body [rad]. A foot on
+    its heel does not turn.
     """
     twist = heading + out - print_yaw
     # Beyond the free twist the foot follows; b * b / (b + ease) starts without a kink.
@@ -178,7 +184,7 @@ def standing_yaw(print_yaw, out, heading, u):
 
 @helper
 def ankle_over(bones, foot, pitch):
-    """Return the ankle of a standing foot relative to its ball: distance ahead and height [m].
+    """Return the ankle of a standing foot relative to where its ball is on the floor: distance ahead and height [m].
 
     The foot turns about its heel if the toes point up (pitch > 0), else about the ball joint.
     """
@@ -207,7 +213,8 @@ def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
     if (x - ahead) * (x - ahead) + y * y + dz * dz <= most * most:
         return pitch
     # Else raise the heel. The ankle moves on a circle about the ball joint; by the law of cosines in the triangle ball,
-    # ankle, hip the leg has its full length at one angle above the direction to the hip.
+    # ankle, hip the leg has its full length at one angle above the direction to the hip. Less the ankle's angle in a
+    # flat foot, it is the pitch.
     z = hip[2] - bones[foot, BALL_HEIGHT]
     length = bones[foot, FOOT_LENGTH]
     rise = bones[foot, ANKLE_HEIGHT] - bones[foot, BALL_HEIGHT]
@@ -221,7 +228,8 @@ def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
 @helper
 def lacking(bones, foot, hip, ankle):
     """Return how far the pelvis must come down for a leg to reach its ankle [m]; negative if it need not."""
-    # Pythagoras: the hip's largest height above the ankle at this horizontal distance.
+    # Pythagoras: the hip's largest height above the ankle at this horizontal distance. At least 0.1 m, also for an
+    # ankle that is out of reach at any height: the pelvis must not come down to the floor for it.
     most = REACH * (bones[foot, THIGH] + bones[foot, SHANK])
     x = hip[0] - ankle[0]
     y = hip[1] - ankle[1]

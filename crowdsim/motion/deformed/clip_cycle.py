@@ -87,6 +87,7 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
     ]
     begin, middle, end, left_lift, right_lift = candidates[int(np.argmin(costs))]
     phases, frames = [0.0, 0.5, 1.0], [begin, middle, end]
+    # Warp the lift-offs to their phases, too, unless one is too near to a landing: frames there would be stretched far.
     if begin + _GAP <= right_lift <= middle - 2 * _GAP and middle + _GAP <= left_lift <= end - 2 * _GAP:
         phases, frames = [0.0, _BOTH_FEET, 0.5, 0.5 + _BOTH_FEET, 1.0], [begin, right_lift, middle, left_lift, end]
     times = np.interp(np.arange(SAMPLES + 1) / SAMPLES, phases, frames)
@@ -99,6 +100,7 @@ def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
     """Return frames (left lands, right lands, left lands again, left lifts, right lifts) of all cycles of a clip."""
     left, right = foot_stances(clip)
     cycles = []
+    # A foot that is down in frame 0 has not landed there, so no cycle begins with it.
     for (begin, lift), (end, _) in pairwise(left):
         between = [(land, up) for land, up in right if begin < land < end]
         before = [up for land, up in right if land < begin < up]
@@ -135,7 +137,8 @@ def _stances(planted: NDArray[np.bool_], pitch: Floats) -> list[tuple[int, int]]
     """Return (first, end) frames of stances, from when the heel comes down until the ball lifts.
 
     The heel lands when the toes begin to sink; the ball lifts when the heel has risen most. A foot that leaves the
-    floor for a moment only has not lifted. planted: (F - 1,) True if the foot stands still.
+    floor for a moment only has not lifted. planted: (F - 1,) True if the foot stands still to the next frame. pitch:
+    (F,), toes up [rad].
     """
     joined: list[tuple[int, int]] = []
     for first, end in runs(planted):

@@ -62,6 +62,7 @@ def clip_phases(clip: Clip) -> Floats:
         if run.feet == _BOTH:
             before, after = (runs[k].feet if 0 <= k < len(runs) else _BOTH for k in (number - 1, number + 1))
             phases[frames] = _on_both(run, before, after)
+        # The left foot stands alone from 0.1 (the right one lifts) to 0.5 (it lands); the right one half a cycle later.
         else:
             phases[frames] = 0.5 * (run.feet == _RIGHT) + BOTH_FEET + _SWING * _share(run, usual, clip.frame_count)
     return np.mod(phases, 1.0)
@@ -79,7 +80,7 @@ def _feet_down(clip: Clip) -> NDArray[np.int64]:
 
 
 def _runs(feet: NDArray[np.int64]) -> list[_Run]:
-    """Return runs of frames with the same feet down; a phase in the air is split between the stances around it."""
+    """Return runs of frames with the same feet down; time in the air is split between the stances around it."""
     changes = np.flatnonzero(np.diff(feet)) + 1
     bounds = [0, *changes.tolist(), len(feet)]
     ground = feet.copy()
@@ -117,13 +118,14 @@ def _on_both(run: _Run, before: int, after: int) -> Floats:
 
     _BOTH stands for the beginning or end of the clip.
     """
+    # Half cycles in which this begins and ends: 0 if the left foot landed or the right one lifts next, else 0.5.
     frames = np.arange(run.end - run.first, dtype=np.float64)
     landed = 0.5 * (before == _LEFT) if before != _BOTH else 0.5 * (after == _RIGHT)
     leaves = 0.5 * (after == _RIGHT) if after != _BOTH else landed
     if landed == leaves and _BOTH not in (before, after) and len(frames) <= _REST * CAPTURE_RATE:
         even: Floats = landed + BOTH_FEET * (frames / len(frames))
         return even
-    # Settle, stand, and leave; change to the other foot in the middle.
+    # Settle, stand, and leave; change to the other foot in the middle. At an end of the clip the body stands (inf).
     since = frames / CAPTURE_RATE if before != _BOTH else np.full(len(frames), np.inf)
     until = (len(frames) - frames) / CAPTURE_RATE if after != _BOTH else np.full(len(frames), np.inf)
     half = np.where(2 * frames < len(frames), landed, leaves)

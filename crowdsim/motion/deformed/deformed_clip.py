@@ -138,6 +138,7 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
         for foot in (0, 1)
     ]
     bones = np.array([_bones(clip.skeleton, legs[foot], shapes[foot].sizes) for foot in (0, 1)])
+    # The ball is the toe joint, which has a higher number than its ankle, or the ankle if the toe is -1 (none).
     prints = [_print(cycle, positions[:, max(int(legs[f, 3]), int(legs[f, 2]))], shapes[f].yaw, f) for f in (0, 1)]
     # Joints above the legs, those of the spine first.
     spine = _spine(clip.skeleton)
@@ -145,6 +146,7 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
     upper = np.array([*spine, *others], np.int32)
     even = _even_prints(cycle, np.array(prints))
     hips = np.array([place for place, _ in chain])
+    # Strides of tracks are divided by the clip's, so that of a clip that steps almost on the spot is taken as 0.3 m.
     model = ClipModel(
         mean=mean,
         upper=upper,
@@ -178,7 +180,7 @@ def on_legs_of(clip: DeformedClip, walk: DeformedClip) -> DeformedClip:
 
 
 def _leg_joints(skeleton: Skeleton) -> NDArray[np.int32]:
-    """Return the joints (2, 4) of hip, knee, ankle and toe of the left and the right leg."""
+    """Return the joints (2, 4) of hip, knee, ankle and toe (-1 for none) of the left and the right leg."""
     legs = []
     for side in ("left", "right"):
         hip, knee, ankle = (skeleton.joint(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
@@ -192,7 +194,7 @@ def _leg_joints(skeleton: Skeleton) -> NDArray[np.int32]:
 
 
 def _sampled(clip: Clip, cycle: Cycle) -> tuple[Floats, Floats]:
-    """Return root places (S + 1, 3) and joint rotations (S + 1, J, 4) at the times of a cycle."""
+    """Return root places (S + 1, 3) [m] and joint rotations (S + 1, J, 4) at the times of a cycle, between frames."""
     before = np.minimum(cycle.times.astype(np.int64), clip.frame_count - 2)
     share = (cycle.times - before)[:, None]
     root = (1.0 - share) * clip.root_positions[before] + share * clip.root_positions[before + 1]
@@ -203,7 +205,7 @@ def _sampled(clip: Clip, cycle: Cycle) -> tuple[Floats, Floats]:
 
 
 def _half_vectors(q: Floats) -> Floats:
-    """Return the half rotation vectors (..., 3) of unit quaternions (..., 4)."""
+    """Return the half rotation vectors (..., 3), axes times half angles [rad], of unit quaternions (..., 4)."""
     q = np.where(q[..., :1] < 0.0, -q, q)
     sine = np.linalg.norm(q[..., 1:], axis=-1)
     scale = np.where(sine < 1e-9, 1.0, atan2(sine, q[..., 0]) / np.maximum(sine, 1e-9))
@@ -225,13 +227,19 @@ def _beside(points: Floats, track: Floats) -> Floats:
 
 
 def _from_landing(foot: int, positions: Floats, world: Floats) -> tuple[Floats, Floats]:
-    """Return positions and rotations with the foot's landing in the first row, repeated in the last."""
+    """Return joints' places (S + 1, J, 3) and rotations (S + 1, J, 4) from the landing of ``foot`` to its next one.
+
+    Those given begin with the left foot's landing; the right one lands half a cycle later.
+    """
     rows = np.append((np.arange(SAMPLES) + foot * SAMPLES // 2) % SAMPLES, foot * SAMPLES // 2)
     return positions[rows], world[rows]
 
 
 def _hip_in_root(skeleton: Skeleton, mean: Floats, hip: int) -> tuple[Floats, Floats]:
-    """Return the place (3,) of a hip joint in the root's frame, and the rotation (4,) of its parent joint."""
+    """Return the place (3,) [m] of a hip joint and the rotation (4,) of its parent joint, both in the root's frame.
+
+    Joints between them, such as a pelvis, are in their mean rotations ``mean`` (J, 4).
+    """
     chain = [int(skeleton.parents[hip])]
     while chain[-1] > 0:
         chain.append(int(skeleton.parents[chain[-1]]))
@@ -258,7 +266,11 @@ def _bones(skeleton: Skeleton, leg: NDArray[np.int32], foot: Floats) -> Floats:
 
 
 def _print(cycle: Cycle, ball: Floats, yaw: Floats, foot: int) -> Floats:
-    """Return the ball's place ahead and left of the track [m] and the foot's heading, as the body passes over it."""
+    """Return the ball's place ahead and left of the track [m] and the foot's heading, as the body passes over it.
+
+    ball: (S + 1, 3) places over the cycle [m]. yaw: (S + 1,) headings of the foot from its own landing on [rad].
+    """
+    # Means over phases around REFERENCE, at which the foot lies flat.
     rows = (np.arange(round(0.2 * SAMPLES), round(0.34 * SAMPLES)) + foot * SAMPLES // 2) % SAMPLES
     seen = _beside(ball, cycle.track)[rows]
     own = np.arange(round(0.2 * SAMPLES), round(0.34 * SAMPLES))
@@ -272,12 +284,13 @@ def _half_width(out: float) -> float:
 
 
 def _even_prints(cycle: Cycle, prints: Floats) -> Floats:
-    """Return the prints (2, 3) made symmetric; those of a cycle that goes sideways stand under the body."""
+    """Return the prints (2, 3) made symmetric; those of a cycle that goes sideways are as far apart as at rest."""
     heading = cycle.track[:, 2].mean()
     way = cycle.track[-1, :2] - cycle.track[0, :2]
     ahead = float(cos(heading) * way[0] + sin(heading) * way[1])
     half = max(0.5 * float(prints[0, 1] - prints[1, 1]), _NARROWEST)
     out = min(max(0.5 * float(prints[0, 2] - prints[1, 2]), -_MOST_IN), _MOST_OUT)
+    # Sideways: more than 45 degrees from where the body faces.
     if ahead < 0.7 * cycle.stride:
         half = _half_width(out)
     place = float(prints[:, 0].mean())
@@ -300,7 +313,7 @@ def _settled(pitch: Floats) -> Floats:
     flat[rows] = np.minimum.accumulate(flat[rows])
     rows = np.flatnonzero(phase <= _HEEL_UNTIL)
     flat[rows] = np.minimum.accumulate(flat[rows])
-    # The whole sole is exactly flat when the body is over the heel.
+    # The pitch on the heel fades out until _SOLE_DOWN, from which the sole is exactly flat.
     flat *= np.where(early, np.clip((_SOLE_DOWN - phase) / (0.5 * _SOLE_DOWN), 0.0, 1.0), 1.0)
     flat[-1] = flat[0]
     return flat
@@ -312,7 +325,10 @@ def _alike(feet: list[Floats]) -> Floats:
 
 
 def _lift(height: Floats) -> Floats:
-    """Return the height (S + 1,) of an ankle above a cubic from lift-off to landing, 0 in the stance [m]."""
+    """Return the height (S + 1,) of an ankle above a cubic from lift-off to landing, 0 in the stance [m].
+
+    The cubic begins and ends with the height and the speed of the ankle (Hermite), as that of a planned swing does.
+    """
     first = round(0.6 * SAMPLES)
     swing = height[first:]
     u = np.arange(len(swing)) / (len(swing) - 1)
@@ -369,6 +385,7 @@ def _standing_height(turn: Floats, hips: Floats, bones: Floats) -> float:
     for foot, side in ((0, 1.0), (1, -1.0)):
         hip = rotate(turn, hips[foot])
         reach = _STAND_REACH * (bones[foot, THIGH] + bones[foot, SHANK])
+        # Horizontal distance from hip to ankle: ankles are half a foot behind the middle, balls half a foot ahead.
         apart = hypot(0.5 * bones[foot, FOOT_LENGTH] + hip[0], side * _STAND_HALF_WIDTH - hip[1])
         heights.append(bones[foot, ANKLE_HEIGHT] + np.sqrt(reach * reach - apart * apart) - hip[2])
     return float(min(heights))

@@ -17,7 +17,7 @@ _NUMBERS = ("stride", "stand", "width")
 
 
 def smooth_share(share: Floats) -> Floats:
-    """From 0 to 1, flat at both ends."""
+    """Return values that rise smoothly from 0 to 1 as ``share`` does, flat at both ends."""
     within = np.clip(share, 0.0, 1.0)
     smooth: Floats = within * within * (3.0 - 2.0 * within)
     return smooth
@@ -28,18 +28,22 @@ def go_over(
 ) -> Clip:
     """Pose a body on a track as ``before``, then between both, then as ``after``.
 
-    Both are on one skeleton. Footsteps lie between those of both, each at one place, so feet that stand do not slide.
+    Both are on one skeleton. Each footstep is mixed once, by the phase at the middle of its stance, so feet that stand
+    do not slide; bodies are mixed anew at each time.
 
     Parameters
     ----------
-    track : (n, 4) places, heading and phases, as for plan_steps
-    phases : where on the track the body begins to go over, and where it is the other one [cycles]
-    times : (F,) seconds after the first sample
+    track : (n, 4) x, y [m], heading [rad] and phase [cycles], as for plan_steps
+    phases : phase at which the body begins to go over, and the one from which it is ``after`` [cycles]
+    times : (F,) of the frames of the clip, after the first sample [s]
     """
 
     def weigh(at: Floats) -> Floats:
+        """Return the share of ``after`` at phases ``at`` [cycles]."""
         return smooth_share((at - phases[0]) / (phases[1] - phases[0]))
 
+    # Both plans have the same rows, as these depend on the phases of the track alone. A stance is half over about a
+    # quarter of a cycle after its landing.
     one, two = plan_steps(before, [track]), plan_steps(after, [track])
     steps = weigh(0.5 * (one.halves[0] + np.arange(len(one.steps))) + 0.25)[:, None]
     samples = weigh(one.samples[:, PHASE])[:, None]
@@ -58,7 +62,7 @@ def go_over(
 
 
 def _between(a: ClipModel, b: ClipModel, share: float) -> ClipModel:
-    """Return the body that is ``share`` of the way from one to the other."""
+    """Return the body that is ``share`` of the way from ``a`` to ``b``."""
     mixed = {key: getattr(a, key) + share * (getattr(b, key) - getattr(a, key)) for key in (*_MIXED, *_NUMBERS)}
     for key in _ROTATIONS:
         p, q = getattr(a, key), getattr(b, key)

@@ -82,9 +82,11 @@ def unwrapped(tracks: JoinedTracks) -> JoinedTracks:
     samples, starts = tracks
     if not len(samples):
         return tracks
+    # Headings that are not finite are refused later, see :func:`require_walkable`.
     heading = np.where(np.isfinite(samples[:, 2]), samples[:, 2], 0.0)
     turns = np.cumsum(np.rint(np.diff(heading, prepend=heading[:1]) / (2.0 * np.pi)))
     samples = samples.copy()
+    # Turns count from each track's first sample. A last track without samples begins behind the last row.
     firsts = np.minimum(starts[:-1], len(samples) - 1)
     samples[:, 2] -= 2.0 * np.pi * (turns - np.repeat(turns[firsts], tracks.lengths))
     return JoinedTracks(samples, starts)

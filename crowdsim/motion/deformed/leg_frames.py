@@ -38,6 +38,7 @@ class FootShape:
 
 def mean_rotation(q: Floats) -> Floats:
     """Return the mean (4,) of unit quaternions (n, 4) that lie within half a turn."""
+    # Thrice, as q and -q are one rotation: the mean takes the signs nearer to it, on which it depends.
     mean: Floats = q[0]
     for _ in range(3):
         signs = np.where(np.sum(q * mean, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
@@ -84,7 +85,10 @@ def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, wor
 
 
 def _bone_frame(hinge: Floats, bone: Floats) -> Floats:
-    """Return the rotation (4,) of the frame with z up a bone and y near its hinge, both given in the joint."""
+    """Return the rotation (4,) of the frame with z up a bone and y near its hinge, both (3,) given in the joint.
+
+    A leg that is straight throughout has a hinge of 0; its knee then bends about the y axis.
+    """
     z = -bone / np.sqrt(np.sum(bone * bone))
     y = hinge if np.sum(hinge * hinge) > 1e-12 else _Y
     y = y - np.sum(y * z) * z

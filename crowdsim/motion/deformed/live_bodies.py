@@ -41,6 +41,7 @@ class LiveBodies:
         """Append the next sample (B, 4) of every track, and plan the footsteps of one group anew."""
         tracks = self._tracks
         tracks[:, :-1] = tracks[:, 1:]
+        # Headings go on without jumps by whole turns.
         turned = samples[:, 2] - tracks[:, -2, 2]
         tracks[:, -1] = samples
         tracks[:, -1, 2] -= 2.0 * np.pi * np.rint(turned / (2.0 * np.pi))
@@ -59,6 +60,7 @@ class LiveBodies:
         """
         count = len(self._tracks)
         roots, rotations = np.empty((count, 3)), np.empty((count, self._clip.skeleton.joint_count, 4))
+        # A plan was made in ``step``, when its last sample was the newest: sample HISTORY - 1 of the track.
         for group, (step, plan) in enumerate(self._plans):
             bodies = np.arange(len(range(group, count, GROUPS)), dtype=np.int64)
             time = (HISTORY - 1 + self._steps - step) * STEP + ahead - LATE
@@ -68,7 +70,7 @@ class LiveBodies:
         return roots, rotations
 
     def _planned(self, group: int) -> tuple[int, StepPlan]:
-        """Return the present step, and the footsteps of a group on its tracks so far."""
+        """Return the present step, and the footsteps of a group (every tenth body) on its tracks so far."""
         tracks = self._tracks[group::GROUPS]
         starts: NDArray[np.int64] = np.arange(len(tracks) + 1, dtype=np.int64) * HISTORY
         shown = smooth_joined(JoinedTracks(tracks.reshape(-1, 4), starts))

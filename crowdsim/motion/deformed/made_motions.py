@@ -47,11 +47,14 @@ STEPS = (0.25, 0.5)
 """Lengths of the steps from stand to stand [m]."""
 SPOT_TURNS = (30.0, 60.0, 90.0, 180.0)
 WALKING_TURNS = (20.0, 45.0, 90.0)
-"""Angles of the turns on the spot (SPOT_TURNS), and of those over a cycle of walking [degrees]."""
+"""Angles of the turns on the spot (SPOT_TURNS), and of those over 1.2 cycles of walking [degrees]."""
 
 
 class MotionMaker:
-    """Maker of motions from the walk ``clip``; raises MotionError if that cannot be deformed."""
+    """Maker of motions from the walk ``clip``; raises MotionError if that cannot be deformed.
+
+    stride: length of the walk's cycle [m]. speed: of the walk [m/s]. side_speed: mean speed of side steps [m/s].
+    """
 
     def __init__(self, clip: Clip) -> None:
         self.clip = clip
@@ -59,7 +62,8 @@ class MotionMaker:
         cycle = find_cycle(clip)
         self.stride = cycle.stride
         self.speed = cycle.stride / cycle.seconds
-        # Tracks have the speed whose cadence gives this stride; they are shown at the clip's own cadence.
+        # Cadence follows from the speed of a track (walk ratio W = step^2 / speed, a stride has two steps), so tracks
+        # have the speed that gives this stride. They are played _hurry times as fast, at the clip's own cadence.
         self._track_speed = 0.25 * self.stride * self.stride / _WALK_RATIO
         self._hurry = self.speed / self._track_speed
         self.side_speed = _SIDE_STEP / (_SIDE_SECONDS + _PAUSE * STEP)
@@ -69,39 +73,40 @@ class MotionMaker:
         return self._walk("halts", 0.0, stands_before=True, stands_after=True)
 
     def step(self, length: float) -> Clip:
-        """Make a step of ``length`` meters from standing to standing."""
+        """Make a step of ``length`` meters from standing to standing; longer ones take longer."""
         rise = _bell(_STEP_SECONDS * (0.8 + length))
         return self._made(f"step_{round(100.0 * length)}", _rested(np.outer(rise, [length, 0.0, 0.0])))
 
     def turn_on_the_spot(self, degrees: float) -> Clip:
-        """Make a turn on the spot, left if positive, from standing to standing."""
+        """Make a turn on the spot, left if positive, from standing to standing, in 0.8 s or more."""
         angle = float(np.radians(degrees))
         rise = _bell(max(abs(angle) / _SPOT_RATE, 0.8))
         return self._made(_named("turn", degrees), _rested(np.outer(rise, [0.0, 0.0, angle])))
 
     def walking_turn(self, degrees: float) -> Clip:
-        """Make a turn over a cycle of steady walking, left if positive."""
+        """Make a turn over 1.2 cycles of steady walking, left if positive."""
         return self._walk(_named("walk", degrees), degrees)
 
     def side_steps(self, left: bool) -> Clip:
-        """Make steps to one side, at rest between them."""
+        """Make three steps to one side, at rest between them."""
         rise = np.concatenate([_bell(_SIDE_SECONDS), np.zeros(_PAUSE)])
         moves = np.outer(np.tile(rise, 3), [0.0, _SIDE_STEP if left else -_SIDE_STEP, 0.0])
         return self._made(f"side_{'left' if left else 'right'}", _rested(moves), 1.0)
 
     def walk_to_stand(self, degrees: float) -> Clip:
-        """Make a walk that stops, and a turn on the spot there."""
+        """Make a walk that stops, and a turn on the spot there, left if positive."""
         return self._quarter("walk_to_side", degrees, before=True)
 
     def stand_to_walk(self, degrees: float) -> Clip:
-        """Make a turn on the spot, and a walk from there."""
+        """Make a turn on the spot, left if positive, and a walk from there."""
         return self._quarter("side_to_walk", degrees, before=False)
 
     def lead_over(self, other: MotionMaker, name: str) -> Clip:
-        """Out of this walk and into that of ``other``, on the same skeleton, while walking on.
+        """Make a walk that goes over into that of ``other``, on the same skeleton.
 
         Cadence and speed go over from one to the other, and bodies as :func:`go_over` says, so that planted feet stand.
         """
+        # Seconds of two cycles before, of the change, and of two cycles after it; a cycle takes stride / speed.
         lead = 2.0 * self.stride / self._track_speed
         after = 2.0 * other.stride / other._track_speed
         over = _GOES_OVER * 0.5 * (self.stride / self._track_speed + other.stride / other._track_speed)
@@ -111,7 +116,7 @@ class MotionMaker:
         moves[:, 0] = STEP * (self._track_speed + weight * (other._track_speed - self._track_speed))
         track = _with_phases(_poses(moves))
         begin, end = np.interp([lead, lead + over], np.arange(len(track)) * STEP, track[:, 3])
-        # Seconds of the track pass as quickly as those of the clips that are in it.
+        # Times on the track of the frames shown: as far apart as the clips' own cadences make them (_hurry).
         shown = [_FRINGE]
         while shown[-1] < (len(track) - 1) * STEP - _FRINGE:
             share = float(smooth_share(np.array([(shown[-1] - lead) / over]))[0])
@@ -134,7 +139,10 @@ class MotionMaker:
         return self._made(name, np.pad(moves, ((count * stands_before, count * stands_after), (0, 0))))
 
     def _steady(self, degrees: float, stands_before: bool, stands_after: bool) -> Floats:
-        """Return moves (n, 3), ahead, left [m] and around [rad], of steady walking with a turn over one cycle."""
+        """Return moves (n, 3), ahead, left [m] and around [rad] in each time step, of steady walking.
+
+        With a turn by ``degrees`` over 1.2 cycles in the middle, and coming up from or down to a stand if so given.
+        """
         period = self.stride / self._track_speed
         seconds = (2.0 * _BESIDE_TURN + 1.2 if degrees else _CYCLES) * period
         times = (np.arange(round(seconds / STEP)) + 0.5) * STEP
@@ -152,7 +160,10 @@ class MotionMaker:
         return moves
 
     def _made(self, name: str, moves: Floats, hurry: float | None = None) -> Clip:
-        """Deform the walk to the track of ``moves`` (n, 3), ahead, left and around in each time step of the track."""
+        """Deform the walk to the track of ``moves`` (n, 3), ahead, left [m] and around [rad] in each time step.
+
+        hurry: how many times as fast the track is played; None for the cadence of the walk.
+        """
         track = _with_phases(_poses(moves))
         plan = plan_steps(self._deformed, [track])
         pace = self._hurry if hurry is None else hurry
@@ -180,7 +191,8 @@ def _rested(moves: Floats) -> Floats:
 
 
 def _poses(moves: Floats) -> Floats:
-    """Poses (n + 1, 3) after moves (n, 3) ahead, left and around."""
+    """Return the poses (n + 1, 3), x, y [m] and heading [rad], before and after moves (n, 3) ahead, left and around."""
+    # Each move goes along the heading that is halfway in its turn.
     heading = np.concatenate([[0.0], np.cumsum(moves[:, 2])])
     middle = heading[:-1] + 0.5 * moves[:, 2]
     x = np.cumsum(moves[:, 0] * cos(middle) - moves[:, 1] * sin(middle))

@@ -62,7 +62,8 @@ def hip_turn(ahead, side):
     angle = abs(atan2(side, ahead))
     if angle >= _SIDEWAYS:
         return 0.0
-    # The hips follow fully up to _TWISTED, then return to 0 at _SIDEWAYS.
+    # The hips follow fully up to _TWISTED, then return to 0 at _SIDEWAYS. Below _WALKING they turn less, not at all at
+    # rest, where the motion has no direction.
     turn = min(angle, _TWISTED * (_SIDEWAYS - angle) / (_SIDEWAYS - _TWISTED))
     walking = min(math.sqrt(ahead * ahead + side * side) / _WALKING, 1.0)
     return math.copysign(turn * walking * walking, side)
@@ -105,10 +106,11 @@ def _next_phase(phase, rate, speed, away, turned, dt):
         # Too slow to walk: finish the step, and take another one if the rear foot was left behind.
         rate = _FINISH if speed > _CREEPING else _CLOSE
     elif past < REFERENCE and away * rate < _NOT_YET * (past + 0.5 - REFERENCE) * speed:
-        # Setting off: step quickly, or the rear foot, still where the body stood, would be left too far behind.
+        # Setting off: step quickly, or the rear foot, still where the body stood, would be left too far behind. On a
+        # steady walk the body passed over that foot (past + 0.5 - REFERENCE) / rate seconds ago.
         rate = max(rate, min(_SET_OFF * speed, _SET_OFF_MOST))
     after = phase + rate * dt
-    # At rest a step ends in the middle of double support.
+    # At rest a step ends in the middle of double support, unless the body goes on turning quickly (a high rate).
     if after > half + 0.5 + STAND and rate <= _CLOSE and speed <= _CREEPING:
         after = half + 0.5 + STAND
     return after

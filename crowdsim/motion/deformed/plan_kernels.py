@@ -6,7 +6,8 @@ track before and after it, so a plan of any long enough part of a track gives th
 Arguments of all helpers: ``model`` (ClipModel); ``samples``, padded rows of tracks, ``step`` seconds apart; ``firsts``
 and ``counts`` (A,), first row and number of the samples of each track, or ``first`` and ``last`` of one; ``halves``
 (A,), half cycle of each track's first row of ``steps``, the rows of footsteps, which begin at ``rows`` (A + 1,);
-``scratch``, room for a number a sample; ``heading`` of a foot [rad].
+``scratch``, room for a number a sample; ``heading`` of a foot [rad]; ``u``, the phase since a foot landed [cycles].
+Columns of samples are named in :mod:`crowdsim.motion.deformed.body_kernels`.
 """
 
 import math
@@ -40,7 +41,7 @@ from crowdsim.motion.deformed.spline_kernels import time_of_value
 PRINT = 0  # x, y of the ball, heading
 LIFT = 3  # ankle x, y, z, pitch, heading, and speed of the ankle in meters a cycle
 LAND = 11
-ASIDE = 19  # meters that the foot swings out to pass the other one
+ASIDE = 19  # meters that the foot swings out to pass the other one, on its way from this print to its next
 STEP_COLUMNS = 20
 
 PAD = 14
@@ -116,7 +117,7 @@ def _stands(phase):
 
 @kernel
 def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
-    """Fill the samples of tracks for poses: padded, hips turned, with the shares of the clip's stride and steps ahead.
+    """Fill the samples that bodies are posed from: tracks with padding, headings of hips, and strides as shares.
 
     Parameters
     ----------
@@ -160,6 +161,7 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
             stride = math.sqrt(x * x + y * y + turning * turning) / rate
             samples[row, SHARE] = min(stride / model.stride, _LARGEST_SHARE)
             samples[row, AHEAD] = min(max((c * x + s * y) / (rate * model.stride), 0.0), _LARGEST_SHARE)
+            # Until :func:`plan_drops`.
             samples[row, DROP] = 0.0
         _smooth(samples, SHARE, first, first + total, scratch)
         _smooth(samples, AHEAD, first, first + total, scratch)
@@ -167,14 +169,15 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
 
 @helper
 def _lack(x, y, heading, side, apart):
-    """Return by how much a point is too close to the ``side`` (1 left, -1 right) of a foot at the origin [m].
+    """Return how far a point (x, y) must move to the ``side`` (1 left, -1 right) of a foot at the origin [m].
 
-    apart: required distance [m]. A point well ahead or behind may be as close as it likes.
+    apart: required distance to that side [m]. It does not hold for a point well ahead or behind.
     """
     c, s = cos_sin(heading)
     along = abs(c * x + s * y)
     # 1 for feet side by side, 0 for those a long step apart.
     beside = min(max((_LONG - along) / _LONG_BY, 0.0), 1.0)
+    # At most 2 _MOST_ASIDE: of two feet that are moved apart, each moves by half, and no farther than _MOST_ASIDE.
     return beside * min(max(apart - side * (c * y - s * x), 0.0), 2.0 * _MOST_ASIDE)
 
 
@@ -193,8 +196,8 @@ def _push_apart(steps, first, last, half, bodies, most):
         x = steps[row, PRINT] - steps[row - 1, PRINT]
         y = steps[row, PRINT + 1] - steps[row - 1, PRINT + 1]
         apart = _APART * min(bodies[row - 1, 1], bodies[row, 1])
-        # Lack as seen along either foot's heading; and along the mean of both, at any distance ahead: feet must not
-        # cross.
+        # Lack seen along the body's heading over either foot; and along the mean of both, however far ahead, as feet
+        # must not cross.
         lack = max(_lack(x, y, bodies[row - 1, 0], side, apart), _lack(x, y, bodies[row, 0], side, apart))
         c, s = cos_sin(0.5 * (bodies[row - 1, 0] + bodies[row, 0]))
         lack = max(lack, apart - side * (c * y - s * x))
@@ -227,7 +230,8 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
         first = firsts[body]
         count = counts[body]
         span = 1
-        # Stand where the body is when it passes over the foot, but look only _LONGEST_LOOK ahead.
+        # Stand where the body is when it passes over the foot, but look only _LONGEST_LOOK ahead. Times grow from row
+        # to row, so each search starts at the span of the one before.
         for row in range(rows[body], rows[body + 1]):
             half = halves[body] + row - rows[body]
             foot = half & 1
@@ -246,11 +250,11 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
             bodies[row, 0] = track[HEADING]
             bodies[row, 1] = width
             bodies[row, 3] = landing
-        # Twice, as a foot that moved may be too close to the one before.
+        # Twice, as a foot that moved may be too close to the one before; the second time by little.
         _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, _MOST_ASIDE)
         _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, 0.3 * _MOST_ASIDE)
-        # Swing out if the straight line from the last print to the next passes too close to the other foot; 16 u^2 (1 -
-        # u)^2 is the shape of the detour, 1 in the middle.
+        # Swing out if the straight line from a foot's print (row - 1) to its next (row + 1) passes too close to the
+        # other foot (row), tested at three places; 16 u^2 (1 - u)^2 is the shape of the detour, 1 in the middle.
         for row in range(rows[body] + 1, rows[body + 1] - 1):
             side = 1.0 - 2.0 * ((halves[body] + row + 1 - rows[body]) & 1)
             aside = 0.0
@@ -269,7 +273,7 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
 
 @helper
 def planned_pitch(model, foot, u, ahead):
-    """Return the pitch of a foot at the share ``u`` of its cycle [rad], scaled by the share of steps ahead."""
+    """Return the clip's pitch of a foot at the share ``u`` of its cycle [rad], scaled by ``ahead`` (column AHEAD)."""
     return sampled(model.pitch, foot, u) * ahead
 
 
@@ -302,6 +306,7 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
     Legs are tested as the foot lands and until it lifts, when the heel may help. Fills the column DROP of ``samples``.
     Parameters as of :func:`plan_prints`.
     """
+    # Phases after landing, closest to each other where a leg is stretched most: as its foot lands, and before it lifts.
     asked = (0.0, 0.05, 0.15, 0.3, 0.4, 0.5, 0.55, 0.6)
     for body in range(len(firsts)):
         first = firsts[body]
@@ -324,7 +329,8 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
                 spare = _HEEL_MOST * min(max((u - _HEEL_FROM) / _HEEL_BY, 0.0), 1.0)
                 ankle, _, _ = stand_ankle(model, foot, prints, u, track, place, turn, spare)
                 lack = lacking(model.bones, foot, hip_of(model, foot, place, turn), ankle)
-                # Set the drop in all samples that count for this time once they are smoothed.
+                # Set the drop in all samples that count for this time: four of the spline (middle - 1 to middle + 2),
+                # and two more on either side for the window that smooths them.
                 if lack > 0.0:
                     middle = int(time / step)
                     for sample in range(max(middle - 3, 0), min(middle + 5, count)):
@@ -338,6 +344,7 @@ def plan_swings(model, samples, firsts, counts, step, halves, rows, steps):
 
     Parameters as of :func:`plan_prints`.
     """
+    # Phase between the two poses whose difference gives a speed [cycles].
     little = 0.01
     for body in range(len(firsts)):
         first = firsts[body]
@@ -349,7 +356,8 @@ def plan_swings(model, samples, firsts, counts, step, halves, rows, steps):
             prints = (steps[row, PRINT], steps[row, PRINT + 1], steps[row, PRINT + 2])
             near = span
             for begins in range(2):
-                # Pose the foot at the end of its stance and ``little`` cycles inside; the difference gives the speed.
+                # begins 0: where the stance begins (the foot lands); 1: where the swing begins (it lifts). Pose the
+                # foot there and ``little`` cycles inside the stance.
                 column = LAND if begins == 0 else LIFT
                 for k in range(2):
                     u = k * little if begins == 0 else STANCE - (1 - k) * little
@@ -359,7 +367,7 @@ def plan_swings(model, samples, firsts, counts, step, halves, rows, steps):
                     track = track_at(samples, first, count, step, time)
                     place, turn = pelvis_of(model, track)
                     ankle, pitch, yaw = stand_ankle(model, foot, prints, u, track, place, turn, -1.0)
-                    # end == 1: the pose at the very end, k == 0: the earlier of the two.
+                    # k 0: the earlier of the two poses. end 1: the one just where the foot lands or lifts.
                     end = k if begins == 1 else 1 - k
                     for axis in range(3):
                         if k == 0:

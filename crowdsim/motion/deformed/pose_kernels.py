@@ -93,13 +93,13 @@ def _swing_ankle(model, foot, old, new, u, track):
     ball = model.bones[foot, FOOT_LENGTH] * ps - high * pc
     heel = -HEEL_BACK * ps - high * pc
     z = max(z, _CLEAR * 4.0 * v * rest - min(ball, heel))
-    # Toes stay level while the foot points down; their tips would go through the floor.
+    # Toes bend up by as much as the foot points down, else their tips would go through the floor.
     return (x, y, z), pitch, yaw, max(-pitch, 0.0)
 
 
 @helper
 def _foot_at(model, steps, row, foot, u, track, place, turn):
-    """Return ankle, pitch, heading and bend of the toes of a foot at the share ``u`` of its cycle.
+    """Return ankle (x, y, z) [m], pitch, heading and toe bend [rad] of a foot at the share ``u`` of its cycle.
 
     row: row of the print that it stands on or comes from; the foot's next print is two rows on.
     """
@@ -170,7 +170,7 @@ def _pose_leg(model, foot, hip, turn, target, forward, out, body):
     kx, ky, kz = (reach * x - thigh * tx) / shank, (reach * y - thigh * ty) / shank, (reach * z - thigh * tz) / shank
     n = 1.0 / math.sqrt(kx * kx + ky * ky + kz * kz)
     kx, ky, kz = kx * n, ky * n, kz * n
-    # Frame of each bone: z up the bone, y the hinge, x perpendicular to both.
+    # Frame of each bone: z up the bone, y the hinge, x perpendicular to both. ``turns`` lead from it to the joint.
     upper = _frame_rotation(hz * ty - hy * tz, hx * tz - hz * tx, hy * tx - hx * ty, hx, hy, hz, -tx, -ty, -tz)
     lower = _frame_rotation(hz * ky - hy * kz, hx * kz - hz * kx, hy * kx - hx * ky, hx, hy, hz, -kx, -ky, -kz)
     turns = model.turns[foot]
@@ -185,6 +185,7 @@ def _pose_leg(model, foot, hip, turn, target, forward, out, body):
     _put(out, body, legs[foot, 0], multiply(conjugate(multiply(turn, quaternion(turns, 0))), thigh_world))
     _put(out, body, legs[foot, 1], multiply(conjugate(thigh_world), shank_world))
     _put(out, body, legs[foot, 2], multiply(conjugate(shank_world), foot_world))
+    # A skeleton may have no toe joint.
     if legs[foot, 3] >= 0:
         bc, bs = cos_sin(0.5 * bend)
         toe_world = multiply(multiply(level, (bc, 0.0, -bs, 0.0)), quaternion(turns, 4))
@@ -240,7 +241,8 @@ def pose_bodies(model, plan, bodies, times, roots, rotations):
         time = times[pose] + PAD * plan.step
         track = track_at(samples, plan.firsts[body], plan.counts[body], plan.step, time)
         place, turn = pelvis_of(model, track)
-        # Find the feet, on their prints or between them. Row of the last landing: half cycle number less that of row 0.
+        # Find the feet, on their prints or between them. The row of a foot's last landing is the number of that half
+        # cycle less the number of row 0; the left foot lands at whole cycles, the right one half a cycle later.
         half = plan.halves[body]
         phase = track[PHASE]
         whole = math.floor(phase)

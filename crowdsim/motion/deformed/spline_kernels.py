@@ -38,7 +38,10 @@ def weights_of(share):
 
 @helper
 def value_at(samples, column, span, weights):
-    """Return the value of a column of ``samples`` (T, C), given the span and weights of a time."""
+    """Return the value of a column of ``samples``, given the span and weights of a time.
+
+    span: row that begins it (:func:`span_of`). weights: four (:func:`weights_of`).
+    """
     return (
         weights[0] * samples[span - 1, column]
         + weights[1] * samples[span, column]
@@ -61,7 +64,7 @@ def time_of_value(samples, column, target, step, first, count, start):
         if end >= target:
             break
         span += 1
-    # Bisect; the curve is monotone in the span.
+    # Bisect, to 2^-24 of a step; the curve is monotone in the span.
     low = 0.0
     high = 1.0
     for _ in range(24):

@@ -25,7 +25,7 @@ from crowdsim.motion.deformed.plan_kernels import (
 from crowdsim.motion.deformed.pose_kernels import pose_bodies
 
 _BEYOND = 3
-"""Half cycles planned beyond each end."""
+"""Half cycles planned beyond each end: feet there come from and go to prints beyond, beside which others stand."""
 
 
 class StepPlan(NamedTuple):
@@ -82,6 +82,7 @@ def plan_joined(clip: DeformedClip, tracks: JoinedTracks, step: float = STEP) ->
     samples = np.zeros((int(counts.sum()), COLUMNS))
     scratch = np.zeros(len(samples))
     fill_samples(clip.model, samples_in, starts, step, firsts, samples, scratch)
+    # Half cycles from before each track's first sample to after its last one, a row each.
     begins = np.floor(2.0 * samples[firsts, PHASE]).astype(np.int64) - _BEYOND
     ends = np.floor(2.0 * samples[firsts + counts - 1, PHASE]).astype(np.int64) + _BEYOND + 1
     rows = np.concatenate([[0], np.cumsum(ends - begins)]).astype(np.int64)

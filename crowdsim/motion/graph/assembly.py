@@ -115,7 +115,8 @@ def assemble(
     """Return the graph of ``nodes`` and edges (source, target) (E,), which form one strongly connected component.
 
     Edges are sorted by source, then target; ``alignments`` holds their ends and starts in the same order. An edge turns
-    about the foot that is planted where it leaves.
+    about the foot that is planted where it leaves. ``threshold`` [m] bounds its extra rotation; ``dropped`` goes into
+    the report.
     """
     planted = [nodes[i].end.foot for i in source]
     pivot_a = np.array([nodes[i].end.pivots[foot] for i, foot in zip(source, planted, strict=True)]).reshape(-1, 2)
@@ -137,6 +138,7 @@ def assemble(
         edge_pivot=pivot_a,
         edge_low=low,
         edge_high=high,
+        # Chosen below, from the other arrays.
         stop_edge=np.zeros(0, np.int32),
     )
     arrays = arrays._replace(stop_edge=choose_stop_edges(arrays))

@@ -77,7 +77,10 @@ class CrossingDetector:
         return distance, np.abs(normal[:, 2]) <= self.steepest
 
     def _sides(self, distance: Floats, valid: NDArray[np.bool_]) -> NDArray[np.int8]:
-        """Return -1 behind or 1 in front (F,); the last side persists until the other one has held."""
+        """Return -1 behind or 1 in front (F,), 0 before any side has held.
+
+        The last side persists until the other one has held for ``hold_frames``.
+        """
         raw = np.where(valid & (np.abs(distance) > self.dead_band), np.sign(distance), 0).astype(np.int8)
         sides = np.zeros(len(raw), np.int8)
         side, frame = 0, 0

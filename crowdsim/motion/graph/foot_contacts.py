@@ -99,6 +99,8 @@ def planted_steps(feet: Feet, rate: float = CAPTURE_RATE, part: bool = False) ->
     lasting = np.zeros(planted.shape[:2], bool)
     for foot in (0, 1):
         for begin, end in runs(np.any(planted[:, foot], axis=1)):
+            # A stance loses its first and its last step, in which the foot still lands or already lifts, unless it
+            # lasts from the first frame or to the last one.
             first, last = begin + (begin > 0), end - (end < len(steps))
             cut = part and (begin == 0 or end == len(steps))
             lasting[first:last, foot] = cut or (last - first) / rate >= SHORTEST_STANCE

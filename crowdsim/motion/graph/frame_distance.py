@@ -71,6 +71,7 @@ class PairAlignments:
 
     def pinned_distance(self, pivot_a: Floats, pivot_b: Floats, rotation: Floats) -> Floats:
         """Return distances (n,) when b turns by ``rotation`` and ``pivot_b`` (n, 2) is moved onto ``pivot_a`` [m]."""
+        # Sums about the pivots follow from those about the means (parallel axes); u, v lead from pivot to mean.
         u, v = self.mean_a - pivot_a, self.mean_b - pivot_b
         dot = self.dot + self.points * np.sum(u * v, axis=1)
         cross = self.cross + self.points * (u[:, 1] * v[:, 0] - u[:, 0] * v[:, 1])
@@ -83,8 +84,8 @@ class PairAlignments:
         """Return the range of extra rotation about the pivot, low <= 0 <= high (n,), that keeps within ``threshold``.
 
         ``pivot_b`` (n, 2) is moved onto ``pivot_a``, and threshold is a distance as of :meth:`pinned_distance` [m].
-            2011 paper, section 3: small steps either way until the threshold is exceeded. A pair whose pinned distance
-            exceeds it from the start has no range.
+        2011 paper, section 3: small steps either way until the threshold is exceeded. A pair whose pinned distance
+        exceeds it from the start has the range 0 to 0.
         """
         within = self.pinned_distance(pivot_a, pivot_b, self.rotation) <= threshold
         ends = []
@@ -153,7 +154,7 @@ def align_pairs(clouds_a: Floats, clouds_b: Floats) -> PairAlignments:
 
 
 def join_pairs(parts: Sequence[PairAlignments]) -> PairAlignments:
-    """Return the pairs of all parts, in their order, as one; the clouds of all parts have as many points."""
+    """Return the pairs of all parts, in their order, as one; clouds of all parts have the same number of points."""
 
     def joined(name: str) -> Floats:
         return np.concatenate([getattr(part, name) for part in parts])

@@ -121,10 +121,11 @@ def build_motion_graph(
 def _without(
     candidates: _Candidates, leave: NDArray[np.int64], enter: NDArray[np.int64], threshold: float
 ) -> _Candidates:
-    """Return the candidates without the transitions from nodes ``leave`` (n,) to ``enter`` (n,), as far as agents rest.
+    """Return the candidates without the transitions from nodes ``leave`` (n,) to ``enter`` (n,) that agents can spare.
 
-    A node that ends standing in a stride, before the other foot is drawn up, is no stand if its capture goes on to one
-    from which an idle clip follows. From other nodes without any, the nearest idle clip does nevertheless.
+    A node that would lose all its idle clips leaves no way to rest. If its capture goes on to a node that ends standing
+    and can rest, it only paused in a stride, before the other foot was drawn up: it no longer counts as ending
+    standing. Else it keeps the nearest idle clip.
     """
     idle = np.array([candidates.prepared[node.source].source.idle for node in candidates.nodes])
     stands = np.array([node.segment.ends_standing for node in candidates.nodes])
@@ -156,6 +157,7 @@ def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDA
             f"no cycle of segments joins within {threshold:g} m (the nearest end and start of different segments are "
             f"{nearest}); raise the threshold or add clips"
         )
+    # Nodes that are kept get new numbers, ``place``.
     dropped = list(candidates.dropped)
     dropped += [(nodes[i].name, "not strongly connected with the rest") for i in np.flatnonzero(~keep)]
     place = np.cumsum(keep) - 1
@@ -198,6 +200,7 @@ def _candidates(sources: Sequence[MotionSource], max_out_edges: int | None) -> _
     alignments = align_all(np.stack([n.end.cloud for n in nodes]), np.stack([n.start.cloud for n in nodes]))
     natural = np.array([[follows(a, b) for b in nodes] for a in nodes], bool)
     end_foot, start_foot = np.array([n.end.foot for n in nodes]), np.array([n.start.foot for n in nodes])
+    # Two rests may differ by STANDING_ALLOWANCE times the threshold, so they need a smaller one.
     needed = alignments.distance / np.where(end_foot == BOTH_FEET, STANDING_ALLOWANCE, 1.0)[:, None]
     needed = np.where(natural, 0.0, np.where(end_foot[:, None] == start_foot[None, :], needed, np.inf))
     if max_out_edges is not None:
@@ -245,6 +248,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
     near = range(max(low - _AROUND, 0), min(low + _AROUND + 1, len(steps)))
 
     def rank(place: int) -> tuple[bool, float, int]:
+        """Return the key by which thresholds are ordered, the best first."""
         small, over = judge(place)
         return small, abs(over), place
 

@@ -33,7 +33,7 @@ def ticks_after(playback, steps):
 
 @kernel
 def ticks_played(playback, frames):
-    """Return the ticks of its nodes played when the world's clock has advanced by ``frames`` frames.
+    """Return the ticks of its nodes played when the world's clock has advanced by ``frames`` frames of 1/60 s.
 
     They count from the frame that is shown now.
     """

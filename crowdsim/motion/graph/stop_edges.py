@@ -24,6 +24,7 @@ def choose_stop_edges(graph: GraphArrays) -> NDArray[np.int32]:
     """
     source = np.repeat(np.arange(len(graph.node_frames)), np.diff(graph.edge_start))
     target = graph.edge_target
+    # Behaviors are numbered from the narrowest, 0.
     usable = ~graph.node_idle[target]
     narrowing = usable & (graph.node_behavior[target] <= graph.node_behavior[source])
     stop = _nearest_standing(graph, source, narrowing)
@@ -32,7 +33,10 @@ def choose_stop_edges(graph: GraphArrays) -> NDArray[np.int32]:
 
 
 def _nearest_standing(graph: GraphArrays, source: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Search from all standing ends backward over the ``allowed`` edges (Dijkstra); return edges (N,)."""
+    """Search from all standing ends backward over the ``allowed`` edges (Dijkstra); return edges (N,).
+
+    NONE for a node that ends standing itself, or from which no stand can be reached. source: (E,) of all edges.
+    """
     count = len(graph.node_frames)
     incoming: list[list[int]] = [[] for _ in range(count)]
     for edge in np.flatnonzero(allowed).tolist():
@@ -52,6 +56,7 @@ def _nearest_standing(graph: GraphArrays, source: NDArray[np.int64], allowed: ND
         for way_in in incoming[node]:
             before = int(source[way_in])
             if not done[before]:
+                # An edge costs what its target is long: at the end of ``before``, ``node`` is still to be played.
                 way = float(graph.node_length[node]) + TURN_COST * abs(float(graph.node_motion[node, 2]))
                 cost = meters + way, frames + int(graph.node_frames[node])
                 heapq.heappush(queue, (*cost, before, way_in))

@@ -74,7 +74,7 @@ class _Standing:
 
 
 def clip_stances(clip: Clip) -> list[Stance]:
-    """Return every stance of a clip with its drift."""
+    """Return all stances of a clip, each with its drift."""
     return stances(_clip_feet(clip))
 
 
@@ -113,6 +113,7 @@ def skating_edges(graph: MotionGraph, clips: Sequence[Clip], most: float) -> Ind
     """Return the nodes (2, n) left and entered by transitions that add more than ``most`` meters to a foot's drift."""
     drift = transition_drifts(graph, clips)
     skates = drift.edge[drift.added > most]
+    # Edges are sorted by the node that they leave.
     left = np.searchsorted(graph.arrays.edge_start, skates, side="right") - 1
     return np.stack([left, graph.arrays.edge_target[skates].astype(np.int64)])
 
@@ -133,6 +134,7 @@ def _faded_steps(graph: MotionGraph, source: Indices, edges: Indices, like: Feet
     origin = compose(end, arrays.edge_transform[edges])
     blend_offset = end - origin
     blend_offset[:, 2] = wrap_angle(blend_offset[:, 2])
+    # A node shorter than the fade stays in its last frame.
     frame = np.minimum(np.arange(BLEND_FRAMES + 1), arrays.node_frames[target][:, None])
     weight = np.array([blend_weight(f) for f in range(BLEND_FRAMES + 1)])[frame]
     pose = compose(origin[:, None], arrays.tracks[arrays.node_track[target][:, None] + frame])
@@ -166,6 +168,7 @@ def _drift(
         step = begin
         while step < begin + count:
             until = min(int(after.until[step, foot]), last)
+            # The foot does not stand in this step.
             if until == 0:
                 step += 1
                 continue

@@ -22,8 +22,8 @@ _CHANGES = 6
 class Played(NamedTuple):
     """What N bodies play in one step.
 
-    node: (N,) int32, -1 for a body that is not captured. previous: (N,) int32. frame: (N,) float64. track: (N, 3)
-    float64 x, y [m], heading [rad].
+    node: (N,) int32, -1 for a body that is not captured. previous: (N,) int32, the node before it, -1 for none. frame:
+    (N,) float64, of the node. track: (N, 3) float64 x, y [m], heading [rad].
     """
 
     node: NDArray[np.int32]
@@ -79,10 +79,12 @@ class FollowedFeet:
 
     def add(self, new: Played) -> tuple[NDArray[np.int64], Floats, Floats]:
         """Take a step; return its changes: 2 * body + foot (c,), share of the step (c,), new state (c, COLUMNS)."""
+        # In the first step all bodies have just come.
         old = new._replace(node=np.full_like(new.node, -1)) if self._old is None else self._old
         size = _CHANGES * len(new.node)
         while True:
             rows, shares, events = np.empty(size, np.int64), np.empty(size), np.empty((size, COLUMNS))
+            # On a copy, as a step with more changes than there is room for is taken again.
             states = self.states.copy()
             kept = self._table, self._feet, states, self._natural, self._spans
             count = follow_feet(Step(*kept, *old, *new, *self._room, rows, shares, events))

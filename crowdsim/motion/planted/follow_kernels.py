@@ -66,6 +66,7 @@ def _set(work, a, foot, mode, node, since, until, pose, share, count):
     state[SINCE] = since
     state[UNTIL] = until
     state[X], state[Y], state[YAW] = pose
+    # Without room the event is only counted; the caller then makes room and takes the step again.
     if count < len(work.rows):
         work.rows[count] = 2 * a + foot
         work.shares[count] = share
@@ -76,7 +77,10 @@ def _set(work, a, foot, mode, node, since, until, pose, share, count):
 
 @helper
 def _release(work, a, foot, node, frame, moved, share, count):
-    """Let what ``moved`` a foot (x, y [m], turn [rad]) fade from ``frame`` of a node until it lands."""
+    """Let what ``moved`` a foot (x, y [m], turn [rad]) fade from ``frame`` of a node until it lands.
+
+    It fades over LONGEST_FADE frames at most; a foot that was not moved is free.
+    """
     row = work.table.node_first[node] + int(frame)
     until = min(float(work.feet.landings[row, foot]), frame + LONGEST_FADE)
     mode = FREE if abs(moved[0]) + abs(moved[1]) + abs(moved[2]) < 1e-9 else FADES
@@ -112,7 +116,10 @@ def _play(work, a, node, previous, begin, end, early, late, count):
 
 @helper
 def _enter(work, a, node, previous, frame, share, shown, count):
-    """Go on in ``frame`` of the next node; ``shown`` are the places of both feet at the end of the last one."""
+    """Go on in ``frame`` of the next node; ``shown`` (x, y [m], heading [rad]) are both feet's last places.
+
+    A foot that stands keeps the place in which it was shown; of one that swings, the difference fades.
+    """
     row = work.table.node_first[node] + int(frame)
     _pose(work, a, node, previous, frame, share)
     for foot in range(2):
@@ -159,11 +166,13 @@ def follow_feet(work):
     table = work.table
     for a in range(len(work.new_node)):
         node, frame, previous = work.new_node[a], work.new_frame[a], work.new_previous[a]
+        # Not captured (any more): nothing is corrected.
         if node < 0:
             for foot in range(2):
                 work.states[a, foot, MODE] = FREE
             continue
         old, since, before = work.old_node[a], work.old_frame[a], work.old_previous[a]
+        # Not captured before.
         if old < 0:
             count = _appear(work, a, node, previous, frame, count)
             continue

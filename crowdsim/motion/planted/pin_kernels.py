@@ -8,7 +8,8 @@ Arguments of all helpers: ``table`` (PoseTable) and ``feet`` (FootTable); ``foot
 row ``a`` is one body; hip, knee, ankle and other points are triples [m], rotations are quaternions (w, x, y, z). ``a``
 and ``b`` are vectors in products; ``turn`` is a rotation, ``target`` the ankle's place to be reached [m], ``most`` the
 share of its length to which the leg may stretch; ``spans`` are the lengths of a periodic floor along x and y, 0 without
-ends [m].
+ends [m]; ``place`` is that of a foot as posed: x, y of its ball [m] and heading [rad]; ``moved`` is how far it is moved
+x, y [m] and turned [rad].
 """
 
 import math
@@ -35,13 +36,19 @@ _NOTHING = 1e-9
 
 @helper
 def shorter_way(way, span):
-    """Return a way, taken across the ends of a periodic floor of length ``span`` if that is shorter; 0 for no ends."""
+    """Return a way along one axis [m], taken across the ends of a periodic floor if that is shorter.
+
+    span: length of the floor along this axis [m], 0 if it is not periodic.
+    """
     return way - span * math.floor(way / span + 0.5) if span > 0.0 else way
 
 
 @helper
 def place_in_clip(feet, first, last, foot, frame):
-    """Return ball x, y [m] and heading [rad] of a foot in a frame of the node with rows ``first`` to ``last``."""
+    """Return ball x, y [m] and heading [rad] of a foot in a frame of the node with rows ``first`` to ``last``.
+
+    They are relative to the track pose in row ``first``, and interpolated between frames.
+    """
     row = first + int(frame)
     after = min(row + 1, last)
     part = frame - int(frame)
@@ -53,6 +60,8 @@ def place_in_clip(feet, first, last, foot, frame):
 def place_of_foot(feet, foot, positions, rotations, a):
     """Return ball x, y [m] and heading [rad] of a foot of posed body ``a``."""
     ankle, ball = feet.legs[foot, 2], feet.legs[foot, 3]
+    # The axis across a foot gives its heading, as a foot on its toes has none along its length. Turned back by a right
+    # angle, (x, y) points ahead as (y, -x).
     left = feet.across[foot]
     x, y, _ = rotate(quaternion(rotations[a], ankle), left[0], left[1], left[2])
     return float(positions[a, ball, 0]), float(positions[a, ball, 1]), atan2(-x, y)
@@ -62,7 +71,7 @@ def place_of_foot(feet, foot, positions, rotations, a):
 def correction(table, feet, state, node, frame, foot, place, spans):
     """Return how far a foot at ``place`` is moved (x, y [m]) and turned [rad] in a frame of its node.
 
-    state: (COLUMNS,) of the foot. spans: lengths of a periodic floor along x and y, 0 without ends [m].
+    state: (COLUMNS,) of the foot, which holds in its own node alone.
     """
     if state[MODE] == FREE or state[NODE] != node:
         return 0.0, 0.0, 0.0
@@ -77,6 +86,7 @@ def correction(table, feet, state, node, frame, foot, place, spans):
     x, y, h = to_local(ax, ay, ah, bx, by, bh)
     x, y, h = compose(state[X], state[Y], state[YAW], x, y, h)
     dx, dy = shorter_way(x - place[0], spans[0]), shorter_way(y - place[1], spans[1])
+    # A foot that would have to stay behind by more than FARTHEST is dragged along.
     far = math.sqrt(dx * dx + dy * dy)
     share = FARTHEST / far if far > FARTHEST else 1.0
     return share * dx, share * dy, wrap_angle(h - place[2])
@@ -138,6 +148,7 @@ def bent_leg(hip, knee, ankle, left, target, most):
     """
     thigh, shank, way = _minus(knee, hip), _minus(ankle, knee), _minus(target, hip)
     upper, lower = math.sqrt(_dot(thigh, thigh)), math.sqrt(_dot(shank, shank))
+    # The distance from hip to ankle lies between a leg folded up (the difference of its bones) and a stretched one.
     far = min(max(math.sqrt(_dot(way, way)), abs(upper - lower) + 1e-3), most * (upper + lower))
     cosine = (far * far - upper * upper - lower * lower) / (2.0 * upper * lower)
     c, s = cos_sin(acos(min(max(cosine, -1.0), 1.0)))
@@ -146,6 +157,7 @@ def bent_leg(hip, knee, ankle, left, target, most):
     across = _cross(down, along)
     hinge = _plus(across, left, max(_BENT - _dot(across, left), 0.0))
     hinge = _unit(_plus(hinge, down, -_dot(hinge, down)))
+    # The direction that the shank then has, with the thigh as it is; then the whole leg turns to the target.
     ahead = _cross(hinge, down)
     wanted = (c * down[0] + s * ahead[0], c * down[1] + s * ahead[1], c * down[2] + s * ahead[2])
     turn = _shortest(_unit(_plus(thigh, wanted, lower)), _unit(way))
@@ -211,7 +223,7 @@ def _put_leg(feet, foot, positions, rotations, a, target, yaw, most, left):
 
 @helper
 def _target(feet, foot, positions, a, place, moved):
-    """Return where the ankle comes if its foot is moved, and turned about its ball."""
+    """Return where the ankle comes [m] if its foot is moved, and turned about its ball; its height stays."""
     ankle = _joint(positions, a, feet.legs[foot, 2])
     c, s = cos_sin(moved[2])
     x, y = ankle[0] - place[0], ankle[1] - place[1]

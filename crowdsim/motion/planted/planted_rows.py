@@ -101,6 +101,7 @@ def foot_table(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> FootTabl
     landings = np.full(stands.shape, NO_LANDING, np.int32)
     for first, last in _spans(table):
         for foot in (0, 1):
+            # ``mine`` is a view, so stances are joined in ``stands``. A row's landing is the least later beginning.
             mine = stands[first:last, foot]
             _join(mine)
             for begin, _ in reversed(runs(mine)):
@@ -114,7 +115,7 @@ def _spans(table: PoseTable) -> list[tuple[int, int]]:
 
 
 def _join(stands: NDArray[np.bool_]) -> None:
-    """Join stances (F,) between which the foot hardly has time to lift."""
+    """Join, in place, stances (F,) between which the foot hardly has time to lift."""
     found = runs(stands)
     for (_, end), (begin, _) in pairwise(found):
         if begin - end < SHORTEST_SWING * CAPTURE_RATE:

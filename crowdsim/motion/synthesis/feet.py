@@ -64,8 +64,9 @@ class FootCurves:
 def _ramped(since: Floats, duration: float, slowing: float) -> Floats:
     """Return 0 up to ``since`` = 0, then a rise to 1 at ``duration`` with a constant speed between ramps.
 
-    The last ramp takes ``slowing`` frames; with none, the speed is kept to the end.
+    since, duration: frames. The last ramp takes ``slowing`` frames; with none, the speed is kept to the end.
     """
+    # ``whole``: what the speed 1 between the ramps covers, to which the rise is scaled.
     since = np.clip(since, 0.0, duration)
     whole = duration - 0.5 * (_SOFT_RAMP + slowing)
     risen = np.where(since < _SOFT_RAMP, np.square(since) / (2.0 * _SOFT_RAMP), since - 0.5 * _SOFT_RAMP)
@@ -79,7 +80,11 @@ def _ramped(since: Floats, duration: float, slowing: float) -> Floats:
 class _Plant:
     """A foot on the floor from ``land`` to ``lift``, with the roll that it arrives and leaves with.
 
+    place: (3,) print, x, y of the ankle [m] and heading [rad]. land, lift: frames. arrive, leave: pitch of the sole as
+    it lands, negative if the ball lands first, and pitch of the raised heel as it lifts (positive) [rad].
     twist: angle that it turns on its ball while its heel rises, on the way to a print of another heading [rad].
+    soft, slowing: frames, see :class:`Style <crowdsim.motion.synthesis.styles.Style>`. strides_off: True if it is
+    pushed off as in walking.
     """
 
     place: Floats
@@ -93,7 +98,9 @@ class _Plant:
     strides_off: bool
 
     def pitch(self, t: Floats) -> Floats:
-        """Return the pitch of the sole at times t (T,) [rad]."""
+        """Return the pitch of the sole at times t (T,) [frames], in [rad]."""
+        # Landed on the ball (arrive < 0), the heel sinks as softly as it rises, in reversed time. Landed on the heel,
+        # the sole comes down by a curve from 1 to 0 that ends without speed.
         rolled = np.clip((t - self.land) / _ROLL_FRAMES, 0.0, 1.0)
         if self.arrive < 0.0:
             down = self.arrive * _ramped(self.land + self.soft - t, self.soft, self.slowing)
@@ -110,16 +117,18 @@ class _Plant:
         """Return the frames over which the heel rises before lift-off."""
         if not self.strides_off:
             return self.soft
+        # A lower rise takes less time, and none begins before the foot has rolled down from its landing.
         return min(float(_PUSH_FRAMES * self.leave / _PUSH_PITCH), self.lift - self.land - _ROLL_FRAMES)
 
     def yaw(self, t: Floats) -> Floats:
-        """Return the heading of the foot at times t (T,) [rad]."""
+        """Return the heading of the foot at times t (T,) [frames], in [rad]."""
         turned = self.twist * np.square(np.maximum((t - self.lift) / self._push_frames() + 1.0, 0.0))
         yaw: Floats = self.place[2] + turned
         return yaw
 
     def ankle(self, t: Floats) -> Floats:
-        """Return ankle positions (T, 3) at times t (T,) [m]."""
+        """Return ankle positions (T, 3) [m] at times t (T,) [frames]."""
+        # back, up: where the ankle of a flat foot is from the point that the foot turns about, its heel or its ball.
         pitch = self.pitch(t)
         c, s = cos(pitch), sin(pitch)
         on_heel = pitch > 0.0
@@ -140,7 +149,7 @@ def _way_ahead(old: Floats, new: Floats) -> float:
 
 
 def _turning(plant: _Plant, t: float, duration: float) -> tuple[float, float]:
-    """Return the yaw of a plant at its end ``t`` [rad], and its rate per ``duration``."""
+    """Return the heading of a plant at its end ``t`` [rad], and its rate [rad per ``duration`` frames]."""
     yaw = plant.yaw(np.array([t - _TINY, t]))
     return float(yaw[1]), float(yaw[1] - yaw[0]) / _TINY * duration
 
@@ -161,16 +170,19 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
         place = step.footprint
         place[2] = places[-1][2] + wrap_angle(place[2] - places[-1][2])
         places.append(place)
+    # The foot stands long before the first frame and long after the last one.
     lands = [-1e3, *(s.land for s in steps)]
     lifts = [*(s.lift for s in steps), plan.frame_count + 1e3]
     soft = plan.style.soft
     plants = []
     for i, place in enumerate(places):
+        # Distances that it came and goes ahead. Longer strides land and leave steeper, up to a bit over a full stride.
         came = _way_ahead(places[i - 1], place) if i > 0 else 0.0
         goes = _way_ahead(place, places[i + 1]) if i + 1 < len(places) else 0.0
         turn = float(places[i + 1][2] - place[2]) if i + 1 < len(places) else 0.0
         strides_off = i + 1 < len(places) and float(hypot(*(places[i + 1] - place)[:2])) > _STRIDING
         twist = _TWIST * float(np.sign(turn)) * max(0.0, abs(turn) - _UNTWISTED)
+        # Pitch after ``soft`` frames at the soft speed: a height over the distance from ankle to ball.
         heel_rise = _SOFT_SPEED * soft / CAPTURE_RATE / BALL_AHEAD
         arrive = _LANDING_PITCH * float(np.clip(came / _FULL_STRIDE, 0.0, 1.12))
         if i > 0 and _comes_to_rest(plan, steps[i - 1]):
@@ -184,7 +196,10 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
 
 
 def _speed(plant: _Plant, t: float, inward: float) -> tuple[Floats, float]:
-    """Return the velocity (3,) of the ankle and the rate of the pitch, per frame, just inside the end ``t``."""
+    """Return the velocity (3,) of the ankle [m/frame] and the rate of the pitch [rad/frame] at an end of a plant.
+
+    t: frame of its landing or lift-off. inward: 1 at its landing, -1 at its lift-off, where the time of the plant is.
+    """
     times = np.array([t, t + inward * _TINY])
     ankle, pitch = plant.ankle(times), plant.pitch(times)
     return (ankle[1] - ankle[0]) / (inward * _TINY), float(pitch[1] - pitch[0]) / (inward * _TINY)
@@ -211,6 +226,7 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
         ends = old.ankle(np.array([old.lift]))[0], new.ankle(np.array([new.land]))[0]
         v0, turn0 = _speed(old, old.lift, -1.0)
         v1, turn1 = _speed(new, new.land, 1.0)
+        # Push and brake grow with the way, and in strides that are not full with its square.
         way = (ends[1] - ends[0]) * np.array([1.0, 1.0, 0.0])
         way *= min(1.0, float(hypot(*way[:2])) / _FULL_STRIDE)
         # Along the floor: a polynomial through both ends with their speeds, which begins with a push and ends with a
@@ -229,7 +245,8 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
         path[:, 1] += cos(middle) * clear
         ankle[rows] = path
         yaw[rows] = hermite(u, *_turning(old, old.lift, duration), float(new.place[2]), 0.0)
-        # Pitch: toes down at lift-off, nearly level at LEVEL_AT of the swing, then as it lands.
+        # Pitch: toes down at lift-off, nearly level at LEVEL_AT of the swing, then as it lands; both cubics have the
+        # same slope where they meet.
         turning, level = _LEVEL_AT, 0.35 * new.arrive
         early = u < turning
         rise = old.leave + level
@@ -244,5 +261,7 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
                 turn1 * duration * (1.0 - turning),
             ),
         )
+        # Toes bent at lift-off straighten in the first 0.45 of the swing; those of a foot that lands on its ball bend
+        # in the last 0.45.
         toe[rows] = old.leave * (1.0 - ease(u / 0.45)) + max(0.0, -new.arrive) * ease((u - 0.55) / 0.45)
     return FootCurves(ankle, yaw, pitch, toe)

@@ -85,7 +85,10 @@ def along_arc(body: Floats, length: float, turn: float) -> Floats:
 
 
 def mirrored(plan: Plan, name: str) -> Plan:
-    """Return the motion with left and right exchanged; only for plans whose hubs all stand."""
+    """Return the motion with left and right exchanged; only for plans whose hubs all stand.
+
+    The hubs of a gait are in a swing of the right foot, so they cannot be exchanged.
+    """
     flip = np.array([1.0, -1.0, -1.0])
     return Plan(
         name=name,

@@ -1,4 +1,7 @@
-"""The built-in motion sets: their motions, and the behavior folder of each clip."""
+"""The built-in motion sets: their motions, and the behavior folder of each clip.
+
+Numbers in the plans are choices that shape the clips: lengths of steps [m], and frames of swings and pauses.
+"""
 
 from __future__ import annotations
 
@@ -70,6 +73,7 @@ def _long_start(name: str, manner: Manner) -> Plan:
 
 def _walking_turn(name: str, degrees: float, manner: Manner) -> Clip:
     """Return one cycle of walking that turns, with just the straight walking that its cuts need."""
+    # Sharp turns take a shorter cycle [m], and more of the turn is made by the foot that opens outward.
     sharp = abs(degrees) > 30.0
     length = float(np.interp(abs(degrees), [45.0, 90.0], [1.15, 0.86])) if sharp else None
     # In a turn to the right the right foot opens, and takes more of the turn than in one to the left.
@@ -91,7 +95,7 @@ def _walking_turns(angles: tuple[int, ...], manner: Manner) -> list[Clip]:
 
 
 def _short_step(name: str, length: float, manner: Manner) -> Plan:
-    """Plan one step of ``length`` meters, the left foot closing."""
+    """Plan one step of ``length`` meters, the left foot closing; longer steps take longer."""
     return (
         PlanBuilder(name, manner=manner)
         .steps([(side, np.array([length, 0.0, 0.0])) for side in (RIGHT, LEFT)], 20.0 + 8.0 * length, 2.0)
@@ -183,6 +187,7 @@ def _arm_transitions(manner: Manner) -> list[Clip]:
     clips = []
     for name, rising in (("arms_in", True), ("arms_out", False)):
         for kind, clip, start, end in (
+            # Arms move from ``start`` to ``end``, clear of the frames about a cut that are alike in all motions.
             ("walking", walking, margin + 4, margin + last - first - 4),
             ("step", step, 14, step.frame_count - 16),
             ("standing", spot, 0, spot.frame_count - 1),
@@ -200,6 +205,7 @@ def _held(clip: Clip) -> Clip:
 
 def synthesize_set(manner: Manner = PLAIN) -> list[tuple[str, str, Clip]]:
     """Return behavior folder, file name and clip of a whole motion set, always the same to the last bit."""
+    # Motions of walking both with and without constrained arms, then those without alone, then those sideways.
     plans = [_walk("walk", manner), _slow("walk_slow", manner)]
     plans += [_short_step("step_25", 0.25, manner), _short_step("step_50", 0.50, manner)]
     constrained = [*map(synthesize, plans), *_walking_turns((10, 20), manner)]

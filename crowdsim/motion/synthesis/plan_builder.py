@@ -1,4 +1,8 @@
-"""Build plans from starts, cycles, stops and steps in place."""
+"""Build plans from starts, cycles, stops and steps in place.
+
+Numbers in the steps are choices that shape the built-in clips: distances [m], shares of a turn, and shares of the
+frames that a gait swings a foot or stands on both.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +63,7 @@ class PlanBuilder:
         return lift, lift + gait.swing
 
     def start(self, gait: Gait, length: float = 0.56) -> PlanBuilder:
-        """Walk from standing, left foot first, to the passing pose of ``gait``."""
+        """Walk from standing, left foot first by ``length`` [m], to the passing pose of ``gait``."""
         return self._start_to(gait, along_arc(self.body, length, 0.0), self.frame + self.plan.style.soft)
 
     def start_right(self, gait: Gait) -> PlanBuilder:
@@ -81,10 +85,11 @@ class PlanBuilder:
         steps = (before.stride / 2.0, gait.stride / 2.0) if length is None else (length / 2.0, length / 2.0)
         width = 0.5 * (before.half_width + gait.half_width)
         self.step(RIGHT, along_arc(self.body, steps[0], outer * turn), lift, land, width)
+        # In a turn the left foot swings longer, by up to 4 frames.
         swing = 0.5 * (before.swing + gait.swing) + 4.0 * min(1.0, abs(turn) / np.radians(90.0))
         pause = 0.5 * (before.double_support + gait.double_support)
         wanted = land + pause + swing + gait.double_support + PASSING * gait.swing - start
-        # The foot lands in a whole frame.
+        # The hub at the end falls on a whole frame: the foot lands that much later.
         rounded_up = np.ceil(wanted - 1e-9) - wanted
         lift = land + pause
         land = lift + swing + rounded_up
@@ -93,7 +98,10 @@ class PlanBuilder:
         return self
 
     def stop(self, length: float = 0.56, turn: float = 0.0) -> PlanBuilder:
-        """Walk from a passing pose to standing, turned by ``turn`` [rad]: the right foot lands, the left one closes."""
+        """Walk from a passing pose to standing, turned by ``turn`` [rad]: the right foot lands, the left one closes.
+
+        length: from the last body pose to the stand [m].
+        """
         gait = self._walking()
         lift, land = self._right_swing()
         final = compose(self.body, np.array([length, 0.0, turn]))
@@ -112,6 +120,7 @@ class PlanBuilder:
         for side in (LEFT, RIGHT):
             lift = self.frame + 0.5 * gait.double_support
             self.step(side, final, lift, lift + gait.swing)
+        # The right foot lands flat here (see the stances of a plan), so no heel has to come down.
         return self.stand(0.0)
 
     def start_turned_left(self, gait: Gait, turn: float) -> PlanBuilder:
@@ -124,13 +133,17 @@ class PlanBuilder:
         """Walk from standing to the passing pose of ``gait`` turned right by ``turn`` [rad]: right foot, left foot."""
         way = compose(self.body, np.array([0.0, 0.0, turn]))
         lift = self.frame + self.plan.style.soft
+        # The right foot is put down with three quarters of the turn.
         first = compose(way, np.array([0.34, 0.0, -0.25 * turn]))
         self.step(RIGHT, first, lift, lift + gait.swing, 0.5 * (gait.half_width + STANDING_HALF_WIDTH))
         ahead = compose(way, np.array([0.34 + 0.48 * gait.stride, 0.0, 0.0]))
         return self._start_to(gait, ahead, self.frame + gait.double_support)
 
     def _start_to(self, gait: Gait, body: Floats, lift: float) -> PlanBuilder:
-        """Add the left foot's step to ``body`` and the passing pose after it, on a whole frame."""
+        """Add the left foot's step to ``body``, lifting at frame ``lift``, and the passing pose after it.
+
+        The foot lands as much later as the passing pose needs to fall on a whole frame.
+        """
         wanted = lift + gait.swing + gait.double_support + PASSING * gait.swing
         land = lift + gait.swing + np.ceil(wanted - 1e-9) - wanted
         self.step(LEFT, body, lift, land, gait.half_width)
@@ -146,6 +159,7 @@ class PlanBuilder:
 
     def pause(self, rest: float = 4.0) -> PlanBuilder:
         """Stand for ``rest`` frames between two movements."""
+        # The stand that motions share is in the middle of the rest.
         self.stand()
         self.plan.hubs[-1] = Hub(round(self.frame + 0.5 * rest), "stand", self.body)
         self.frame += rest

@@ -26,12 +26,13 @@ def _column(controls: Controls, name: str) -> Floats:
 
 
 def _turns(axis: Floats, angle: Floats) -> Floats:
-    """Return quaternions (F, 4) of turns by ``angle`` (F,) about one axis."""
+    """Return quaternions (F, 4) of turns by ``angle`` (F,) [rad] about one axis (3,)."""
     return about_axis(axis, angle)
 
 
 def _quaternion_of(x: Floats, y: Floats, z: Floats) -> Floats:
     """Return the quaternions (F, 4) of frames whose axes are the unit vectors x, y, z (F, 3)."""
+    # Of four ways to compute them, take the one that divides by the largest component, for accuracy.
     m = np.stack([x, y, z], axis=-1)
     trace = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
     choices = np.stack([trace, m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]], axis=-1)
@@ -68,6 +69,7 @@ def ankle_targets(controls: Controls, side: str) -> Floats:
 
 def _leg(controls: Controls, side: str) -> tuple[Floats, Floats, Floats, Floats]:
     """Return world rotations (F, 4) of thigh, shank, foot and toes."""
+    # The knee points halfway between foot and pelvis; ``lateral`` is its hinge, to the left.
     way = ankle_targets(controls, side) - hip_positions(controls, side)
     distance = np.minimum(np.linalg.norm(way, axis=-1), STRAIGHTEST)
     down = unit(way)
@@ -76,11 +78,13 @@ def _leg(controls: Controls, side: str) -> tuple[Floats, Floats, Floats, Floats]
     ahead = 0.5 * (foot_yaw + controls.placed[:, 2] + _column(controls, "pelvis_yaw"))
     forward = np.stack([cos(ahead), sin(ahead), np.zeros_like(ahead)], axis=-1)
     lateral = unit(np.cross(forward, down))
+    # Law of cosines: angle between the thigh and the line from hip to ankle.
     bend = acos((THIGH * THIGH + np.square(distance) - SHANK * SHANK) / (2.0 * THIGH * distance))
     thigh_down = cos(bend)[:, None] * down + sin(bend)[:, None] * np.cross(down, lateral)
     shank_down = unit(down * distance[:, None] - THIGH * thigh_down)
     thigh = _quaternion_of(np.cross(lateral, -thigh_down), lateral, -thigh_down)
     shank = _quaternion_of(np.cross(lateral, -shank_down), lateral, -shank_down)
+    # At rest the shank leads back to an ankle HIP_AHEAD behind the knee: a joint's rotation counts from there.
     shank = multiply(shank, _turns(_Y, np.full(len(shank), -asin(HIP_AHEAD / SHANK))))
     foot = multiply(_turns(_Z, foot_yaw), _turns(_Y, -_column(controls, f"{side}_pitch")))
     toes = multiply(foot, _turns(_Y, -_column(controls, f"{side}_toe")))
@@ -88,7 +92,10 @@ def _leg(controls: Controls, side: str) -> tuple[Floats, Floats, Floats, Floats]
 
 
 def _arm(controls: Controls, side: str, carrier: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return world rotations (F, 4) of upper arm, forearm and hand; ``carrier`` is the chest's."""
+    """Return world rotations (F, 4) of upper arm, forearm and hand; ``carrier`` (F, 4) is the chest's.
+
+    At rest arms are stretched sideways: they are turned down (hang), then swung. Hands bend a little as elbows do.
+    """
     sign = 1.0 if side == "left" else -1.0
     hang = _turns(_X, sign * (_column(controls, f"{side}_out") - np.pi / 2.0))
     swing = _turns(_Y, -_column(controls, f"{side}_arm"))
@@ -106,6 +113,7 @@ def pose_clip(name: str, controls: Controls) -> Clip:
     world = np.empty((len(heading), skeleton.joint_count, 4))
 
     def put(joint: str, rotation: Floats) -> None:
+        """Set the world rotation (F, 4) of a joint."""
         world[:, skeleton.names.index(joint)] = rotation
 
     # Rotations in the world: pelvis and chest are given, the spine is half way between them.

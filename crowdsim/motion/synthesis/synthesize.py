@@ -31,7 +31,8 @@ def _lowered(controls: Controls) -> Controls:
     # Smoothing may take away some of what is needed: repeat until both legs reach, four times at most.
     for _ in range(4):
         current = Controls(controls.placed, scalars)
-        # excess (F,): by how much a hip is higher over its ankle than the straightest leg is long [m].
+        # excess (F,): by how much a hip is higher over its ankle than the straightest leg reaches [m]; it reaches 0.2 m
+        # up at least, also to an ankle that is too far away on the floor.
         excess = np.zeros(len(scalars))
         for side in ("left", "right"):
             way = hip_positions(current, side) - ankle_targets(current, side)
@@ -68,14 +69,18 @@ def _moved(frame: Floats, placed: Floats, inverse: bool) -> Floats:
 
 @cache
 def _standing(manner: Manner) -> tuple[Floats, Floats]:
-    """Return the controls (1, 9), (1, S) of the standing pose at the origin."""
+    """Return the controls, placed (1, 9) and scalars (1, 23), of the standing pose at the origin."""
     controls = _lowered(controls_of(PlanBuilder("stand", manner=manner).finish()))
     return controls.placed[:1], controls.scalars[:1]
 
 
 @cache
 def _passing(gait: Gait, manner: Manner) -> tuple[Floats, Floats]:
-    """Return the controls of a steady walk about its hub, relative to the left foot: (2 W + 1, 9), (2 W + 1, S)."""
+    """Return the controls of a steady walk about its hub, relative to the left foot: placed (n, 9), scalars (n, 23).
+
+    They are of the frames that the hub holds, and of those over which it fades.
+    """
+    # The third passing of five: far from start and stop.
     builder = PlanBuilder(gait.name, manner=manner).start(gait)
     for _ in range(4):
         builder.cycle(gait)
@@ -135,6 +140,7 @@ def synthesize_idle(name: str, frames: int, manner: Manner = PLAIN) -> Clip:
     breath, sway = envelope * sin(2.0 * np.pi * u), envelope * sin(2.0 * np.pi * u + 0.7)
     placed[:, 1] += 0.006 * sway
     placed[:, 0] += 0.003 * breath
+    # Amplitudes in [rad], that of the height in [m].
     for column, amount in (
         ("trunk_pitch", -0.012 * breath),
         ("trunk_roll", -0.006 * sway),

@@ -1,4 +1,7 @@
-"""The body above the feet of a plan: pelvis, trunk, head and arms, as smooth curves driven by the footsteps."""
+"""The body above the feet of a plan: pelvis, trunk, head and arms, as smooth curves driven by the footsteps.
+
+Widths of the smoothing [frames] and factors without a name are choices that make the clips look natural.
+"""
 
 from __future__ import annotations
 
@@ -53,13 +56,19 @@ class Controls:
 
 
 def _between(old: Floats, new: Floats, facing: float, share: float) -> Floats:
-    """Return the body pose halfway between two prints', its heading ``share`` of the way, without jumps."""
+    """Return the place halfway between two body poses, with the heading ``share`` of the way from old to new.
+
+    facing: the heading before [rad], from which the new one does not jump by a whole turn.
+    """
     first = facing + wrap_angle(old[2] - facing)
     return np.array([*(0.5 * (old[:2] + new[:2])), first + share * wrap_angle(new[2] - old[2])])
 
 
 def _course(plan: Plan) -> tuple[Floats, Floats]:
-    """Return the body's place and heading (F, 3), and the place that carries it (F, 2), both still with corners."""
+    """Return the body's place and heading (F, 3), and the place that carries it (F, 2), both still with corners.
+
+    Both are given at some frames, ``course`` and ``load``, and interpolated.
+    """
     course: list[tuple[float, Floats]] = [(-1.0, plan.start)]
     load: list[tuple[float, Floats]] = [(-1.0, plan.start[:2])]
     bodies = [plan.start, plan.start]
@@ -89,6 +98,7 @@ def _course(plan: Plan) -> tuple[Floats, Floats]:
     frames = np.arange(plan.frame_count)
 
     def through(knots: list[tuple[float, Floats]]) -> Floats:
+        """Interpolate (frame, values) linearly, for every frame."""
         times = np.array([t for t, _ in knots])
         values = np.array([v for _, v in knots])
         return np.stack([np.interp(frames, times, column) for column in values.T], axis=-1)
@@ -104,7 +114,9 @@ def _supports(plan: Plan) -> tuple[Floats, Floats]:
     lifts = [step.lift for step in plan.steps] + [float(plan.frame_count)]
     knots: list[tuple[float, float]] = [(-1.0, 0.0)]
     for step, next_lift in zip(plan.steps, lifts[1:], strict=True):
+        # A foot carries from two frames before the other one lifts until two frames after it lands.
         side[(frames >= step.lift - 2.0) & (frames <= step.land + 2.0)] = 1.0 if step.side == RIGHT else -1.0
+        # Feet pass each other in the middle of a swing, and are farthest apart soon after the landing.
         knots.append((0.5 * (step.lift + step.land), 0.0))
         bodies[step.side] = step.body
         spread = float(hypot(*(bodies[0] - bodies[1])[:2]))
@@ -131,6 +143,7 @@ def controls_of(plan: Plan) -> Controls:
     pelvis = np.stack([body[:, 0] - s * across, body[:, 1] + c * across, heading], axis=-1)
 
     def ahead(foot: FootCurves) -> Floats:
+        """Return how far a foot is ahead of the body (F,) [m]."""
         way: Floats = c * (foot.ankle[:, 0] - body[:, 0]) + s * (foot.ankle[:, 1] - body[:, 1])
         return way
 
@@ -142,6 +155,7 @@ def controls_of(plan: Plan) -> Controls:
     forward = np.clip(c * speed[:, 0] + s * speed[:, 1], 0.0, 2.0)
     # The head looks where the body heads 14 frames later.
     look = smoothed(np.concatenate([course[14:, 2], np.repeat(course[-1:, 2], 14)]), 9.0)
+    # 0 for a body that stands, 1 from 0.8 m/s on.
     walking = ease(forward / 0.8)
     # The hips sink with speed, and once more in each double support, when the feet are far apart.
     height = (
@@ -150,6 +164,7 @@ def controls_of(plan: Plan) -> Controls:
         - _DROP * walking
         - manner.bounce * smoothed(_DROP_APART * np.square(apart), 4.0)
     )
+    # Angles [rad] beyond those of a manner: arms hang a little farther back, and elbows are bent more, in walking.
     columns = {
         "height": height,
         "pelvis_yaw": manner.pelvis_yaw * spread,
