@@ -165,7 +165,10 @@ def missing_turns(coverage: Coverage) -> list[str]:
 
 
 def _paths(bend: float, behavior: int) -> list[_Samples]:
-    """Return paths that turn with the curvature ``bend`` [1/m], left positive, by each angle after each straight."""
+    """Return paths that turn with the curvature ``bend`` [1/m], left positive, by each angle after each straight.
+
+    They begin at the origin along x; a curvature of 0 gives one straight path for each length.
+    """
     paths = []
     for lead in LEADS:
         for degrees in ANGLES if bend != 0.0 else (0.0,):

@@ -32,17 +32,17 @@ def tan(angle: ArrayLike) -> Any:
 
 
 def asin(sine: ArrayLike) -> Any:
-    """Return angles in [-pi/2, pi/2] of sines; nan outside of [-1, 1]."""
+    """Return angles in [-pi/2, pi/2] of sines [rad]; nan outside of [-1, 1]."""
     return _evaluated(kernels.ASIN, sine)
 
 
 def acos(cosine: ArrayLike) -> Any:
-    """Return angles in [0, pi] of cosines; nan outside of [-1, 1]."""
+    """Return angles in [0, pi] of cosines [rad]; nan outside of [-1, 1]."""
     return _evaluated(kernels.ACOS, cosine)
 
 
 def atan2(y: ArrayLike, x: ArrayLike) -> Any:
-    """Return the angles of the vectors (x, y) in [-pi, pi]."""
+    """Return the angles of the vectors (x, y) in [-pi, pi] [rad]."""
     return _evaluated(kernels.ATAN2, y, x)
 
 
@@ -73,7 +73,7 @@ def distance(a: Floats, b: Floats) -> float:
 
 
 def _evaluated(function: int, x: ArrayLike, y: ArrayLike | None = None) -> Any:
-    """Evaluate a function of the kernel ``evaluate`` on arrays or numbers that broadcast."""
+    """Evaluate a function of the kernel ``evaluate``, by its number, on arrays or numbers that broadcast."""
     # Copies, as the kernel would be compiled once more for read-only arrays.
     first = np.array(x, np.float64)
     second = first
@@ -81,4 +81,5 @@ def _evaluated(function: int, x: ArrayLike, y: ArrayLike | None = None) -> Any:
         first, second = (np.array(each) for each in np.broadcast_arrays(first, np.asarray(y, np.float64)))
     out = np.empty(first.shape)
     kernels.evaluate(function, first.reshape(-1), second.reshape(-1), out.reshape(-1))
+    # An array without axes becomes a number.
     return out[()]

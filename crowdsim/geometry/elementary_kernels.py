@@ -121,7 +121,8 @@ def _cos_near(x, rest):
 @helper
 def cos_sin(x):
     """Return cosine and sine of an angle [rad], in little more than the time of one of them."""
-    # Beyond the bound a remainder keeps the result finite, but not accurate; NaN and infinity give NaN.
+    # Beyond the bound a remainder by full turns keeps the result in [-1, 1], but not accurate; NaN and infinity give
+    # NaN.
     if not abs(x) <= LARGEST_ANGLE:
         if not abs(x) < math.inf:
             return math.nan, math.nan
@@ -213,7 +214,7 @@ def asin(x):
 @helper
 def _exp_of_sum(x, rest):
     """Return exp(x + rest), where rest is small against x."""
-    # Overflow, NaN, underflow.
+    # Overflow, NaN, underflow: doubles reach from exp(-745.1) to exp(709.78).
     if not x < 709.8:
         return math.inf if x > 0.0 else math.nan
     if x < -745.5:
@@ -269,7 +270,7 @@ def log(x):
 
 @helper
 def _product(a, b):
-    """Return a * b as a double and the rest that it leaves out (Dekker 1971)."""
+    """Return a * b as a double, and the rest of the exact product that it leaves out (Dekker 1971)."""
     product = a * b
     # Halve the bits of both factors: products of halves are exact.
     t = _SPLITTER * a
@@ -320,7 +321,7 @@ COS, SIN, TAN, ACOS, ASIN, ATAN2, EXP, LOG, POWER = range(9)
 
 @kernel
 def evaluate(function, x, y, out):
-    """Set ``out`` to function(x, y) for arrays (n,); functions of one argument take x only.
+    """Set ``out`` to function(x, y) for arrays (n,); ``function`` is COS to POWER, those of one argument take x only.
 
     A single kernel, so that all functions are compiled together.
     """

@@ -24,7 +24,7 @@ def wrap_angle(angle: Floats | float) -> Floats:
 
 
 def shorter_ways(ways: Floats, span: float) -> Floats:
-    """Return ways along an axis [m], across the ends of a periodic floor if that is shorter.
+    """Return displacements along an axis [m], across the ends of a periodic floor if that is shorter.
 
     ``span`` is the length after which the floor begins again [m], 0 if it does not.
     """

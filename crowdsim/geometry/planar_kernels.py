@@ -1,8 +1,6 @@
 """Poses and rigid motions in the plane, for kernels; see :mod:`crowdsim.geometry.planar`.
 
-A pose is x, y [m] and heading [rad].
-
-Pose 0 is (x0, y0, h0), pose 1 is (x1, y1, h1).
+A pose is x, y [m] and heading [rad]. Pose 0 is (x0, y0, h0), pose 1 is (x1, y1, h1).
 """
 
 import math

@@ -114,6 +114,7 @@ def clean_polygon(walkable: shapely.Polygon | shapely.MultiPolygon, what: str = 
             cleaned = _clean_one(walkable)
         else:
             areas = [polygon if polygon.is_valid else _clean_one(polygon) for polygon in walkable.geoms]
+            # Areas may overlap each other.
             cleaned = shapely.disjoint_subset_union_all(areas)
         cleaned = _polygons(cleaned)
     if cleaned.is_empty or not cleaned.area > 0.0:

@@ -64,7 +64,8 @@ def _exact_incircle(ax, ay, bx, by, cx, cy):
     minor_a = bix * ciy - biy * cix
     minor_b = cix * aiy - ciy * aix
     minor_c = aix * biy - aiy * bix
-    # The sum of lift * minor has up to 104 bits: add it up in limbs of 26 bits.
+    # The sum of lift * minor has up to 104 bits: add it up in limbs of 26 bits. Shift and mask round down, so that a
+    # negative minor, too, is m1 * 2**26 + m0 with m0 >= 0.
     high = 0
     middle = 0
     low = 0

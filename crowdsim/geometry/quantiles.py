@@ -51,7 +51,8 @@ _TERMS = 10_000
 
 def normal_quantile(probability: Floats) -> Floats:
     """Return quantiles of the standard normal distribution (AS 241), to 1e-15 of the value."""
-    # One rational function within 0.425 of the middle; two in the tails, by the root of the logarithm of the share.
+    # One rational function within 0.425 of the middle (0.180625 is its square); two in the tails, by the root of the
+    # logarithm of the share. These bounds and shifts are those of AS 241.
     off = probability - 0.5
     squared = 0.180625 - off * off
     middle = off * _ratio(_MIDDLE, squared)
@@ -61,7 +62,7 @@ def normal_quantile(probability: Floats) -> Floats:
 
 
 def lognormal_quantile(probability: Floats, mu: float, sigma: float) -> Floats:
-    """Return quantiles of a lognormal distribution whose logarithm has the mean ``mu`` and the deviation ``sigma``."""
+    """Return quantiles of a lognormal distribution: its logarithm has mean ``mu`` and standard deviation ``sigma``."""
     return np.asarray(exp(mu + sigma * normal_quantile(probability)))
 
 
@@ -75,6 +76,8 @@ def gamma_quantile(probability: Floats, shape: float, scale: float) -> Floats:
 
     By bisection of the logarithm, down to the precision of doubles.
     """
+    # Bounds of the logarithm for scale 1: exp(-750) is 0 in float64, and the upper one is far beyond the mean
+    # ``shape``.
     low, high = np.full(probability.shape, -750.0), np.full(probability.shape, float(log(shape + 1e3)) + 8.0)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -139,7 +142,7 @@ def _fraction(x: Floats, shape: float) -> Floats:
 
 def _log_gamma(x: float) -> float:
     """Return the logarithm of the gamma function of x > 0."""
-    # Lanczos' approximation with g = 7, for x from 0.5 on.
+    # Lanczos' approximation with g = 7 for x from 0.5 on, of gamma(x) = gamma((x - 1) + 1); below by gamma(x + 1) / x.
     if x < 0.5:
         return _log_gamma(x + 1.0) - float(log(x))
     x -= 1.0

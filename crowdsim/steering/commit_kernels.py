@@ -14,7 +14,7 @@ The body is a capsule: all points within a radius of its core, the segment from 
 capsule_kernels). Its support along n is the largest n . x of its points x.
 
 ``lines`` (MOST_LINES, 4) are the half planes, the first ``count`` of them in use: normal n, room [m], tolerance for
-rounding [m]; ``mine`` (ROW) is the agent; e is the unit vector of its heading, d its displacement [m].
+rounding [m]; ``mine`` (ROW) is the agent, d its displacement [m].
 """
 
 import math
@@ -85,7 +85,8 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
     Returns
     -------
     int
-        Number of half planes; -1 if there are more than k, or if the agent overlaps a neighbor.
+        Number of half planes; -1 if there are more than k, or if the core of the agent crosses that of a neighbor.
+        Bodies that overlap without that may move apart, but not nearer.
     """
     rows, places, starts, frame = crowd
     mine = rows[me]
@@ -211,7 +212,7 @@ def add_ways(ways, frame, mine, most, lines, count):
 def nearest_feasible(wx, wy, lines, count):
     """Return the displacement nearest to ``(wx, wy)`` that satisfies the first ``count`` half planes [m].
 
-    ``lines`` (k, 4) are half planes as :func:`set_line` writes them: normal, offset, tolerance.
+    ``lines`` (k, 4) are half planes as :func:`set_line` writes them: normal, room, tolerance.
     Incremental linear programming in two dimensions (de Berg et al., Computational Geometry, section 4.3) with a
     quadratic objective, as in van den Berg et al., Reciprocal n-body Collision Avoidance (2011). The feasible set is
     convex and contains (0, 0), so a solution exists and is no longer than ``(wx, wy)``.
@@ -225,7 +226,8 @@ def nearest_feasible(wx, wy, lines, count):
         if nx * dx + ny * dy <= lines[k, 2]:
             continue
         # Otherwise the optimum lies on the boundary of half plane k. Intersect that line with all earlier half planes:
-        # they leave the interval [low, high] of the coordinate along (-ny, nx).
+        # they leave the interval [low, high] of the coordinate s along (-ny, nx): half plane m requires slope * s <=
+        # rest. One whose line is parallel (slope 0) does not bound s.
         low = -math.inf
         high = math.inf
         for m in range(k):
@@ -278,7 +280,7 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
     Returns
     -------
     int
-        Number of agents that stood still because their half planes did not fit or they overlap something.
+        Number of agents that stood still: more than MOST_LINES, a core across something, or WALL_REACH exceeded.
     """
     rows = crowd[0]
     legs, torso, leg_radius = walls
@@ -322,10 +324,10 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         if count > 0 and stuck_alone and stands_still(mine, dx, dy, heading):
             spans = (people, fixed, count)
             heading, hx, hy, half = turn_wedged(mine, torso, mine.radius + 0.5 * MARGIN, turn, half, lines, spans)
-            if heading != mine.heading:
+            if heading != mine.heading:  # tested on the spot, without the tiny move
                 dx, dy = 0.0, 0.0
 
-        # The time stuck grows while there is hardly any progress along guidance, else it shrinks twice as fast.
+        # The time stuck grows if there is guidance but hardly any progress along it, else it shrinks twice as fast.
         progress = (dx * mine.gx + dy * mine.gy) / step
         stuck = mine.stuck - 2.0 * step
         if (mine.gx != 0.0 or mine.gy != 0.0) and progress < _NO_PROGRESS * mine.speed:

@@ -63,8 +63,8 @@ def hear_opposing(rows, mine, near, count, walls, rules):
             aside = abs(mine.gx * seen.py - mine.gy * seen.px)
             if aside < 1.5 and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
                 return 1.0
-        # An agent that walks the same way hands on what it knows, a little less with each agent: the news runs back
-        # through a queue.
+        # An agent that walks the same way (less than 73 degrees off) hands on what it knows, a share and a little less
+        # with each agent: the news runs back through a queue, and ends.
         elif along > 0.3:
             told = rules.news * other.opposed - 0.02
             if told > news and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
@@ -77,12 +77,13 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
     """Step out of the way of an opposing agent that is stuck, if this agent blocks it; return True if it does.
 
     Of several, the one with the highest rank counts. Agents of one goal do not yield to each other like this (that
-    would ruin the flow at a door); :func:`let_merge` orders them. Those without a goal, who stay, do: what one of them
-    yields to has to come through the others, too.
+    would ruin the flow at a door); :func:`let_merge` orders them. Those without a goal, which stay, do: the agent that
+    one of them yields to has to come through the others, too.
     """
     goes = mine.gx != 0.0 or mine.gy != 0.0
-    # The rank is about the time stuck: yield only to agents that have been stuck for ``yield_after`` and longer than
-    # this one.
+    # The rank is about the time stuck [s], or a lasting one above any time (rank_of): yield only to agents that have
+    # been stuck for ``yield_after`` and have a higher rank than this one. The own rank of an agent that stays does not
+    # count, as it needs no way.
     highest = max(mine.rank, want.rank, rules.yield_after) if goes else rules.yield_after
     first = -1
     for n in range(count):
@@ -122,7 +123,8 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
 def let_merge(rows, mine, near, count, rules, want):
     """Back away from agents of the same goal that go first, are stuck, and are hindered by this agent.
 
-    Return True if there are any. The lower key (distance to the goal, ties broken) goes first.
+    Return True if there are any, unless the directions away from them cancel out. The lower key (distance to the goal,
+    ties broken) goes first.
     """
     awayx = 0.0
     awayy = 0.0
@@ -201,7 +203,8 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
     The time gap follows the collision-free speed model (Tordeux, Chraibi and Seyfried, Traffic and Granular Flow 2015):
     speed <= (gap - standoff) / headway, plus a share of the leader's speed. The headway is longer if ``in_file``.
     """
-    # Free speed, lower with turned shoulders; half breadth of the body across its way.
+    # Free speed, lower with turned shoulders, most so if a section of the plan prescribes the turn (``turn`` >= 0);
+    # half breadth of the body across its way.
     slowdown = rules.turned_slowdown if mine.turn < 0.0 else rules.sideways_slowdown
     speed = mine.speed * (1.0 - slowdown * (1.0 - want.turn_cos))
     width = mine.half * want.turn_cos + mine.radius
@@ -215,12 +218,13 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
         other = rows[seen.row]
         own_way = other.goal == mine.goal
         # Width of the swath that counts: of agents with the same goal, those that go first count almost fully, those
-        # that go after this one not at all. In a file all ahead count: who has just reached one of several goals has
-        # the longest way to the next, but is not behind for that.
+        # that go after this one not at all. In a file all ahead count: an agent that has just reached one of several
+        # goals has the longest way to the next, but is not behind for that.
         share = rules.swath
         if own_way:
             share = before if in_file or other.key < mine.key else rules.swath_behind
-        # Sum of both half breadths across the direction; agents whose center is farther aside do not limit the speed.
+        # Sum of both half breadths across the direction (a core is across its heading). Agents whose center is farther
+        # aside than the share of it do not limit the speed.
         both = width + seen.radius + seen.half * abs(seen.hx * ux + seen.hy * uy)
         aside = abs(seen.px * uy - seen.py * ux)
         if aside >= share * both:
@@ -236,7 +240,7 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
         if gap < 0.4 and other.ix * mine.gx + other.iy * mine.gy > 0.3 and (not own_way or other.key < mine.key):
             led = True
     # The time gap alone would stop touching agents for ever. Contact is harmless, as the commit lets bodies slide: a
-    # stuck agent presses on, earlier and faster if there is no leader to wait for.
+    # stuck agent presses on, more and more from 0.3 to 2.3 s; faster, from 0.2 to 1.2 s, without a leader to wait for.
     creep = rules.creep * min(max((mine.stuck - 0.3) / 2.0, 0.0), 1.0)
     if not led:
         creep = max(creep, rules.creep_first * min(max(mine.stuck - 0.2, 0.0), 1.0))
@@ -248,7 +252,8 @@ def keep_right(mine, near, count, walls, rules, opposed):
     """Return the angle by which an agent aims right of its guidance [rad], in opposing traffic (``opposed`` > 0)."""
     if opposed <= 0.0:
         return 0.0
-    # Share of the angle for which there is room: walls near the point 0.5 m to the right, and the goal, reduce it.
+    # Share of the angle for which there is room: reduced by walls near the point 0.5 m to the right (0 up to ``edge``,
+    # 1 from 0.3 m beyond on), and near the goal.
     free = distance_at(walls[1], mine.x + 0.5 * mine.gy, mine.y - 0.5 * mine.gx)
     room = min(max((free - rules.edge) / 0.3, 0.0), 1.0) * min(mine.togo / rules.direct, 1.0)
     angle = rules.keep_right * opposed * room
@@ -311,7 +316,8 @@ def limit_change(mine, rules, want):
         ay *= most / change
     want.vx = mine.vx + ax
     want.vy = mine.vy + ay
-    # Arms are drawn in by at most 3 cm a step and let out by 2 cm.
+    # The core gets the half length that a section of the plan prescribes (``held``, -1 for none), else the relaxed one:
+    # arms are drawn in by at most 3 cm a step and let out by 2 cm.
     asked = min(mine.held, mine.rest) if mine.held >= 0.0 else mine.rest
     want.half = min(max(asked, mine.half - 0.03), mine.half + 0.02)
 
@@ -323,7 +329,8 @@ def face(mine, rules, want):
     Turned shoulders take the side that needs the smaller turn.
     """
     most = rules.turn_rate * rules.step
-    # Below 0.25 m/s the direction of the velocity is noise: face along guidance, and turn slowly.
+    # Below 0.25 m/s the direction of the velocity is noise: face along guidance, and turn slowly unless the shoulders
+    # are to be turned.
     if want.facing_x * want.facing_x + want.facing_y * want.facing_y < 0.0625:
         want.facing_x = mine.gx
         want.facing_y = mine.gy
@@ -360,8 +367,8 @@ def decide_rows(rows, near_rows, first, last, order, moved, walls, rules, wanted
         mine = rows[me]
         want = wanted[me]
         goes = mine.gx != 0.0 or mine.gy != 0.0
-        # Default: stay, with the guidance as intent. The rank of right of way is the time stuck at first, the key the
-        # distance to go.
+        # Default: stay, with the guidance as intent. The rank of right of way is the agent's own at first, the key the
+        # distance to go with a tie breaker.
         want.vx = 0.0
         want.vy = 0.0
         want.ix = mine.gx

@@ -177,7 +177,7 @@ def choose_direction(mine, near, count, walls, rules, ahead, fixed_cos, in_file)
     ux, uy : float
         Unit vector of the direction.
     turned : int
-        Index of the turn of the shoulders in :data:`TURNS`.
+        Index of the turn of the shoulders in :data:`TURNS`; 0, without meaning, if it is prescribed.
     """
     worst = 1e9
     best = (worst, ahead[0], ahead[1], 0.0)

@@ -17,8 +17,9 @@ MOST_NEAR = 12
 
 @helper
 def cell_of(frame, x, y):
-    """Return column and row of the cell that contains a position; positions outside count to the border cells."""
+    """Return column and row of the cell that contains a position [m], the nearest cell if it is outside of the grid."""
     left, bottom, columns, rows_up = frame
+    # Rounded down before the edge is subtracted, as the cells of all grids lie on one lattice (sort_rows).
     column = min(max(int(math.floor(x / CELL) - left / CELL), 0), columns - 1)
     row = min(max(int(math.floor(y / CELL) - bottom / CELL), 0), rows_up - 1)
     return column, row

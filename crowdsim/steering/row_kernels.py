@@ -111,10 +111,11 @@ def sort_rows(places, frame, starts, order, cells):
         Scratch: the cell of each agent.
     """
     left, bottom, columns, rows_up = frame
-    # First pass: count the agents of each cell, one entry further on. Positions outside go to the border cells.
+    # First pass: count the agents of each cell, one entry further on. Positions outside go to the border cells, which
+    # happens if the caller gives the bounds of the grid.
     starts[:] = 0
     for agent in range(len(places)):
-        # Cells of all grids lie on one lattice: the cell of a position does not hang on where the grid begins.
+        # Cells of all grids lie on one lattice: the cell of a position does not depend on where the grid begins.
         column = min(max(int(math.floor(places[agent, 0] / CELL) - left / CELL), 0), columns - 1)
         row = min(max(int(math.floor(places[agent, 1] / CELL) - bottom / CELL), 0), rows_up - 1)
         cell = row * columns + column

@@ -78,8 +78,7 @@ class Steering:
         if self.rules.turn_rate * self.rules.step >= 0.5 * math.pi:
             raise ValueError("agents must turn by less than 90 degrees in a step; reduce 'step' or 'turn_rate'")
         self.crowded = 0
-        """Number of times so far that an agent stood still because its half planes did not fit or it overlapped
-        something."""
+        """Number of times so far that an agent stood still because it could not be moved safely (:meth:`step`)."""
         self.walls = (legs, torso, leg_radius)
         """Walls of the legs' layer, walls of the torso's layers, radius of the legs [m]."""
         self._threads = threads
@@ -110,7 +109,7 @@ class Steering:
         """Step agents of ``state`` in place.
 
         Before the first step no agent may touch another one, a wall or a reserved segment; then none ever does. An
-        agent that cannot be moved safely, because too much is near or it already overlaps something, stands still.
+        agent that cannot be moved safely, because too much is near or its core crosses something, stands still.
 
         Parameters
         ----------
@@ -122,7 +121,7 @@ class Steering:
             Number of agents that are moved, the first ones; all if None. The others are copies, which only are seen.
         numbers : (n,) int64, optional
             Numbers by which agents of one cell are ordered, all different; their order in ``state`` if None. The result
-            hangs on the order of near agents in its last bits.
+            depends on the order of near agents in its last bits.
 
         Raises
         ------
@@ -191,12 +190,12 @@ class Steering:
         return crowd
 
     def look(self, crowd: SortedCrowd, first: int, last: int, moved: int) -> None:
-        """Find the neighbors that rows ``first`` to ``last`` (exclusive) see, of those numbered below ``moved``."""
+        """Find the neighbors of rows ``first`` to ``last`` (exclusive); only agents numbered below ``moved`` look."""
         rows, order = (crowd.rows, crowd.places, crowd.starts, crowd.frame), crowd.order
         look_rows(*rows, first, last, order, moved, self.rules, crowd.near)
 
     def decide(self, crowd: SortedCrowd, first: int, last: int, moved: int) -> None:
-        """Decide what those of rows ``first`` to ``last`` (exclusive) want that look; needs :meth:`look`."""
+        """Decide what the agents that look want, of rows ``first`` to ``last`` (exclusive); needs :meth:`look`."""
         decide_rows(crowd.rows, crowd.near, first, last, crowd.order, moved, self.walls, self.rules, crowd.wanted)
 
     def _longest_reach(self, state: NDArray[Any]) -> float:
@@ -205,14 +204,15 @@ class Steering:
         pace = np.sqrt(state["vx"] * state["vx"] + state["vy"] * state["vy"])
         fastest = float(pace.max()) + rules.acceleration * rules.step
         longest = float(np.maximum(state["half"], state["rest"]).max())
+        # The way at the fastest pace; half the core, which may stretch by at most as much again, and turn; the radius.
         return fastest * rules.step + longest * (2.0 + rules.turn_rate * rules.step) + float(state["radius"].max())
 
     def commit(
         self, crowd: SortedCrowd, first: int, last: int, ways: ListedWays, state: NDArray[Any], moved: int
     ) -> int:
-        """Move those of rows ``first`` to ``last`` (exclusive) in ``state`` that look; needs :meth:`decide`.
+        """Move the agents that look, of rows ``first`` to ``last`` (exclusive), in ``state``; needs :meth:`decide`.
 
-        Return the number of agents that stood still because their half planes did not fit or they overlapped something.
+        Return the number of agents that stood still because they could not be moved safely (:meth:`step`).
         """
         neighbors = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
         return int(

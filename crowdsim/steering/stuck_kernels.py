@@ -5,10 +5,10 @@ Wedged ones turn their shoulders, and step back to try again; the commit lets th
 
 A jam in a passage dissolves if one agent goes first for long enough to get out, and those in its way go back until they
 are out of it, one after the other. So the right of way lasts (:func:`rank_of`), is taken over by those in front who go
-the same way (:func:`push_on`), and who gives way goes to where there is room (:func:`way_aside`). Bodies that lean on
-each other so that none can move come apart as each steps back now and then (:func:`press_or_step_back`).
+the same way (:func:`push_on`), and an agent that gives way goes to where there is room (:func:`way_aside`). Bodies that
+lean on each other so that none can move come apart as each steps back now and then (:func:`press_or_step_back`).
 
-``mine`` is the row of the agent (ROW), ``near`` (NEAR[n]) are its neighbors, of which the first ``count`` count,
+``mine`` is the row of the agent (ROW), ``near`` (NEAR[n]) are its neighbors, of which the first ``count`` are valid,
 ``walls`` those of legs and torso, with the radius of the legs [m], as for the decision.
 """
 
@@ -60,6 +60,7 @@ _PREFERRED = 0.25
 """
 
 _DIRECTIONS = 16
+"""Number of directions, all around, in which an agent looks for room."""
 
 
 @helper
@@ -70,7 +71,10 @@ def is_wedged(mine, walls):
 
 @helper
 def steps_back(mine, near, count):
-    """Return True while a wedged agent that nobody hinders steps back to try again: a second in WEDGED_AFTER."""
+    """Return True while a wedged agent that nobody hinders steps back to try again.
+
+    It first only turns for another WEDGED_AFTER; then it steps back in the first second of each further WEDGED_AFTER.
+    """
     if mine.stuck < 2.0 * WEDGED_AFTER or mine.stuck % WEDGED_AFTER >= 1.0:
         return False
     least = math.inf
@@ -85,14 +89,16 @@ def is_jammed(mine, walls):
 
     Test by a disc as broad as a narrow passage, as :func:`is_lane` does: it is moved across the way, off the nearest
     wall by as much as makes it touch that one if it is beside the agent. A single wall that stands obliquely ahead
-    counts, too: who is pressed against the corner of a mouth has to get in.
+    counts, too: an agent that is pressed against the corner of a mouth has to get in.
     """
     if mine.stuck < JAMMED_AFTER:
         return False
     legs, torso, _ = walls
+    # Overlap of the disc with the nearest wall; without any, there is room.
     off = 0.5 * NARROW - min(distance_at(legs, mine.x, mine.y), distance_at(torso, mine.x, mine.y))
     if off <= 0.0:
         return False
+    # The wall may be on either side: try both. If the disc fits in neither place, the passage is narrow.
     most = 0.0
     for side in (-off, off):
         x = mine.x - side * mine.gy
@@ -107,20 +113,27 @@ def rank_of(mine, walls):
 
     Times of agents in a jam hardly differ, and an agent that moves on is no longer the one that is stuck longest: the
     right of way would change to and fro. The lasting one depends on the agent alone, and stays until it has made
-    progress for half the time that it was stuck beyond JAMMED_AFTER, or is out of the narrow place.
+    progress for half the time that it was stuck beyond JAMMED_AFTER, or is out of the narrow place. The agent's
+    ``share``, in [0, 1), sets the lasting one and breaks ties between times.
     """
     return LASTING + RANK_RANGE * mine.share if is_jammed(mine, walls) else mine.stuck + 0.001 * mine.share
 
 
 @helper
 def is_lasting(rank):
-    """Return True if a rank is a lasting one, also after it was handed on many times."""
+    """Return True if a rank is a lasting one, also after it was handed on many times.
+
+    Ranks by the time stuck are at most a little above STUCK_MOST, lasting ones begin at LASTING.
+    """
     return rank > STUCK_MOST + 1.0
 
 
 @helper
 def handed_on(rank):
-    """Return the rank of an agent that takes over the right of way from one of ``rank``."""
+    """Return the rank of an agent that takes over the right of way from one of ``rank``: a little lower.
+
+    So it goes after that one, and one that lasts falls with each agent (HANDED_ON).
+    """
     return rank - (HANDED_ON if is_lasting(rank) else 0.001)
 
 
@@ -130,7 +143,8 @@ def push_on(rows, mine, near, count, walls, reach, rank):
 
     Those are within ``reach`` [m], go the same way (less than 73 degrees off), and would walk into this agent: it is
     ahead of them, beside their line by less than half of both breadths. One that is itself ahead of this agent does not
-    press it; two such agents would hand a rank to and fro. ``rows`` (ROW[n]) are all agents.
+    press it; two such agents would hand a rank to and fro. Agents without a goal (``goal`` < 0) have no way in common.
+    ``rows`` (ROW[n]) are all agents.
     """
     for n in range(count):
         seen = near[n]

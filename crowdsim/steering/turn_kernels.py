@@ -5,7 +5,8 @@ wall and a corner touch a body on opposite sides, no turn is left then, although
 Walls stand still, so a wedged agent may: the distance to them is measured along its whole turn.
 
 ``mine`` and ``body`` are rows (ROW), ``half`` is the half length of a core after the step [m], ``lines`` (k, 4) are
-half planes (:mod:`commit_kernels`), of which the first ``count`` count.
+half planes (:mod:`commit_kernels`), of which the first ``count`` are in use, n = (nx, ny) the normal of one. h and e
+are unit vectors of the heading before and after a turn, d = (dx, dy) is the displacement [m].
 """
 
 from crowdsim.geometry.elementary_kernels import cos_sin
@@ -59,7 +60,7 @@ def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
 
 @helper
 def fitting_turn(mine, turn, half, dx, dy, lines, count):
-    """Halve the turn until it fits beside a displacement d, and keep the core from growing if needed.
+    """Halve ``turn`` [rad] until it fits together with a displacement d, and keep the core from growing if needed.
 
     Return the heading [rad], its unit vector and the half length of the core [m].
     """
@@ -93,7 +94,8 @@ def turn_between_walls(walls, body, half, keep, turn):
     for _ in range(_ADVANCES):
         hx, hy = cos_sin(wrap_angle(body.heading + sign * done))
         gap = wall_room(walls, body.x, body.y, -hy, hx, half) - keep
-        # At a wall the turn ends. While the body turns away from it, the gap grows by up to its own size each time.
+        # The turn ends at a wall, where the next advance would be below _LEAST. While the body turns away from a wall,
+        # the gap at most doubles with each advance: from a micrometer, many are needed.
         if gap <= half * _LEAST:
             break
         done += gap / max(half, _LEAST)
@@ -112,8 +114,9 @@ def stands_still(mine, dx, dy, heading):
 def turn_wedged(mine, walls, keep, turn, half, lines, spans):
     """Return heading [rad], its unit vector and half length of a wedged agent that turns on the spot by up to ``turn``.
 
-    ``walls`` are those of the torso's layers, off which its core keeps ``keep`` [m]. ``spans`` holds the numbers of
-    half planes of neighbors, of those and of walls, and of all: those of walls do not count.
+    ``walls`` are those of the torso's layers, off which its core keeps ``keep`` [m]. ``spans`` is (people, fixed,
+    count): ``lines[:people]`` are half planes of neighbors, ``lines[people:fixed]`` of walls, ``lines[fixed:count]`` of
+    reserved segments. Those of walls do not count. If the others leave no room for the turn, the heading stays.
     """
     people, fixed, count = spans
     half = min(half, mine.half)

@@ -28,8 +28,8 @@ SPACING = 0.1
 """Spacing of the points of the grid of distances [m]."""
 
 _TOLERANCE = 0.04
-"""Amount by which a way ahead may come nearer to a wall than half the body's breadth [m]: distances are rounded, and
-walls bend between the points of the grid."""
+"""Tolerance of a way ahead [m]: distances are rounded, and walls bend between the points of the grid. A way ends
+where half of it is left beyond the width to keep; if less is left at its begin, half of it nearer than there."""
 
 LANE_SPARE = 0.05
 """Amount by which a lane must be narrower than two agents side by side [m], as distances are rounded."""
@@ -124,6 +124,7 @@ def measure_distances(segments, starts, lists, left, bottom, columns, distances)
         y = bottom + row * SPACING
         for column in range(width):
             x = left + column * SPACING
+            # Points on the far edges of the grid belong to the last cells.
             cell_row = min(int(row * SPACING / WALL_CELL), (len(starts) - 1) // columns - 1)
             cell_column = min(int(column * SPACING / WALL_CELL), columns - 1)
             cell = cell_row * columns + cell_column
@@ -240,6 +241,7 @@ def free_ahead(walls, x, y, ux, uy, width, farthest):
         if ahead < before - UNIT:
             return 0.0
         width = min(before, width) - _TOLERANCE
+    # 32 strides of at least _LEAST_STRIDE come to 1.6 m, the farthest that callers look (Rules.wall_horizon).
     for _ in range(32):
         # A ball of radius `room` is free. The shortest stride bounds the number of evaluations.
         room = distance_at(walls, x + way * ux, y + way * uy) - width

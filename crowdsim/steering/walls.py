@@ -36,6 +36,7 @@ def build_walls(segments: Any) -> Walls:
     """Build the walls of one layer from segments, float64[n, 4]: both ends [m]. There may be no segment."""
     segments = np.ascontiguousarray(segments, np.float64).reshape(-1, 4)
     if len(segments) == 0:
+        # One empty cell: any place is FARTHEST from walls.
         empty = np.zeros(0, np.int64)
         return Walls(segments, np.zeros(2, np.int64), empty, np.full((1, 1), 255, np.uint8), 0.0, 0.0, 1, 1)
     margin = WALL_REACH + 2 * WALL_CELL

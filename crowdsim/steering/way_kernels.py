@@ -71,7 +71,7 @@ def clear_of_ways(bodies, ways, frame, room, own, ignored, clear):
     bodies : ROW[k]
         Bodies to test.
     ways : ListedWays
-        Reserved segments by cells of ``frame``.
+        Reserved segments by cells of ``frame`` (as of :func:`list_ways`).
     own : (k,) int64
         Owner whose segments each body may touch, -1 for none.
     ignored : (owners,) bool

@@ -70,6 +70,7 @@ def body_reach(graph: GraphArrays, poses: PoseTable, room: Floats) -> BodyReach:
     joints = len(poses.parents)
     positions = np.empty((first[-1], joints, 3), np.float32)
     columns = node.astype(np.int32), before.astype(np.int32), frame.astype(np.float64)
+    # With all track poses 0, joints stay in the frame of the track.
     pose_joints(poses, *columns, np.zeros((first[-1], 3)), positions, np.empty((first[-1], joints, 4), np.float32))
     # Joints sorted by distance from the track; far looks ahead over the faded rows, then over the node's own.
     flat = positions[:, :, :2]

@@ -5,9 +5,9 @@ twist, origin, end pose and the arc length of the path beside its end. A row is 
 it carries.
 
 Arguments of all helpers: ``graph`` (GraphArrays), ``maps`` (MapArrays), ``guide``, ``rules``, ``search`` and ``laid``
-as of :mod:`crowdsim.following.follower.follow_workspace`; ``root``, the map's row of the stage's node, -1 without one;
-``entry``, a row of the map; ``arc``, the arc length of the path beside a pose [m]. ``stage_end`` (3,) and ``stage_arc``
-are pose and arc length at the end of the stage [m, rad], ``mesh`` is the mesh of a layer (MeshArrays).
+as of :mod:`crowdsim.following.follower.follow_workspace`; ``root``, the stage's node, whose map is read, -1 without
+one; ``entry``, counted within that map; ``arc``, the arc length of the path beside a pose [m]. ``stage_end`` (3,) and
+``stage_arc`` are pose and arc length at the end of the stage [m, rad], ``mesh`` is the mesh of a layer (MeshArrays).
 """
 
 import math
@@ -119,6 +119,7 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     lever = (ex - jx) ** 2 + (ey - jy) ** 2
     ax, ay, bx, by = ex - jx, ey - jy, gx - jx, gy - jy
     toward = atan2(ax * by - ay * bx, ax * bx + ay * by)
+    # Near the goal the required heading counts, if there is one, not that of the path.
     if math.isnan(rules.goal_heading) or aim < guide.length - _HEADING_WINDOW:
         mend = _fit_heading(maps, guide, rules, node, eh, aim, 0.0)
     else:
@@ -230,7 +231,8 @@ def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
     arc_after = max(arc_after, arc)
     error = abs(_fit_heading(maps, guide, rules, node, heading, arc_after, _HEADING_WINDOW))
     here = sample_index(guide, arc_after)
-    # Fit: near the path, no step back, facing as a behavior allows, and of a behavior that is allowed here.
+    # Fit: near the path, no step back, facing as a behavior allows (unless it turns in place), and of a behavior that
+    # is allowed here.
     fit = (
         end_gap <= rules.deviation
         and backward <= _MOST_BACKWARD

@@ -61,6 +61,7 @@ def follow_exactly(
                 bent = search.arrive(arrival, options.goal_heading_tolerance)
                 if bent is not None:
                     found, off = bent, meters_off(graph, bent, goal)
+            # Found with a wider range of headings, and not bent to the required one: try the next solution.
             if found.status == FollowStatus.FOUND and not _faces(graph, found, options):
                 continue
             if best is None or _rank(found, off) < _rank(*best):

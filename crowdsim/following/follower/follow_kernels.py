@@ -5,9 +5,9 @@ near the path. The one with the best score whose bodies are free is appended; it
 without candidates left is dropped, and the one before continues.
 
 Arguments of all helpers: ``graph`` (GraphArrays), ``maps`` (MapArrays), ``guide``, ``rules``, ``search`` and ``laid``
-as of :mod:`crowdsim.following.follower.follow_workspace`; ``top``, the row of the last stage; ``root``, the map's row
-of its node, -1 before the first; ``origin`` and ``end``, poses x, y [m], heading [rad]; ``arc``, the arc length of the
-path beside a pose [m]. ``serial`` numbers stages; ``scores`` and ``items`` are columns of a list.
+as of :mod:`crowdsim.following.follower.follow_workspace`; ``top``, the row of the last stage; ``root``, its node, whose
+map it reads, -1 before the first; ``entry``, counted within that map; ``origin`` and ``end``, poses x, y [m], heading
+[rad]; ``arc``, the arc length of the path beside a pose [m]. ``serial`` numbers stages.
 """
 
 import math
@@ -71,8 +71,8 @@ _ARC_GRAIN = 0.1
 
 @helper
 def _load_branch(maps, search, root, entry):
-    """Write the entries from a root (excluded; -1 for a first node) to ``entry`` to ``search.branch``; count them."""
-    if root < 0:
+    """Write the branch from a root (excluded) to ``entry`` to ``search.branch``; return its number of entries."""
+    if root < 0:  # a first node stands for its own entry
         search.branch[0] = entry
         return 1
     base = maps.first[root]
@@ -87,7 +87,7 @@ def _load_branch(maps, search, root, entry):
 def _keep(scores, items, begin, count, capacity, score, item):
     """Insert an item into the sorted list of at most ``capacity`` from row ``begin`` on; return the new count.
 
-    Ascending by score, ties by item, so the order of insertion has no effect. A full list drops its last item.
+    ``scores`` ascend, then ``items``, so the order of insertion has no effect. A full list drops its last item.
     """
     at = begin + count
     if count == capacity:
@@ -171,7 +171,7 @@ def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 py -= origin[1] + s * mx + c * my
                 gap = math.sqrt(px * px + py * py)
                 misfit = abs(ahead[row, BEHAVIOR] - guide.behavior[sample_index(guide, arc + walked)])
-                # Estimated score: area 0.5 * gap * gain, end error, nodes and behavior, over the square of the gain.
+                # Estimated score: area 0.5 * gap * gain, end error, nodes, behavior, over gain^2 (0.1 m at least).
                 gain = max(walked, 0.1)
                 cost = gap * (0.5 * gain + 0.25) + NODE_COST * level + MISFIT_COST * misfit * gain
                 score = cost / (gain * gain)
@@ -189,11 +189,11 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
 
     Candidates are the best branches ``along`` the path and, if ``singles``, all other direct successors, which help
     where the path leaves the map's cells. Without a root every node may be the first. The score is equation 5 of the
-    2012 paper, with the last node's own track, as all children of a node begin alike.
+    2012 paper, with the track of the last node, too, as all children of a node start alike.
     """
     root, serial = search.stage[top, NODE], search.stage[top, SERIAL]
     origin, end, arc = search.stage_origin[top], search.stage_end[top], search.stage_arc[top]
-    begin = top * (search.candidate.shape[0] // search.stage.shape[0])
+    begin = top * (search.candidate.shape[0] // search.stage.shape[0])  # each stage has a list of equal size
     listed = np.int64(0)
     first, stop = np.int64(0), np.int64(0)
     if along and root >= 0:
@@ -221,7 +221,7 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
             if search.marked[ENTRY, entry] == serial:
                 continue
             search.marked[ENTRY, entry] = serial
-        # Equation 5: area over the square of the gain, so that branches of different length compare.
+        # Equation 5: area over gain^2 (of 0.1 m at least), so that branches of different length compare.
         gain = max(laid.arc[entry] - arc, 0.1)
         score = (laid.area[entry] + laid.off[entry]) / (gain * gain)
         if laid.reached[entry]:
@@ -234,7 +234,7 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
 @helper
 def _seen(search, family, end, arc):
     """Enter a stage (family of its node, end pose, arc [m]) into the visited ones; return True if one like it is in."""
-    # One key of five numbers; 48 headings are a full turn. Unlike stages with equal keys cost only a candidate.
+    # Mix five numbers by a prime; 48 headings are a full turn. If unlike stages get one key, a candidate is lost.
     key = np.int64(family)
     key = key * 1000003 + np.int64(math.floor(end[0] / _PLACE_GRAIN + 0.5))
     key = key * 1000003 + np.int64(math.floor(end[1] / _PLACE_GRAIN + 0.5))

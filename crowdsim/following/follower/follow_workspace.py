@@ -134,7 +134,10 @@ class Chain(NamedTuple):
 
 
 def make_guide(samples: Samples, facings: Floats, reach: float) -> Guide:
-    """Return the path as kernels read it; ``reach`` [m] as `FollowOptions.transition_reach`."""
+    """Return the path as kernels read it.
+
+    ``facings`` (B, F) are those of `Character`, ``reach`` [m] is the `transition_reach` of `FollowOptions`.
+    """
     length = float(samples.arc[-1])
     pieces = len(samples.arc) - 1
     allowed = _allowed(samples, facings, reach)
@@ -159,7 +162,8 @@ def make_workspace(
 ) -> tuple[Search, Laid]:
     """Return empty arrays for one search along ``length`` meters, of ``branches`` listed entries a stage.
 
-    The number of stages grows with the length. Memory that is never written is never taken from the system.
+    The number of stages grows with the length; once all are in use, the search goes no deeper. Memory that is never
+    written is never taken from the system.
     """
     depth = maps.depth
     stages = 64 + int(8.0 * length)
@@ -167,6 +171,7 @@ def make_workspace(
     entries = max(maps.most_entries, len(graph.node_frames))
     # Every direct successor is an entry, so one stage may have that many candidates.
     pool = stages * (rules.candidates + entries)
+    # A hash set of a power of two slots, at most half of them used: each stage entered costs a query.
     memory = 1 << max(10, int(2 * rules.budget).bit_length())
 
     def ints(n: int) -> NDArray[np.int64]:
@@ -215,6 +220,9 @@ def _make_laid(entries: int, rules: Rules) -> Laid:
 
 
 def make_chain(search: Search, rules: Rules) -> tuple[Search, Laid, Chain]:
-    """Return a search and arrays to bend its solutions in: row 0 is the first of the last MOST_BENT nodes."""
+    """Return a search and arrays to bend its solutions in: rows 0 to n - 1 are for its last n nodes, at most MOST_BENT.
+
+    The branch of this search names these rows one by one; the rest is shared with ``search``.
+    """
     chain = Chain(np.empty((MOST_BENT, 2)), np.empty((MOST_BENT, 2)), np.empty(MOST_BENT), np.empty(3))
     return search._replace(branch=np.arange(MOST_BENT)), _make_laid(MOST_BENT, rules), chain

@@ -337,6 +337,7 @@ def search_path(
     )
     again = PathFollower(*arguments, thorough).next()
     expansions = found.expansions + again.expansions
+    # Of two partial motions, keep the one that came farther.
     farther = again.status == FollowStatus.FOUND or again.reached >= found.reached
     return replace(again if farther else found, status=again.status, expansions=expansions)
 

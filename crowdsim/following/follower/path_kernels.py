@@ -75,7 +75,8 @@ def project(guide, x, y, low, high):
             best = gap
             best_at = i + u
             near = min(near, gap)
-        # A piece two steps farther than the nearest lets the search skip ahead; test that without a square root.
+        # A piece two steps farther than the nearest lets the search skip ahead; test that without a square root, by
+        # (a + b)^2 <= 2 a^2 + 2 b^2 for a distance and two steps.
         leap = np.int64(1)
         if gap > 2.0 * near + worth:
             leap = max(np.int64((math.sqrt(gap) - math.sqrt(near)) * per_meter) - 1, leap)
@@ -86,7 +87,7 @@ def project(guide, x, y, low, high):
 
 @helper
 def path_gap(guide, x, y, low, high):
-    """Do as :func:`project`, but with a path that stops at its ends."""
+    """Return what :func:`project` does, but for a path that stops at its ends: arc length and distance [m]."""
     arc, gap = project(guide, x, y, low, high)
     if arc < 0.0 or arc > guide.length:
         arc = min(max(arc, 0.0), guide.length)

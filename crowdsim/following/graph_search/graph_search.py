@@ -218,7 +218,7 @@ def search_graph(
 
 
 def _length(graph: GraphArrays, nodes: NDArray[np.int32], origins: Floats) -> float:
-    """Return the length of a chain of nodes along their tracks, with the blend offsets between them [m]."""
+    """Return the length of nodes (K,) that begin at origins (K, 3): their tracks and the jumps between them [m]."""
     blend_offsets = compose(origins[:-1], graph.node_motion[nodes[:-1]])[:, :2] - origins[1:, :2]
     return float(graph.node_length[nodes].sum() + hypot(*blend_offsets.T).sum())
 
@@ -232,7 +232,7 @@ def _as_goal(goal: ArrayLike) -> Floats:
 
 
 def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[MeshArrays, MeshArrays] | None) -> _Rules:
-    """Return the options in the form that kernels read."""
+    """Return the options in the form that kernels read; without branch kinematics, bend within a reach of 0."""
     return _Rules(
         in_channel=channel is not None,
         in_meshes=meshes is not None,

@@ -207,7 +207,7 @@ def _within_reach(chain, count, goal):
     """Return False if the chain cannot reach the goal, because it is too short or turns too little.
 
     With turns t about joints from which the end is at v, the end moves by the sum of t x v to first order. The rest is
-    at most half of (the sum of |t|)^2 times the chain's length.
+    at most half of (the sum of |t|)^2 times the chain's length. Only the goal's place counts, not its heading.
     """
     straight = 0.0
     aside = 0.0

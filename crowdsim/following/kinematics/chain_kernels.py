@@ -38,16 +38,17 @@ def _miss(goal, ex, ey, eh, lever):
 
 @helper
 def _leap_vector(joint, limit, turn, count, ex, ey, dx, dy, dh, lever):
-    """Return the vector p for which the turns J'p move the end by about (dx, dy) and ``lever`` dh.
+    """Return the vector p for which the turns J'p move the end by about (dx, dy, dh) [m].
 
-    Damped least squares: p = (J J' + damping I)^-1 e, with a column of J per joint: the end's velocity as it turns.
-    Joints at a limit that would turn beyond it are left out.
+    dh is the change of its heading times ``lever``; both are 0 if any heading will do. Damped least squares: p is
+    (J J' + damping I)^-1 (dx, dy, dh)', with a column of J per joint: the end's velocity as it turns. Joints at a limit
+    that would turn beyond it are left out.
     """
     damping = _DAMPING * (dx * dx + dy * dy + dh * dh) + _TINY
     # Upper triangle of J J' + damping I.
     a, b, c, d, e, f = damping, 0.0, 0.0, damping, 0.0, damping
     for j in range(count):
-        # Column of joint j: (u, v, lever); slope: its turn for p = e.
+        # Column of joint j: (u, v, lever); slope: the sense of the turn that brings the end nearer to (dx, dy, dh).
         u, v = joint[j, 1] - ey, ex - joint[j, 0]
         slope = u * dx + v * dy + lever * dh
         if (turn[j] <= limit[j, 0] and slope < 0.0) or (turn[j] >= limit[j, 1] and slope > 0.0):
@@ -116,7 +117,8 @@ def _sweep(joint, limit, turn, count, ex, ey, eh, goal, lever):
         dot = ux * vx + uy * vy
         toward = atan2(cross, dot)
         if aimed:
-            # With a goal heading: minimize distance and weighted heading error together (small angles).
+            # With a goal heading: minimize |u| |v| (t - toward)^2 + lever^2 (t - heading error)^2 over the turn t. The
+            # first is the growth of the squared distance, for small angles.
             pull = math.sqrt(cross * cross + dot * dot)
             weight = lever * lever
             toward = (pull * toward + weight * wrap_angle(goal[2] - eh)) / max(pull + weight, _TINY)

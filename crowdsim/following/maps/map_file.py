@@ -27,6 +27,7 @@ SUFFIX = ".maps"
 
 _MAGIC = b"crowdsim motion maps\n"
 _ALIGNED = 64
+"""Arrays begin at multiples of this many bytes, so that they can be used where they lie."""
 
 
 def maps_in_file(
@@ -41,8 +42,8 @@ def maps_in_file(
     """Return the maps of ``graph`` from a file in ``folder``, or build them and store them there.
 
     The file's name is a hash of the graph and the numbers, so maps of another graph are never taken. A damaged file is
-    replaced, with a warning; so is a full disk told, and the maps are used all the same. Arguments as of
-    :meth:`MotionMaps.build`.
+    replaced, with a warning. If the file cannot be written, a warning says so, and the maps are used all the same.
+    Arguments as of :meth:`MotionMaps.build`.
     """
     file = folder / f"{maps_key(graph, depth, reach, max_entries)}{SUFFIX}"
     if file.is_file():
@@ -73,7 +74,11 @@ def maps_key(graph: GraphArrays, depth: int, reach: float, max_entries: int) -> 
 
 
 def save_maps(maps: MotionMaps, file: Path) -> None:
-    """Write maps to a file, which gets its name when it is complete."""
+    """Write maps to a file, which gets its name when it is complete.
+
+    It holds a line that tells its kind, a line with the CRC-32 and the text of a JSON header, and the arrays. The
+    header has type, shape, offset behind the header [bytes] and CRC-32 of each array.
+    """
     header: dict[str, Any] = {"version": VERSION, "arrays": {}}
     offset = 0
     columns: tuple[NDArray[Any], ...] = tuple(maps.arrays)
@@ -97,7 +102,10 @@ def _checksum(column: NDArray[Any]) -> int:
 
 
 def load_maps(file: Path) -> MotionMaps:
-    """Return maps whose arrays lie in the file, read-only; raise MotionError if it holds none of this version."""
+    """Return maps whose arrays lie in the file, mapped into memory; raise MotionError if it holds none of this version.
+
+    What is written to the arrays does not reach the file.
+    """
     try:
         with file.open("rb") as stream:
             if stream.read(len(_MAGIC)) != _MAGIC:

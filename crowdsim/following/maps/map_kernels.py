@@ -5,7 +5,7 @@ own start. The root is entry 0.
 
 A cell is numbered by (``ix``, ``iy``, ``heading_bin``) or, packed, by an int64 ``key``. The frontier is a hash table of
 three columns, ``table_key``, ``table_node`` and ``table_stamp``, whose length is a power of two. A ``heap`` (n,) holds
-entries, the first ``size`` of them in use, and ``cost`` is that of each entry [m].
+entries, the first ``size`` of them in use, and ``cost`` is the search cost up to the end of each entry's node [m].
 """
 
 import math

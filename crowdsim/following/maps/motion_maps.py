@@ -181,6 +181,7 @@ class MotionMaps:
         )
         first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         outline_first, outline = _outlines(graph)
+        # Counts include the node itself, which ``leads_to`` takes off again.
         successors = _behavior_counts(graph)
         arrays = MapArrays(
             first=first,
@@ -218,6 +219,7 @@ def _grow(
     columns = (parent, edge, node, level)
     count = grow_maps(graph, begin, end, depth, reach, capacity, first, key, *columns, pose, length)
     sizes = np.diff(first)
+    # Rows of each map in the order of their cells; ``order`` counts them within the map.
     ranks = np.concatenate([np.argsort(key[i:j], kind="stable") + i for i, j in pairwise(first.tolist())])
     order = (ranks - np.repeat(first[:-1], sizes)).astype(np.int32)
     average = np.add.reduceat(length[:count].astype(np.float64), first[:-1]) / sizes
@@ -231,7 +233,7 @@ def _grow(
 
 
 def _families(graph: GraphArrays) -> NDArray[np.int32]:
-    """Return the number of each node's set of successors, in order of first appearance."""
+    """Return a number for each node's set of successors, (N,), equal for equal sets, in order of first appearance."""
     numbers: dict[bytes, int] = {}
     family = np.empty(len(graph.node_frames), np.int32)
     for n in range(len(family)):

@@ -57,10 +57,10 @@ def _off_the_wall(ground, box, x, y):
 
 @helper
 def _passage(ground, x, y, dx, dy):
-    """Return the widest behavior that fits at the position (x, y) [m] or beside it; the widest of all if none fits.
+    """Return the widest behavior that fits at the position (x, y) [m] or beside it.
 
-    Beside it means across the path, whose unit vector is (dx, dy), and off the nearest wall: an agent at a wall need
-    not be so near to it.
+    If none fits, return the widest of all, which prescribes nothing. Beside it means across the path, whose unit vector
+    is (dx, dy), and off the nearest wall: an agent at a wall need not be so near to it.
     """
     top = len(ground.costs) - 1
     widest = -1
@@ -113,6 +113,7 @@ def ask(ground, points, field, state, asks, slots):
         asks[box] = -1
         slots[box] = numbered
         numbered += 1
+        # Without a path: agents that are there look for a free line to a box around, so it keeps its slot.
         if state[box] < CLOSED:
             continue
         row = box // ground.columns

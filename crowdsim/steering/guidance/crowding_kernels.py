@@ -1,8 +1,8 @@
 """Density of a crowd, its effect on the cost of a path, and whether another path is cheaper.
 
 Arguments of all helpers: ``ground`` (Ground), ``crowding`` (Crowding) and ``field`` (Field) of
-:mod:`crowdsim.steering.guidance`; ``weights`` (rows, columns), the density of the crowd in each cell, in units of 1 /
-GRAIN per square meter.
+:mod:`crowdsim.steering.guidance`; ``weights`` (rows, columns) int64, the density of the crowd in each cell, in
+units of 1 / GRAIN per square meter.
 """
 
 import math
@@ -56,8 +56,8 @@ def set_load(weights, gain, free, load, quiet):
     """Set the factor of the crowd on the cost of a meter: ``load`` = 1 + gain * max(0, density - free).
 
     ``free`` is the density up to which it stays 1 [1/m2]. ``load`` is float32[rows, columns]; ``quiet`` (uint8[rows,
-    columns]) gets the number of cells to the next one with a factor above 1, in the maximum norm. Return the number of
-    such cells.
+    columns]) gets the number of cells to the next one with a factor above 1, in the maximum norm, 255 at most. Return
+    the number of cells with a factor above 1.
     """
     rows, columns = weights.shape
     dearer = 0

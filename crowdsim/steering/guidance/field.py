@@ -111,6 +111,7 @@ def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowdi
     )
     state = np.zeros(boxes, np.uint8)
     solve(ground, crowding, points, inside, field, state)
+    # Ways are found with the clearances that bodies need, behaviors prescribed by those of plans, which may be larger.
     asking = ground._replace(radii=ground.prescribed)
     count = ask(asking, points, field, state, field.asks, field.slots)
     heads = np.full((count, PARTS * PARTS), UNKNOWN, np.int32)
@@ -138,7 +139,7 @@ def asked_of(behaviors: Sequence[Behavior], radius: float = 0.125) -> NDArray[np
     Parameters
     ----------
     behaviors : sequence of Behavior
-        The behaviors, least preferred first.
+        The behaviors, the narrowest and least preferred first.
     radius : float
         Radius of the capsule [m].
 
@@ -146,8 +147,9 @@ def asked_of(behaviors: Sequence[Behavior], radius: float = 0.125) -> NDArray[np
     -------
     (n, 2) float64
         Turn against the path [rad], and half length of the core with the arms held in [m]; -1 if not prescribed. A
-        turned behavior holds the arms as the narrowest upright one does.
+        turned behavior holds the arms as the narrowest upright one does. The last behavior leaves the arms free.
     """
+    # The last radius is that on the uppermost layer, which the arms meet.
     upright = [float(each.radii[-1]) for each in behaviors if not each.turned]
     arms_in = max((min(upright) if upright else 0.0) - radius, 0.0)
     rows = []
@@ -160,7 +162,10 @@ def asked_of(behaviors: Sequence[Behavior], radius: float = 0.125) -> NDArray[np
 def guide(
     ground: Ground, field: Field, asked: NDArray[np.float64], agents: NDArray[np.int64], state: NDArray[Any]
 ) -> int:
-    """Write what a field gives to the rows ``agents`` of ``state`` (ROW[n]); return how many have no path."""
+    """Write gx, gy, togo, turn and held, as a field gives them, to the rows ``agents`` (k,) of ``state`` (ROW[n]).
+
+    ``asked`` is that of :func:`asked_of`. Return the number of these agents that have no path.
+    """
     return int(sample(ground, NOBODY, field, asked, agents, state))
 
 
@@ -190,6 +195,7 @@ def _goal_of(ground: Ground, goal: BaseGeometry | ArrayLike) -> tuple[NDArray[np
 def _pins_within(ground: Ground, goal: BaseGeometry) -> NDArray[np.int64]:
     """Return the boxes whose pins are in a region, ascending."""
     x0, y0, x1, y1 = goal.bounds
+    # Boxes that meet the bounds, and one more on each side; then test their pins.
     columns = np.arange(
         max(math.floor((x0 - ground.left) / BOX) - 1, 0), min(math.ceil((x1 - ground.left) / BOX) + 1, ground.columns)
     )

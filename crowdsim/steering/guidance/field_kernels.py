@@ -62,7 +62,7 @@ def anchor_cost(field, boxes, anchor):
 
 @helper
 def eighth_of(dx, dy):
-    """Return the octant k of (dx, dy), which lies between the directions STEPS[k] and STEPS[k + 1]."""
+    """Return the octant k of (dx, dy), 0 to 7: the vector lies between STEPS[k] and the next of STEPS."""
     if dy >= 0.0:
         return (0 if dx >= dy else 1) if dx >= 0.0 else (2 if -dx < dy else 3)
     return (4 if -dx >= -dy else 5) if dx < 0.0 else (6 if dx < -dy else 7)
@@ -89,7 +89,10 @@ def leads_alike(ground, field, anchor, other, sx, sy):
 
 @helper
 def _wrong_side(dx, dy, qx, qy, n):
-    """Return True if q lies to the left of the direction d for ``n`` = 0, to its right for ``n`` = 1."""
+    """Return True if q lies to the left of the direction d for ``n`` = 0, to its right for ``n`` = 1.
+
+    Neighbor 0 should lie to the right, neighbor 1 to the left; on the line itself (1e-9 m2, for rounding) either may.
+    """
     cross = dx * qy - dy * qx
     return cross > 1e-9 if n == 0 else cross < -1e-9
 
@@ -183,6 +186,7 @@ def _test_box(ground, crowding, points, field, state, box):
         if value < best:
             best = value
             anchor = tried
+            # Dearer than its length by more than rounding: a narrower behavior or a crowd is on the line.
             is_pure = value <= paid + top * length * (1.0 + 1e-9) + 1e-12
         else:
             dropped = tried

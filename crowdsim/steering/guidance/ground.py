@@ -68,7 +68,7 @@ class Ground(NamedTuple):
     costs: NDArray[np.float64]
     """float64[n]: cost of a meter with each behavior."""
     change: float
-    """Cost of a change of behavior [m of the widest one, by its cost]."""
+    """Cost of a change of behavior, in the unit of costs: that of SWITCH_COST meters with the widest one."""
     reach: float
     """Largest clearance of all behaviors [m]."""
     least: float
@@ -227,7 +227,8 @@ def update_ground(
         prescribed=_of_classes(need.radii if prescribed is None else prescribed, kinds, wider),
     )
     # A pin can change within the reach of a changed wall; mending a pin looks at the pins next to it, and testing lines
-    # at the mended ones: so each stage is done anew on a larger window than the pins that can differ.
+    # at the mended ones: so each stage is done anew on a larger window than the pins that can differ. ``raw`` holds old
+    # mended pins outside of the first window; mending, on a smaller one, reads none of them.
     raw = changed._replace(pins=ground.pins.copy(), widest=ground.widest.copy())
     set_pins(raw, *_boxes_within(ground, window, ground.reach + 8.0 * BOX))
     mend_pins(changed, NOBODY, raw.pins, raw.widest, *_boxes_within(ground, window, ground.reach + 6.0 * BOX))
@@ -238,7 +239,10 @@ def update_ground(
 def _boxes_within(
     ground: Ground, window: tuple[float, float, float, float], margin: float
 ) -> tuple[int, int, int, int]:
-    """Return first and last (exclusive) row, then column, of the boxes within ``margin`` of a window."""
+    """Return first and last (exclusive) row, then column, of the boxes within ``margin`` [m] of a window.
+
+    ``window`` is left, bottom, right and top [m].
+    """
     return (
         max(math.floor((window[1] - margin - ground.bottom) / BOX), 0),
         min(math.ceil((window[3] + margin - ground.bottom) / BOX), ground.rows),
@@ -300,6 +304,7 @@ def _near(
     segments: NDArray[np.float64], reach: float, frame: Frame
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint8]]:
     """Return the lists of segments near boxes (starts, lists), and lower bounds of distances."""
+    # Near enough for any point of the box, and for margins of up to SPARE.
     listed = reach + CORNER + SPARE
     starts = np.zeros(frame[2] * frame[3] + 1, np.int32)
     count = list_segments(segments, listed, frame, starts, np.zeros(0, np.int32))

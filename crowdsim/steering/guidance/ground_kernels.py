@@ -102,6 +102,7 @@ def bound_distances(segments, starts, lists, reach, frame, far):
     straight = BOX * 0.92387
     diagonal = straight * math.sqrt(2.0)
     most = 255 * FAR_UNIT
+    # Without any wall, the largest value is left after the subtraction below.
     bound = np.full((rows, columns), most + 2.0 * BOX, np.float32)
     # Exact distances from the lists.
     for row in range(rows):
@@ -134,8 +135,9 @@ def bound_distances(segments, starts, lists, reach, frame, far):
         for column in range(columns):
             box = row * columns + column
             known = bound[row, column]
-            # A box without listed segments is at least ``reach`` away. Its bound was handed on from the exact distance
-            # of another center, so subtract what two centers and rounding may differ by.
+            # A box without listed segments is at least ``reach`` away. Let c be the center of the box in which the
+            # nearest point of a wall is, at most CORNER from it. From there, at most the distance of both centers plus
+            # CORNER was handed on; the wall is at least that distance less CORNER away. 1 cm is for rounding.
             if starts[box] == starts[box + 1]:
                 known = max(known - 2.0 * CORNER - 0.01, reach)
             far[row, column] = min(int(known / FAR_UNIT), 255)
@@ -197,10 +199,10 @@ def widest_at(ground, box, x, y):
 
 @helper
 def load_at(crowding, x, y):
-    """Return the factor of the crowd on the cost of a meter, and a distance on which it stays the same [m].
+    """Return the factor of the crowd on the cost of a meter, and the distance after which to look again [m].
 
     The factor is 1 without a crowd. ``crowding.quiet`` counts the cells, in the larger of both directions, to the
-    nearest crowded one.
+    nearest crowded one: on the way there it stays 1. In and beside a crowd it is looked up once a cell.
     """
     column = math.floor((x - crowding.left) / crowding.cell)
     row = math.floor((y - crowding.bottom) / crowding.cell)
@@ -244,7 +246,7 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
         off_x = x - (ground.left + (column + 0.5) * BOX)
         off_y = y - (ground.bottom + (row + 0.5) * BOX)
         room = ground.far[row, column] * FAR_UNIT - math.sqrt(off_x * off_x + off_y * off_y) - ground.reach
-        # Factor of the crowd, and the length on which it cannot change.
+        # Factor of the crowd, and the length after which to look it up again.
         if crowding.crowded:
             load, longest = load_at(crowding, x, y)
         # Far from walls, the widest behavior fits on the whole step.

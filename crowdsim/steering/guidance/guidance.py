@@ -65,7 +65,7 @@ USUAL = Weighing()
 def crowding_of(
     ground: Ground, places: ArrayLike, weighing: Weighing = USUAL, counts: NDArray[np.float64] | None = None
 ) -> Crowding:
-    """Return the factor on costs of agents at positions, float64[n, 2] [m]. It does not depend on their order.
+    """Return the factor on costs that agents at positions, float64[n, 2] [m], cause. Their order does not matter.
 
     ``counts`` (n,) is the number of agents that each counts for, one by default.
     """
@@ -125,6 +125,7 @@ class Guidance:
         self.asked = asked
         self.weighing = weighing
         self._threads = threads
+        # Number of the next field, over all goals: a larger one is newer.
         self._made = 0
         self._fields: list[dict[int, Field]] = [{} for _ in self.goals]
         # Ground and fields, by goal, for agents that were pushed where no path leads; made when one first is.
@@ -167,7 +168,10 @@ class Guidance:
         return ways(self.ground, fields[min(fields)], places).length
 
     def end(self, goal: int, following: int, place: ArrayLike) -> NDArray[np.float64]:
-        """Where the way from a place, (2,) [m], by the field ``following`` comes to a goal; nan if there is none."""
+        """Return where the way from a place, (2,) [m], by the field ``following`` enters a goal, (2,) [m].
+
+        PLAIN and the number of a dropped field stand for the goal's first field. The result is nan if there is no way.
+        """
         fields = self._fields[goal]
         return way_end(self.ground, fields.get(following, fields[min(fields)]), place)
 
@@ -181,7 +185,10 @@ class Guidance:
         self._made += 1
 
     def goal_in_turn(self, step: int, steps_per_second: int) -> int | None:
-        """Return the goal whose field it is time to renew in ``step``, None if it is not; goals take turns."""
+        """Return the goal whose field it is time to renew in ``step``, None if it is not; goals take turns.
+
+        Before the first step all fields are new.
+        """
         boxes = self.ground.columns * self.ground.rows
         seconds = max(REFRESH_SECONDS / len(self.goals), boxes / BOXES_A_SECOND)
         pause = max(round(seconds * steps_per_second), 1)
@@ -218,7 +225,8 @@ class Guidance:
             Number of agents that change to the new field.
         """
         places = np.column_stack((state["x"], state["y"]))
-        # Those who are long stuck on their way elsewhere are in the way for long. The time stuck of jammed ones cycles.
+        # Agents of other goals that are long stuck stay in the way for long. The time stuck of jammed ones cycles, so
+        # it counts up to where the cycle begins.
         stuck = np.minimum(state["stuck"], STUCK_MOST - CYCLE)
         late = self.weighing.late * np.maximum(stuck - self.weighing.late_after, 0.0)
         counts = 1.0 + np.where(state["goal"] != goal, late, 0.0)

@@ -22,7 +22,7 @@ from crowdsim.steering.guidance.ground_kernels import (
 )
 
 _ROUNDS = 12
-"""Rounds of the pattern search for a pin; each has steps two thirds as long as the one before."""
+"""Rounds of the pattern search for a pin; the first has steps of 6 cm, each other two thirds of those before."""
 
 GRID = 0.04
 """Clearance that a behavior may lack at the best grid point of a box, for the pattern search to be tried [m]."""
@@ -43,7 +43,7 @@ def _better_pin(ground, box, behavior, x, y, low_x, low_y):
     inner = 0.49 * BOX
     for _ in range(_ROUNDS):
         moved = True
-        # Move while one of eight steps gains room, and stop at the margin that counts at most.
+        # Move while one of eight steps gains room (over 10 micrometers), and stop at the margin that counts at most.
         while moved and best < SPARE:
             moved = False
             for k in range(8):
@@ -153,7 +153,7 @@ def mend_pins(ground, nobody, raw, labels, first_row, last_row, first_column, la
             ground.pins[box, 0] = raw[box, 0]
             ground.pins[box, 1] = raw[box, 1]
             ground.widest[box] = labels[box]
-            # No behavior fits, or no wall can block a line to the adjacent pins.
+            # No behavior fits, or no wall can block a line to the adjacent pins, at most 3 CORNER from the center.
             if labels[box] < 0 or ground.far[row, column] * FAR_UNIT > ground.reach + 4.0 * CORNER:
                 continue
             px, py = pin_of(ground, box)
@@ -199,7 +199,7 @@ def set_ways(ground, crowding, first_row, last_row, first_column, last_column):
             ground.pure[box] = 0
             if ground.widest[box] < 0:
                 continue
-            # Far from walls all lines are free.
+            # Far from walls all lines are free: adjacent pins are at most 3 CORNER from the center.
             open_around = ground.far[row, column] * FAR_UNIT > wide
             px, py = pin_of(ground, box)
             for k in range(8):

@@ -4,8 +4,8 @@ The ground is divided into square boxes with a pin each. An anchor is what a way
 pin of a box, or a point of the goal. Its number is that of the box, or that of the point plus the number of boxes.
 ``field.anchor[box]`` is the anchor of the way from the pin of any box, -1 if there is no way. Agents anywhere in a box
 without a slot head for that anchor, too. A box with a slot (``field.slots[box]`` is 0 or more) has a row of
-``field.heads``, in which each of its PARTS x PARTS parts has its own target. ``nobody`` is the density of an empty
-crowd: lines are tested against walls alone.
+``field.heads``, in which each of its PARTS x PARTS parts has its own target. ``nobody`` is the Crowding of an empty
+place: lines are tested against walls alone.
 
 ``ground`` (Ground) and ``field`` (Field) are those of the place; p = (px, py) and q = (qx, qy) are the ends of a line
 [m].
