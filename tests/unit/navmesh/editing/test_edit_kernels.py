@@ -16,7 +16,7 @@ from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.triangulation.refine_kernels import measure_triangle
 from crowdsim.navmesh.triangulation.triangulation_kernels import inside_circle, restore_delaunay
 from crowdsim.navmesh.triangulation.winding_kernels import flood
-from crowdsim.navmesh.triangulation.work_kernels import KEPT, TOUCHED
+from crowdsim.navmesh.triangulation.work_kernels import KEPT, STUCK, TOUCHED
 from tests.reference.edits_reference import feet_missing, wrong_widths
 from tests.reference.navmesh_reference import mesh_faults, random_area
 from tests.support.entries import insert_point
@@ -223,6 +223,24 @@ def test_feet_around_points_that_come_and_go_are_those_of_a_full_refinement():
         if step % 10 == 0:
             assert feet_missing(mesh.arrays) == 0
             assert wrong_widths(mesh.arrays) == 0
+
+
+def test_an_edit_with_no_room_for_a_view_is_stuck_rather_than_blind():
+    built = NavMesh(random_area(np.random.default_rng(8), "boxes", count=30)).arrays
+    room, ends = len(built.vertices) + 100, np.ones(1, np.int64)
+    points = np.random.default_rng(9).uniform(0.5, 11.5, (30, 1, 2))
+    found = {}
+    for sights in (256, 8, 1):
+        statuses = []
+        for place in points:
+            mesh, work = resized(built, room), workshop(room, 4096)
+            work = work._replace(sights=work.sights[:sights])
+            snapped, ids = np.empty((1, 2)), np.empty(1, np.int64)
+            assert outline_kernels.snap_inside(mesh, place, snapped) == outline_kernels.OK
+            statuses.append(edit_kernels.edit(places_of(mesh, work), INSERT, snapped, ends, 0, 0, ids))
+            assert statuses[-1] == STUCK or feet_missing(mesh) == 0
+        found[sights] = set(statuses)
+    assert found == {256: {0}, 8: {0}, 1: {0, STUCK}}
 
 
 @kernel
