@@ -25,11 +25,14 @@ Floats = NDArray[np.float64]
 
 
 def measure_evacuation(tracks: Tracks, _: Places) -> Result:
-    """Return how many have not arrived yet over time, when half and 95 % have, and who is left at the end."""
+    """Return how many have not arrived yet over time, when half and 95 % have, and who is left at the end.
+
+    Agents that a command takes out before do not count.
+    """
     name, title = "evacuation", "Evacuation curve"
     recording = tracks.recording
     times = recording.agent_times
-    came = np.flatnonzero(~np.isnan(times.entered))
+    came = np.flatnonzero(~np.isnan(times.entered) & ~times.removed)
     if not len(came):
         return Result(name, title, {"characters": 0}, ("Nobody was present: there is nothing to measure.",))
     arrived = np.sort(times.arrived[came][~np.isnan(times.arrived[came])])
@@ -42,6 +45,7 @@ def measure_evacuation(tracks: Tracks, _: Places) -> Result:
         **{f"t{share}": times.until_share(share) for share in (50, 95, 100)},
         "left_at_the_end": stayed,
         "agents_left_at_the_end": left.tolist(),
+        "removed": int(times.removed.sum()),
     }
     sentences = [f"{len(arrived)} of {len(came)} agents have arrived after {recording.duration:.1f} s."]
     for share in (50, 95):

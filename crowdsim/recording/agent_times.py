@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.recording.columns import RecordedFile
+from crowdsim.recording.events import RecordedEvents
 from crowdsim.recording.header import AgentState
 
 _STEPS_AT_ONCE = 64
@@ -23,23 +23,27 @@ class AgentTimes(NamedTuple):
         Time of the first step in which the agent is present; nan if it never is.
     arrived : (N,) float64
         Time of the first step in which it has arrived; ``left`` if it leaves on arrival; nan if it never arrives.
+        One that a command takes out before has not arrived.
     left : (N,) float64
         Time of the first step after its last one; nan if it is present at the end of the recording.
+    removed : (N,) bool
+        True if a command took it out before it had arrived.
     """
 
     entered: NDArray[np.float64]
     arrived: NDArray[np.float64]
     left: NDArray[np.float64]
+    removed: NDArray[np.bool_]
 
     def until_share(self, share: int) -> float | None:
-        """Return when a share [%] of all agents that ever enter have arrived [s]; None if so many never do."""
+        """Return when a share [%] of all agents that enter, but those removed, have arrived [s]; None if never."""
         arrived = np.sort(self.arrived[~np.isnan(self.arrived)])
         # The share in whole agents, rounded up; 0 if none ever enters.
-        needed = -(-int((~np.isnan(self.entered)).sum()) * share // 100)
+        needed = -(-int((~np.isnan(self.entered) & ~self.removed).sum()) * share // 100)
         return float(arrived[needed - 1]) if 0 < needed <= len(arrived) else None
 
 
-def find_times(recording: RecordedFile) -> AgentTimes:
+def find_times(recording: RecordedEvents) -> AgentTimes:
     """Return the times of all agents of a recording."""
     count, steps = recording.agent_count, recording.steps
     # Steps, -1 for never. In a block of steps, argmax finds the first one in which an agent is present.
@@ -53,6 +57,17 @@ def find_times(recording: RecordedFile) -> AgentTimes:
         there = states == AgentState.ARRIVED
         arrived = np.where(there.any(axis=0) & (arrived < 0), begin + there.argmax(axis=0), arrived)
     left = np.where((last >= 0) & (last < steps - 1), last + 1, -1)
-    # Agents leave on arrival; those that a command removes before count as arrived, too.
-    arrived = np.where(arrived < 0, left, arrived)
-    return AgentTimes(*(np.where(of >= 0, of / recording.steps_per_second, np.nan) for of in (first, arrived, left)))
+    # Agents leave on arrival, unless a command has taken them out.
+    removed = (arrived < 0) & (left >= _removals(recording))
+    arrived = np.where((arrived < 0) & ~removed, left, arrived)
+    entered, there, away = (np.where(of >= 0, of / recording.steps_per_second, np.nan) for of in (first, arrived, left))
+    return AgentTimes(entered, there, away, removed)
+
+
+def _removals(recording: RecordedEvents) -> NDArray[np.int64]:
+    """Return the steps (N,) at which commands take agents out; more than any step for others."""
+    steps = np.full(recording.agent_count, np.iinfo(np.int64).max)
+    for command in recording.commands:
+        agents = command.get("remove_agents", {}).get("agents", [])
+        steps[agents] = np.minimum(steps[agents], round(command["at"] * recording.steps_per_second))
+    return steps

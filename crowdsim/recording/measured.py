@@ -112,4 +112,5 @@ def flow_of(times: NDArray[np.float64]) -> float | None:
     few = len(times) // 10
     if len(times) < LEAST_CROSSINGS or times[-few - 1] <= times[few]:
         return None
-    return float((len(times) - 2 * few) / (times[-few - 1] - times[few]))
+    # One interval less than crossings.
+    return float((len(times) - 2 * few - 1) / (times[-few - 1] - times[few]))

@@ -161,8 +161,9 @@ class Levels:
         """Return which of some captured agents should steer; they were refused for times ``blocked`` (k,) [s]."""
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
         refused = blocked >= np.where(self.confined[agents], QUEUES_FOR, BLOCKED_FOR)
-        too_fast = ~self.may_capture[agents]  # or too slow: no captured motion has the speed that it was given
-        anywhere = too_fast | refused | self._slow[agents]
+        # No captured motion has the speed that it was given.
+        off_pace = ~self.may_capture[agents]
+        anywhere = off_pace | refused | self._slow[agents]
         return np.asarray(self.may_steer[agents] & (anywhere | (met & ~self.is_favored(places))))
 
     def capture(self, agents: NDArray[np.int64], places: Floats, step: int) -> Bools:

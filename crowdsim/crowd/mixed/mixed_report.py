@@ -23,7 +23,6 @@ class MixedStatistics:
     def __init__(self, captured: CapturedCrowd, steered: SteeredCrowd) -> None:
         self._captured, self._steered = captured, steered
         self._gap = self._centers = np.inf
-        self._standing = self._present = 0
 
     def add(self, everybody: NDArray[Any]) -> None:
         """Add one step; ``everybody`` (ROW) are all agents in the world."""

@@ -66,7 +66,8 @@ class Paces:
 
         Nodes of steady walking were captured at different speeds. The mean speed over a node and the next ones,
         :data:`_WINDOW` in all, is scaled to that of the agent. Of these nodes only steady ones count; where there are
-        none, the natural speed is scaled. No rate is above FASTEST, even if the captured nodes are slow.
+        none, the natural speed is scaled. All rates are from SLOWEST to FASTEST, even if nodes were captured at other
+        speeds.
         """
         speed = float(self.speeds[agent])
         if np.isnan(speed):
@@ -76,7 +77,7 @@ class Paces:
         seconds = _over_next(np.where(steady, self._seconds[plan.nodes], 0.0))
         natural = np.full(plan.count, self._natural_speed)
         np.divide(lengths, seconds, out=natural, where=seconds > 0.0)
-        rates: Ints = np.rint(np.minimum(speed / natural, FASTEST) * self._natural_rate).astype(np.int64)
+        rates: Ints = np.rint(np.clip(speed / natural, SLOWEST, FASTEST) * self._natural_rate).astype(np.int64)
         return rates
 
 

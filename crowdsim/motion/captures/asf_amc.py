@@ -48,14 +48,15 @@ def parse_amc(path: Path) -> RawMotion:
         raise MotionError(f"{path}: no such capture file")
     skeleton = _skeleton_path(path)
     bones, children, degrees = _parse_asf(skeleton)
-    root, values = _parse_amc(path, bones)
+    root, values, marked = _parse_amc(path, bones)
     names = ["root"]
     parents = [-1]
     _walk(children, "root", 0, names, parents, skeleton)
     require_unique(names)
-    scale = np.pi / 180.0 if degrees else 1.0
-    rotations = [_root_rotations(bones["root"], root[:, 3:] * scale, scale)]
-    rotations += [_rotations(bones[name], values[name] * scale, scale) for name in names[1:]]
+    # Units of the axes of bones and of the angles of frames [rad]; the skeleton's holds unless the motion has its own.
+    scale, unit = (np.pi / 180.0 if of else 1.0 for of in (degrees, degrees or marked))
+    rotations = [_root_rotations(bones["root"], root[:, 3:] * unit, scale)]
+    rotations += [_rotations(bones[name], values[name] * unit, scale) for name in names[1:]]
     # A joint is at the end of its parent's bone; children of the root are at the root.
     offsets = [np.zeros(3) if parent <= 0 else bones[names[parent]].offset for parent in parents]
     ends = [index for index in range(1, len(names)) if index not in parents]
@@ -172,13 +173,18 @@ def _bone(place: str, words: dict[str, list[str]]) -> _Bone:
     return _Bone(words["name"][0], direction * length, axis, order, turns)
 
 
-def _parse_amc(path: Path, bones: dict[str, _Bone]) -> tuple[Floats, dict[str, Floats]]:
-    """Return the root's values (F, 6), place first, then turns in file order, and the angles (F, n) of each bone."""
+def _parse_amc(path: Path, bones: dict[str, _Bone]) -> tuple[Floats, dict[str, Floats], bool]:
+    """Return the root's values (F, 6), the angles (F, n) of each bone, and True if the file says that it has degrees.
+
+    Of the root's values its place comes first, then its turns in file order.
+    """
+    degrees = False
     frames: list[dict[str, Floats]] = []
     for place, words in _lines(path):
         if words[0].startswith(":"):
             if words[0].upper() == ":RADIANS":
                 raise MotionError(f"{place}: angles in radians are not supported; convert them to degrees")
+            degrees = degrees or words[0].upper() == ":DEGREES"
             continue
         if len(words) == 1 and words[0].isdigit():
             if int(words[0]) != len(frames) + 1 or len(frames) >= _MOST_FRAMES:
@@ -207,7 +213,7 @@ def _parse_amc(path: Path, bones: dict[str, _Bone]) -> tuple[Floats, dict[str, F
         result[name] = np.array(given) if given else np.zeros((len(frames), len(bone.turns)))
     order = bones["root"].turns
     columns = [order.index(f"T{axis}") for axis in "XYZ"] + [i for i, turn in enumerate(order) if turn[0] == "R"]
-    return result.pop("root")[:, columns], result
+    return result.pop("root")[:, columns], result, degrees
 
 
 def _walk(

@@ -11,7 +11,7 @@ from crowdsim.geometry.elementary import cos, sin
 from crowdsim.motion.clips.clearance import joint_flesh
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import Floats, end_positions, forward_kinematics
-from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.motion.clips.skeleton import below_hips
 from crowdsim.motion.clips.tracks import track_of
 
 _TIP = 0.03
@@ -50,15 +50,6 @@ def body_capsules(clip: Clip, first: int, last: int) -> Capsules:
         [c * offset[..., 0] + s * offset[..., 1], c * offset[..., 1] - s * offset[..., 0], axes[..., 2]],
         axis=-1,
     )
-    below = _below_hips(skeleton)
+    below = below_hips(skeleton)
     legs = below[[parent for parent, _ in bones] + list(skeleton.end_parents)]
     return Capsules(relative, np.array(radii), legs)
-
-
-def _below_hips(skeleton: Skeleton) -> NDArray[np.bool_]:
-    """Return (J,): True for hip joints and all joints below them."""
-    hips = {skeleton.roles[role] for role in ("left_hip", "right_hip") if role in skeleton.roles}
-    below = np.zeros(skeleton.joint_count, np.bool_)
-    for joint, parent in enumerate(skeleton.parents):
-        below[joint] = joint in hips or (parent >= 0 and below[parent])
-    return below

@@ -16,7 +16,7 @@ from crowdsim.constants import CAPTURE_RATE
 from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import Floats, end_positions
-from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.motion.clips.skeleton import Skeleton, below_hips
 from crowdsim.motion.clips.tracks import track_of
 
 _HEEL = 0.06
@@ -101,7 +101,7 @@ def frame_reaches(
     offset, height, flesh, owner = found.offset, found.height, found.flesh, found.owner
     reach = np.abs(offset) + flesh
     result = np.zeros((len(reach), len(bands)))
-    legs = _below_hips(clip.skeleton)[owner]
+    legs = below_hips(clip.skeleton)[owner]
     for k, (low, high) in enumerate(bands):
         inside = (height + flesh >= low) & (height - flesh <= high)
         if k == 0 and len(bands) > 1:
@@ -116,15 +116,6 @@ def frame_spreads(clip: Clip) -> Floats:
     away = points[..., :2] - track_of(clip)[:, None, :2]
     spreads: Floats = np.max(hypot(away[..., 0], away[..., 1]) + flesh, axis=1)
     return spreads
-
-
-def _below_hips(skeleton: Skeleton) -> NDArray[np.bool_]:
-    """Return (J,): True for hip joints and all joints below them."""
-    legs = {skeleton.joint("left_hip"), skeleton.joint("right_hip")}
-    for joint, parent in enumerate(skeleton.parents):
-        if int(parent) in legs:
-            legs.add(joint)
-    return np.isin(np.arange(skeleton.joint_count), sorted(legs))
 
 
 def measure_turning(clip: Clip, bands: Sequence[tuple[float, float]], back: bool) -> Floats:

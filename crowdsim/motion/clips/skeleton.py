@@ -78,3 +78,12 @@ class Skeleton:
             raise MotionError(
                 f"the skeleton has no joint for '{role}'; its joints are {', '.join(self.names)}"
             ) from None
+
+
+def below_hips(skeleton: Skeleton) -> NDArray[np.bool_]:
+    """Return (J,): True for hip joints and all joints below them."""
+    hips = {skeleton.roles[role] for role in ("left_hip", "right_hip") if role in skeleton.roles}
+    below = np.zeros(skeleton.joint_count, np.bool_)
+    for joint, parent in enumerate(skeleton.parents):
+        below[joint] = joint in hips or (parent >= 0 and below[parent])
+    return below

@@ -13,6 +13,7 @@ import math
 
 from crowdsim.geometry.elementary_kernels import acos, atan2, cos_sin
 from crowdsim.jit import helper
+from crowdsim.motion.clips.skeleton import HEEL_BACK
 from crowdsim.motion.deformed.spline_kernels import span_of, value_at, weights_of
 
 # Columns of the samples of a track: place [m], heading of the hips [rad], phase [cycles], stride as a multiple of the
@@ -24,8 +25,6 @@ COLUMNS = 8
 THIGH, SHANK, FOOT_LENGTH, ANKLE_HEIGHT, BALL_HEIGHT = range(5)
 """Columns of the bones of a model; the length of a foot is that from ankle to ball."""
 
-HEEL_BACK = 0.055
-"""Distance from the ankle joint back to the end of the heel [m]."""
 REACH = 0.9965
 """Largest share of its length to which a leg stretches. Below 1, so that knees do not lock and snap."""
 SOLE_DOWN = 0.125

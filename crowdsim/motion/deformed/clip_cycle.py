@@ -15,13 +15,12 @@ from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import Floats
 from crowdsim.motion.clips.tracks import track_of
+from crowdsim.motion.deformed.phase_kernels import BOTH_FEET
 from crowdsim.motion.graph.foot_contacts import feet_of, planted_steps, runs
 
 SAMPLES = 64
 """Samples of a cycle, at equal steps of the phase."""
 
-_BOTH_FEET = 0.1
-"""Phase after a landing at which the other foot lifts."""
 _SHORTEST, _LONGEST = 0.5, 3.5
 """Shortest and longest cycle [s]."""
 _GAP = 3
@@ -89,7 +88,7 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
     phases, frames = [0.0, 0.5, 1.0], [begin, middle, end]
     # Warp the lift-offs to their phases, too, unless one is too near to a landing: frames there would be stretched far.
     if begin + _GAP <= right_lift <= middle - 2 * _GAP and middle + _GAP <= left_lift <= end - 2 * _GAP:
-        phases, frames = [0.0, _BOTH_FEET, 0.5, 0.5 + _BOTH_FEET, 1.0], [begin, right_lift, middle, left_lift, end]
+        phases, frames = [0.0, BOTH_FEET, 0.5, 0.5 + BOTH_FEET, 1.0], [begin, right_lift, middle, left_lift, end]
     times = np.interp(np.arange(SAMPLES + 1) / SAMPLES, phases, frames)
     placed = np.stack([np.interp(times, np.arange(len(track)), column) for column in track.T], axis=1)
     way = placed[-1, :2] - placed[0, :2]

@@ -16,7 +16,7 @@ from crowdsim.geometry.elementary import atan2, cos, hypot, sin
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import Floats, about_axis, conjugate, forward_kinematics, multiply, rotate
 from crowdsim.motion.clips.skeleton import Skeleton
-from crowdsim.motion.deformed.body_kernels import ANKLE_HEIGHT, FOOT_LENGTH, SHANK, THIGH
+from crowdsim.motion.deformed.body_kernels import ANKLE_HEIGHT, FOOT_LENGTH, SHANK, SOLE_DOWN, THIGH
 from crowdsim.motion.deformed.clip_cycle import SAMPLES, Cycle, find_cycle
 from crowdsim.motion.deformed.leg_frames import foot_shape, leg_turns, mean_rotation
 
@@ -37,8 +37,6 @@ _MOST_IN, _MOST_OUT = 0.1, 0.3
 """Largest angles at which feet point inward and outward [rad]."""
 _STRAIGHT = 0.03
 """Pitch below which a foot on the floor counts as flat [rad]."""
-_SOLE_DOWN = 0.125
-"""Phase after landing at which the whole sole is on the floor."""
 _HEEL_UNTIL, _BALL_FROM = 0.2, 0.25
 """Phase after landing until which a foot may stand on its heel, and from which it may stand on its ball."""
 _QUICKEST = 1.3
@@ -313,8 +311,8 @@ def _settled(pitch: Floats) -> Floats:
     flat[rows] = np.minimum.accumulate(flat[rows])
     rows = np.flatnonzero(phase <= _HEEL_UNTIL)
     flat[rows] = np.minimum.accumulate(flat[rows])
-    # The pitch on the heel fades out until _SOLE_DOWN, from which the sole is exactly flat.
-    flat *= np.where(early, np.clip((_SOLE_DOWN - phase) / (0.5 * _SOLE_DOWN), 0.0, 1.0), 1.0)
+    # The pitch on the heel fades out until SOLE_DOWN, from which the sole is exactly flat.
+    flat *= np.where(early, np.clip((SOLE_DOWN - phase) / (0.5 * SOLE_DOWN), 0.0, 1.0), 1.0)
     flat[-1] = flat[0]
     return flat
 

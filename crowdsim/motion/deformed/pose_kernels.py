@@ -11,11 +11,11 @@ import math
 
 from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.jit import helper, kernel
+from crowdsim.motion.clips.skeleton import HEEL_BACK
 from crowdsim.motion.deformed.body_kernels import (
     AHEAD,
     ANKLE_HEIGHT,
     FOOT_LENGTH,
-    HEEL_BACK,
     PHASE,
     REACH,
     SHANK,

@@ -121,7 +121,6 @@ def _supports(plan: Plan) -> tuple[Floats, Floats]:
         bodies[step.side] = step.body
         spread = float(hypot(*(bodies[0] - bodies[1])[:2]))
         knots.append((min(0.5 * (step.land + next_lift), step.land + 5.0), spread))
-    knots.append((knots[-1][0] + 8.0, knots[-1][1]))
     apart = np.interp(frames, [t for t, _ in knots], [v for _, v in knots])
     return side, apart
 

@@ -114,7 +114,7 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
     for k in range(costs.size):
         if turned[k] and (turned[j] or since == run):
             narrow = max(narrow, costs[k])
-    return max(0.0, (narrow - costs[i]) * run - 2.0 * terms[CHANGE_COST])
+    return max(0.0, (narrow - costs[i]) * run - 2.0 * terms[CHANGE_COST] * costs[costs.size - 1])
 
 
 @helper

@@ -79,6 +79,11 @@ def test_removed_characters_are_gone_and_do_not_come(locomotion: str, tmp_path: 
     with Simulation(load_scenario(tmp_path / "removed.yaml")) as again:
         with again.run(tmp_path / "removed.h5") as recording:
             assert (recording.summary["removed"], recording.summary["not_added"]) == (2, 0)
+            # Agent 0 was in the world, agent 2 had yet to come.
+            times = recording.agent_times
+            assert times.removed.tolist() == [True, False, False, False, False, False]
+            assert np.isnan(times.arrived).tolist() == [True, False, True, False, False, False]
+            assert times.until_share(100) == np.nanmax(times.arrived)
         assert again.state_hash == wanted
 
 

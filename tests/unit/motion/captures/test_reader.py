@@ -213,6 +213,20 @@ def test_a_small_amc_file_is_read(tmp_path: Path) -> None:
     # All of the leg swings; the other hangs.
     ankle = clip.joint_positions[:, clip.skeleton.joint("left_ankle")] - clip.joint_positions[:, 0]
     assert np.ptp(ankle[:, 0]) > 0.2
+
+
+def test_angles_of_an_amc_file_are_in_its_own_unit_if_it_names_one(tmp_path: Path) -> None:
+    """Axes of bones stay in the unit of the skeleton."""
+    frames = "".join(f"{f}\nroot 0 16 {f / 10} 0 0 0\nlfemur {30 - abs(f - 30)} 0 0\n" for f in range(1, 61))
+    in_degrees = read_clip(write_amc(tmp_path, ":DEGREES\n" + frames))
+    text = (tmp_path / "x.asf").read_text().replace("angle deg", "angle rad")
+    of_both = read_clip(write_amc(tmp_path, ":DEGREES\n" + frames, text))
+    assert np.allclose(of_both.joint_positions, in_degrees.joint_positions)
+    radians = "".join(
+        f"{f}\nroot 0 16 {f / 10} 0 0 0\nlfemur {np.radians(30 - abs(f - 30))} 0 0\n" for f in range(1, 61)
+    )
+    of_skeleton = read_clip(write_amc(tmp_path, radians, text))
+    assert np.allclose(of_skeleton.joint_positions, in_degrees.joint_positions)
     other = clip.joint_positions[:, clip.skeleton.joint("right_ankle")] - clip.joint_positions[:, 0]
     assert np.ptp(other, axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
 
