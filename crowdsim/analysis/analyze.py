@@ -24,6 +24,7 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.recording.reader import Recording
 from crowdsim.yamlfile.messages import nearest
 
+# Results of tracks and places, and results of what was measured in areas, which is done once for both of them.
 _DIRECT: dict[str, Callable[[Tracks, Places], Result]] = {
     "evacuation": measure_evacuation,
     "groups": measure_groups,

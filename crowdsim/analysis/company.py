@@ -23,13 +23,13 @@ APART = 1e4
 """Distance between two frames in the tree of all positions [m]: farther than any floor is long."""
 
 BIN = 0.05
-"""Width of the bars of distances [m]."""
+"""Width of the bars in the histogram of distances [m]."""
 
 Floats = NDArray[np.float64]
 
 
 def measure_distances(tracks: Tracks, _: Places) -> Result:
-    """Return the distances from each agent to the nearest other one, center to center."""
+    """Return the distances from each agent to the nearest other one, in all frames, center to center."""
     name, title = "distances", "Distance to the nearest other agent"
     found = nearest_distances(
         tracks.table["frame"].to_numpy(), tracks.table[["x", "y"]].to_numpy(), tracks.recording.header.ends
@@ -50,6 +50,7 @@ def measure_distances(tracks: Tracks, _: Places) -> Result:
         f"The nearest other is {values['median']:.2f} m away (median), {values['least']:.2f} m at least, by centers.",
         f"Zones of {HALL_SOURCE}: {bounds}.",
     )
+    # Distances of more than some 8 m are not drawn.
     edges = np.arange(0.0, min(float(known.max()), 8.0) + 2.0 * BIN, BIN)
     counts = np.histogram(known, edges)[0]
     table = pandas.DataFrame({"from": edges[:-1], "to": edges[1:], "count": counts})
@@ -84,22 +85,24 @@ def nearest_distances(frame: NDArray[np.int64], places: Floats, ends: Ends | Non
         return np.full(len(frame), np.inf)
     # One tree for all frames, each in a plane of its own.
     points = np.column_stack([places, APART * frame.astype(np.float64)])
+    # On a periodic floor, each position also counts one length of the floor before and behind.
     others = [points]
     if ends is not None:
         for sign in (-1.0, 1.0):
             beyond = points.copy()
             beyond[:, ends.axis] += sign * (ends.high - ends.low)
             others.append(beyond)
+    # The nearest of two is the row itself. The bound leaves out other frames, which are farther.
     found, _ = cKDTree(np.concatenate(others)).query(points, k=2, distance_upper_bound=0.5 * APART)
     return np.asarray(found[:, 1], np.float64)
 
 
 def measure_behaviors(tracks: Tracks, places: Places) -> Result:
-    """Return the share of each behavior in the time that agents move, on the whole floor and by area."""
+    """Return the share of each behavior in the time of all agents, on the whole floor and by area."""
     name, title = "behaviors", "Behaviors by place"
     header, table = tracks.recording.header, tracks.table
     names = [behavior.name for behavior in header.behaviors]
-    moving = table[table["speed"] >= 0.0]
+    moving = table[table["speed"] >= 0.0]  # not those without a speed, tracks of a single frame
     positions = moving[["x", "y"]].to_numpy()
     where = {"whole floor": np.ones(len(moving), np.bool_)}
     where |= {area: shapely.contains_xy(place.shape, positions) for area, place in places.areas.items()}

@@ -35,6 +35,7 @@ LEAST_VORONOI = 0.6
 """Density below which the classic method counts [1/m2]: Voronoi cells of thin crowds reach far beyond the area."""
 
 LEVELS = "ABCDEF"
+"""Fruin's levels of service, from the most space for each person to the least."""
 
 
 class Measured(NamedTuple):
@@ -44,7 +45,8 @@ class Measured(NamedTuple):
     ----------
     table : pandas.DataFrame
         A row for each area and frame in which it is not empty: area, time [s], density_classic, density_voronoi,
-        density [1/m2], speed_classic, speed_voronoi, speed [m/s].
+        density [1/m2], speed_classic, speed_voronoi, speed [m/s]. The classic density is that of centers in the area;
+        density and speed are classic below LEAST_VORONOI, else of Voronoi cells.
     frames : int
         Number of frames that were looked at, also those in which all areas were empty.
     sentences : tuple of str
@@ -68,6 +70,7 @@ def measure_areas(tracks: Tracks, places: Places, voronoi_rate: float = VORONOI_
     if tracks.trajectory is None or not usable:
         return Measured(empty, 0, (*sentences, "Nobody was in an area."))
     every = max(1, round(tracks.rate / voronoi_rate))
+    # Measure frames in which an area is not empty, one in `every`, and fewer if too many people are in them.
     frames = np.arange(0, tracks.frames, every)
     rows = tracks.table[tracks.table["frame"] % every == 0]
     inside = np.zeros(len(rows), np.bool_)
@@ -77,7 +80,7 @@ def measure_areas(tracks: Tracks, places: Places, voronoi_rate: float = VORONOI_
     if not len(busy):
         return Measured(empty, len(frames), (*sentences, "Nobody was in an area."))
     rows = rows[rows["frame"].isin(busy)]
-    thinned = -(-len(rows) // MOST_VORONOI_ROWS)
+    thinned = -(-len(rows) // MOST_VORONOI_ROWS)  # rounded up
     if thinned > 1:
         busy, frames = busy[::thinned], frames[::thinned]
         rows = rows[rows["frame"].isin(busy)]
@@ -115,7 +118,7 @@ def _usable(tracks: Tracks, places: Places) -> tuple[dict[str, pedpy.Measurement
 
 
 def _cells(tracks: Tracks, part: pedpy.TrajectoryData) -> pandas.DataFrame:
-    """Return PedPy's Voronoi cells of everybody on the part of the floor that PedPy knows."""
+    """Return PedPy's Voronoi cells of all agents on the part of the floor that PedPy knows, see ``Tracks.walkable``."""
     on_floor = shapely.contains_xy(tracks.walkable, part.data[["x", "y"]].to_numpy())
     known = pedpy.TrajectoryData(part.data.loc[on_floor, ["id", "frame", "x", "y"]], frame_rate=part.frame_rate)
     return pedpy.compute_individual_voronoi_polygons(traj_data=known, walkable_area=pedpy.WalkableArea(tracks.walkable))
@@ -129,14 +132,17 @@ def _measure(
     speeds: pandas.DataFrame,
     cells: pandas.DataFrame,
 ) -> pandas.DataFrame:
-    """Measure one area in the frames in which it is not empty."""
+    """Measure one area in the frames in which it is not empty; return its rows of :class:`Measured`.
+
+    ``part`` holds the tracks in the frames to measure, ``speeds`` PedPy's speeds there, ``cells`` the Voronoi cells.
+    """
     table = pedpy.compute_classic_density(traj_data=part, measurement_area=area)
     table = table[table["density"] > 0.0].rename(columns={"density": "density_classic"})
     mean = pedpy.compute_mean_speed_per_frame(traj_data=part, individual_speed=speeds, measurement_area=area)
     table = table.merge(mean.rename(columns={"speed": "speed_classic"}), on="frame", how="left")
     if len(cells):
         density, shares = pedpy.compute_voronoi_density(individual_voronoi_data=cells, measurement_area=area)
-        shares = shares[shares["intersection"].notna()]
+        shares = shares[shares["intersection"].notna()]  # cells that reach into the area
         speed = pedpy.compute_voronoi_speed(
             traj_data=part, individual_speed=speeds, individual_voronoi_intersection=shares, measurement_area=area
         )
@@ -203,7 +209,10 @@ def _in_words(speed: float) -> str:
 
 
 def _by_density(rows: pandas.DataFrame) -> list[dict[str, Any]]:
-    """Return count and quantiles of the speed by density, in steps of 0.25 /m2, with the measured band."""
+    """Return count and quantiles of the speed by density, in steps of 0.25 /m2, with the measured band of people.
+
+    ``rows`` are those of one area. Densities below the first step count as it, those of no known speed not at all.
+    """
     density, least, most = np.array(ONE_WAY_SPEEDS).T
     steps = np.maximum(np.round(rows["density"].to_numpy() / 0.25), 1.0) * 0.25
     found = []
@@ -227,7 +236,7 @@ def _by_density(rows: pandas.DataFrame) -> list[dict[str, Any]]:
 
 
 def levels_of_service(measured: Measured, _: Tracks) -> Result:
-    """Return how long each area is on each level of service, as people in it see it."""
+    """Return the share of each level of service in the time that people spend in each area."""
     name, title = "service", "Level of service"
     table = measured.table
     if not len(table):
@@ -263,9 +272,10 @@ def levels_of_service(measured: Measured, _: Tracks) -> Result:
 
 
 def level_shares(density: NDArray[np.float64], service: ServiceTable) -> dict[str, float]:
-    """Return the share of each level; each density [1/m2] weighs as many people as it has."""
+    """Return the share of each level over densities (n,) [1/m2] of one area; each counts as often as it has people."""
     with np.errstate(divide="ignore"):
         space = 1.0 / density
+    # Negated, the least areas ascend, as searchsorted needs; A, number 0, has at least the first of them.
     level = np.searchsorted(-np.array(service.least_areas), -space, side="left")
     weights = np.bincount(level, density, minlength=len(LEVELS))
     return dict(zip(LEVELS, (weights / weights.sum()).tolist(), strict=True))

@@ -23,8 +23,11 @@ WIDE, HIGH = 7.2, 3.8
 
 
 def panels(figure: Figure, rows: int = 1, names_beside: bool = False) -> list[Axes]:
-    """Return the axes of a figure of ``rows`` panels, one above the other, for numbers on both axes."""
-    tall = HIGH if rows == 1 else 2.7 * rows
+    """Return the axes of a figure of ``rows`` panels, one above the other.
+
+    With ``names_beside``, the layout makes room for words beside the vertical axis; else both axes show numbers.
+    """
+    tall = HIGH if rows == 1 else 2.7 * rows  # [inch]
     figure.set_size_inches(WIDE, tall)
     if not names_beside:
         # Fixed margins [inch]: a layout that measures all texts takes longer than drawing.
@@ -39,7 +42,7 @@ def panels(figure: Figure, rows: int = 1, names_beside: bool = False) -> list[Ax
 
 
 def color(number: int) -> str:
-    """Return a color for one of several things."""
+    """Return a color for one of several things, by its number; after the last color comes the first."""
     return COLORS[number % len(COLORS)]
 
 
@@ -47,6 +50,7 @@ def floor_panels(figure: Figure, walkable: shapely.Geometry, count: int) -> list
     """Return ``count`` panels that show the floor from above: side by side, or above each other if it is wide."""
     low_x, low_y, high_x, high_y = walkable.bounds
     wide, high = max(high_x - low_x, 1e-6), max(high_y - low_y, 1e-6)
+    # `each` and `tall` are the size of a panel [inch], as the shape of the floor, but neither flat nor higher than 6.
     rows = count if wide > 1.3 * high else 1
     each = 7.2 if rows > 1 or count == 1 else 4.2
     tall = min(max(each * high / wide, 1.4), 6.0)
@@ -69,6 +73,6 @@ def outline(axes: Axes, walkable: shapely.Geometry, places: Places) -> None:
 
 
 def legend(axes: Axes) -> None:
-    """Show a legend, unless it would have no entry or too many."""
+    """Show a legend, unless it would have no entry or too many for a panel."""
     if 0 < len(axes.get_legend_handles_labels()[0]) <= 12:
         axes.legend(frameon=False, fontsize="small")

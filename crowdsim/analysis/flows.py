@@ -41,6 +41,7 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
         band = flow_band(width)
         flow = flow_of(times)
         intervals[line_name] = _intervals(tracks, line, crossings)
+        # `band` and `measured_flow_per_m` are flows of people through bottlenecks as wide as this line.
         values[line_name] = {
             "passages": len(times),
             "first": float(times[0]) if len(times) else None,
@@ -88,6 +89,7 @@ def crossing_frames(tracks: Tracks, line: LineString) -> pandas.DataFrame:
     """Return PedPy's crossing frames of a line: id and frame, in order of frames; of each id only the first."""
     if tracks.trajectory is None:
         return pandas.DataFrame({"id": np.zeros(0, np.int64), "frame": np.zeros(0, np.int64)})
+    # PedPy's lines have two points: take a longer one piece by piece.
     found = []
     for ends in itertools.pairwise(shapely.get_coordinates(line)):
         piece = pedpy.MeasurementLine([tuple(point) for point in ends])
@@ -99,12 +101,16 @@ def crossing_frames(tracks: Tracks, line: LineString) -> pandas.DataFrame:
 
 
 def _intervals(tracks: Tracks, line: LineString, crossings: pandas.DataFrame) -> pandas.DataFrame:
-    """Return PedPy's flow in intervals of WINDOW: the time of their middle [s] and the flow for each meter."""
+    """Return PedPy's flow in intervals of WINDOW: the time of their middle [s] and the flow for each meter [1/(m s)].
+
+    It is empty if fewer than two agents pass, or no part of the line is free floor.
+    """
     empty = pandas.DataFrame({"time": [], "flow_per_m": []})
     width = _free_width(tracks, line)
     if len(crossings) < 2 or width <= 0.0:
         return empty
     frames = np.arange(int(tracks.table["frame"].min()), int(tracks.table["frame"].max()) + 1)
+    # PedPy's N-t, how many have passed up to each frame, of these crossings: its own would count those at other times.
     passed = np.searchsorted(np.sort(crossings["frame"].to_numpy()), frames, side="right")
     nt = pandas.DataFrame({"frame": frames, "cumulative_pedestrians": passed, "time": frames / tracks.rate})
     window = max(1, round(WINDOW * tracks.rate))
@@ -131,6 +137,7 @@ def _free_width(tracks: Tracks, line: LineString) -> float:
 
 
 def _agents(tracks: Tracks, crossings: pandas.DataFrame) -> NDArray[np.int64]:
+    """Return the agent of each crossing, which names the stretch of a track by its id."""
     agents: NDArray[np.int64] = crossings.merge(tracks.table[["id", "frame", "agent"]], on=["id", "frame"], how="left")[
         "agent"
     ].to_numpy()

@@ -19,7 +19,7 @@ SLOW = 0.2
 """Speed below which an agent waits [m/s]."""
 
 LEAST_WAY = 1.0
-"""Straight way below which there is no detour [m]."""
+"""Straight way below which no detour is computed [m]: an agent that comes back to its start has an infinite one."""
 
 Floats = NDArray[np.float64]
 
@@ -54,6 +54,7 @@ def measure_evacuation(tracks: Tracks, _: Places) -> Result:
     if stayed:
         who = ", ".join(f"{count} of {group}" for group, count in stayed.items())
         sentences.append(f"Who has not: {who}.")
+    # The curve falls by one at each arrival; the last point is the end of the run.
     steps = np.concatenate([[0.0], arrived, [max(recording.duration, float(arrived[-1]) if len(arrived) else 0.0)]])
     remaining = np.concatenate([[len(came)], len(came) - np.arange(1, len(arrived) + 1), [len(left)]])
     table = pandas.DataFrame({"time": steps, "not_arrived": remaining})
@@ -110,13 +111,18 @@ _MEASURED = {"travel_time": "travel time [s]", "way": "way [m]", "detour": "deto
 
 
 def characters(tracks: Tracks) -> pandas.DataFrame:
-    """Return a row for each agent that came: agent, group, entered, arrived, travel_time, way, detour, waiting."""
+    """Return a row for each agent that came: agent, group, entered, arrived, travel_time, way, detour, waiting.
+
+    Times are in seconds and ways in meters; detour is the way divided by the straight line between its ends. All ends
+    with the arrival; nan for what is unknown.
+    """
     recording, table = tracks.recording, tracks.table
     times = recording.agent_times
     came = np.flatnonzero(~np.isnan(times.entered))
     agent, x, y = (table[column].to_numpy() for column in ("agent", "x", "y"))
     until = np.where(np.isnan(times.arrived), np.inf, times.arrived)[agent]
     before = tracks.time(table["frame"].to_numpy()) <= until + 1e-9
+    # Displacements between rows that follow each other count if both are of one agent, before its arrival.
     same = agent[1:] == agent[:-1]
     moved = [np.diff(along) for along in (x, y)]
     ends = recording.header.ends
@@ -126,6 +132,7 @@ def characters(tracks: Tracks) -> pandas.DataFrame:
     count = recording.agent_count
 
     def total(values: Floats) -> Floats:
+        """Return the sum of displacements' values by agent."""
         return np.bincount(agent[1:][counted], values[counted], minlength=count).astype(np.float64)
 
     way, straight = total(np.hypot(*moved)), np.hypot(total(moved[0]), total(moved[1]))

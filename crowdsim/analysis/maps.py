@@ -19,7 +19,7 @@ CELL = 0.5
 """Side of a cell of the maps by default [m]."""
 
 MOST_CELLS = 6_000
-"""Number of cells above which they are larger."""
+"""Number of cells of side CELL above which larger ones are taken."""
 
 MOST_FRAMES = 400
 """Number of frames that maps of density and speed are means of, at most."""
@@ -34,11 +34,12 @@ def measure_maps(tracks: Tracks, places: Places) -> Result:
         return Result(name, title, {}, ("Nobody was present: there is nothing to measure.",))
     floor = pedpy.AxisAlignedMeasurementArea(*tracks.recording.walkable().bounds)
     low_x, low_y, high_x, high_y = floor.bounds
+    # A whole multiple of CELL with which at most about MOST_CELLS cover the floor.
     cell = CELL * max(1.0, float(np.ceil(np.sqrt((high_x - low_x) * (high_y - low_y) / (CELL * CELL) / MOST_CELLS))))
     count = tracks.frames
     every = max(-(-count // MOST_FRAMES), 1)
     rows = tracks.table[tracks.table["frame"] % every == 0]
-    if not len(rows):
+    if not len(rows):  # nobody was there in these frames, but in others
         every, rows = 1, tracks.table
     grid = {"grid_size": cell, "axis_aligned_measurement_area": floor}
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -49,6 +50,8 @@ def measure_maps(tracks: Tracks, places: Places) -> Result:
         speeds = pedpy.compute_speed_profile(
             data=moving[["id", "frame", "x", "y", "speed"]], speed_method=pedpy.SpeedMethod.MEAN, **grid
         )
+    # PedPy gives a map for each frame in which there is anyone; the mean counts empty frames too. Speeds are nan where
+    # a cell is empty.
     density = np.sum(present, axis=0) / len(range(0, count, every))
     known = np.isfinite(speeds).sum(axis=0) if len(speeds) else np.zeros(density.shape, np.int64)
     total = np.nansum(speeds, axis=0) if len(speeds) else np.zeros(density.shape)
@@ -64,6 +67,7 @@ def measure_maps(tracks: Tracks, places: Places) -> Result:
         f"Cells of {cell:g} m. Density is the mean over the whole run, {density.max():.2f} /m2 at most; speed is the "
         "mean over the moments in which the cell is not empty; the time is the last of these (RSET map).",
     )
+    # Centers of cells. PedPy's bins begin at the lower left corner, and its first row is the uppermost one.
     rows_down, columns = density.shape
     x = low_x + cell * (np.arange(columns) + 0.5)
     y = low_y + cell * (rows_down - 0.5 - np.arange(rows_down))
@@ -78,7 +82,6 @@ def measure_maps(tracks: Tracks, places: Places) -> Result:
         }
     )
     table = table[(table.density > 0.0) | table["last"].notna()]
-    # PedPy's bins begin at the lower left corner, and its first row is the uppermost one.
     extent = (low_x, low_x + cell * columns, low_y, low_y + cell * rows_down)
     shown = (
         ("mean density [1/m²]", np.where(density > 0.0, density, np.nan), "viridis"),

@@ -1,4 +1,4 @@
-"""The door to PedPy, which is optional: importing this module without it says how to install it."""
+"""Import PedPy and pandas for all of the analysis: they are optional; without them this says how to install them."""
 
 from __future__ import annotations
 

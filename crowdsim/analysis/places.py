@@ -49,11 +49,15 @@ def places_of(header: RecordingHeader, lines: Sequence[str] = (), areas: Sequenc
 
 
 def _of_scenario(record: ShapeRecord) -> Place:
+    """Return an area or line of the scenario, as the recording's header holds it: WKT, and times [s]."""
     return Place(shapely.from_wkt(record.shape), record.start, record.end)
 
 
 def _read(text: str, option: str, known: dict[str, Place]) -> tuple[str, list[tuple[float, float]]]:
-    """Return name and corners [m] of a place given on the command line as ``name=x0,y0,x1,y1,...``."""
+    """Return name and corners [m] of a place given on the command line as ``name=x0,y0,x1,y1,...``.
+
+    ``option`` is that of the command line, for messages; names of ``known`` places are refused.
+    """
     name, equals, numbers = text.partition("=")
     name = name.strip()
     try:
@@ -68,7 +72,7 @@ def _read(text: str, option: str, known: dict[str, Place]) -> tuple[str, list[tu
 
 
 def _area(text: str, points: list[tuple[float, float]]) -> Polygon:
-    """Return the polygon of corners; two are opposite ones of a rectangle."""
+    """Return the polygon of corners [m]; two are opposite ones of a rectangle. ``text`` is for messages."""
     if len(points) == 2:
         (x0, y0), (x1, y1) = points
         shape = shapely.box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))

@@ -61,6 +61,7 @@ def _write_text(file: Path, text: str) -> None:
 
 
 def _new_figure() -> Figure:
+    """Return an empty figure, imported here as matplotlib is slow to import."""
     from matplotlib.figure import Figure
 
     return Figure(dpi=110, layout="constrained")
@@ -112,7 +113,7 @@ def _page(analysis: Analysis) -> str:
 
 
 def sentences(analysis: Analysis) -> list[tuple[str, str]]:
-    """Return rows (title, sentence) for a terminal."""
+    """Return rows (title, sentence) for a terminal; a title stands before the first sentence of a result only."""
     rows: list[tuple[str, str]] = [("note", note) for note in analysis.tracks.notes]
     for result in analysis.results:
         for number, text in enumerate(result.sentences):

@@ -52,7 +52,7 @@ class Result:
     name, title : str
         Name, also of its files, and heading.
     values : dict
-        Figures for programs; None where there is none.
+        Figures for programs; None stands for a figure that is unknown.
     sentences : tuple of str
         The same for readers, and why something is missing.
     table : pandas.DataFrame or None
@@ -70,5 +70,5 @@ class Result:
 
 
 def polygons_of(shape: shapely.Geometry) -> list[Polygon]:
-    """Return the polygons of a shape."""
+    """Return the polygons of a shape, without lines, points and polygons of no area."""
     return [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon" and part.area > 0.0]

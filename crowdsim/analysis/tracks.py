@@ -35,8 +35,9 @@ class Tracks(NamedTuple):
     rate : int
         Frames per second [1/s].
     table : pandas.DataFrame
-        Columns id, frame, x, y, agent, state and behavior (codes), speed; in order of id and frame. An id is a stretch
-        of an agent's track without a gap: an agent that crosses the ends of a periodic floor begins a new one.
+        Columns id, frame, x, y [m], agent, state (AgentState), behavior (its number in the header), speed [m/s]; in
+        order of id and frame. An id is a stretch of an agent's track without a gap: an agent that crosses the ends of
+        a periodic floor begins a new one.
     trajectory : pedpy.TrajectoryData or None
         The same for PedPy; None if nobody is present.
     speeds : pandas.DataFrame
@@ -57,7 +58,7 @@ class Tracks(NamedTuple):
 
     @property
     def frames(self) -> int:
-        """Return the number of frames."""
+        """Return the number of frames of the whole recording, rounded up: the first step is frame 0."""
         return -(-self.recording.steps * self.rate // self.recording.steps_per_second)
 
     def time(self, frame: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -138,16 +139,17 @@ def _usual_rate(recording: Recording) -> int:
     """Return the largest divisor of the recorded rate up to RATE with which there are at most MOST_ROWS rows."""
     steps = recording.steps_per_second
     rates = [steps // every for every in range(1, steps + 1) if steps % every == 0 and steps // every <= RATE]
-    most = recording.steps * max(recording.most_present, 1)
+    most = recording.steps * max(recording.most_present, 1)  # rows at the recorded rate, if all were always present
     return next((rate for rate in rates if most * rate // steps <= MOST_ROWS), rates[-1])
 
 
 def _stretches(
     rows: TrackRows, x: NDArray[np.float64], y: NDArray[np.float64], order: NDArray[np.int64], ends: Ends | None
 ) -> NDArray[np.int64]:
-    """Return a number for each stretch of a track, in ``order`` of agents and frames.
+    """Return a number for each row, that of its stretch of a track, in ``order`` of agents and frames.
 
-    If no track has a gap or crosses the ends of a periodic floor, it is the number of the agent.
+    ``x`` and ``y`` (R,) are positions of ``rows`` [m]. A stretch ends if frames are missing, or if an agent jumps
+    across the ends of a periodic floor. If none does, the numbers are those of the agents.
     """
     agent, frame = rows.agent[order], rows.frame[order]
     if not len(agent):

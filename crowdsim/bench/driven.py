@@ -80,6 +80,7 @@ def compare(level: str, agents: int, steps: int) -> Cost:
         pipes.append(mine)
     for pipe in pipes:
         pipe.recv()  # it is ready
+    # Both take a step in turn and send the hash of their state, which must be the same.
     for step in range(_first(level) + steps):
         hashes = []
         for pipe in pipes:
@@ -87,7 +88,7 @@ def compare(level: str, agents: int, steps: int) -> Cost:
             hashes.append(pipe.recv())
         if hashes[0] != hashes[1]:
             raise CrowdSimError(f"step {step} differs between a run and a driven simulation of the same agents")
-    took: list[float] = [*pipes[0].recv(), *pipes[1].recv()]
+    took: list[float] = [*pipes[0].recv(), *pipes[1].recv()]  # in the order of Cost [s]
     for child in children:
         child.join()
     return Cost(*(1e3 * seconds / steps for seconds in took))
@@ -99,6 +100,7 @@ def simulate_run(level: str, agents: int, steps: int, turns: Connection) -> None
     began = 0.0
 
     def take_turns(step: int, _: int, simulation: Simulation) -> None:
+        """Send the hash after each step and wait for the next turn; the clock starts after the first steps."""
         nonlocal began
         if step == first:
             began = time.process_time()
@@ -138,4 +140,5 @@ def read_columns(simulation: Simulation) -> float:
 
 
 def _first(level: str) -> int:
+    """Return the number of steps before those that are compared."""
     return round(FIRST * _LEVELS[level])

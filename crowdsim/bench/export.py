@@ -30,7 +30,7 @@ _CHANGES = [
 
 
 class Case(NamedTuple):
-    """A format with the package it needs, a rate, and limits in MB and seconds."""
+    """A format with the package it needs, a rate [1/s] (None: that of the recording), and limits in MB and seconds."""
 
     kind: str
     most_mb: float
@@ -64,7 +64,7 @@ def measure() -> Measurement:
         with Simulation(load_scenario("plaza", _CHANGES)) as simulation:
             simulation.run(folder / "run.h5").close()
         with Recording.open(folder / "run.h5") as recording:
-            recording.poses(0)
+            recording.poses(0)  # so that its kernels are loaded
             for number, (what, case) in enumerate(CASES.items()):
                 if case.needs is None or importlib.util.find_spec(case.needs) is not None:
                     rows.append({"format": what, **_row(recording, folder / f"{number}", case)})
@@ -78,6 +78,7 @@ def measure() -> Measurement:
 
 def _row(recording: Recording, stem: Path, case: Case) -> dict[str, float]:
     """Return MB and seconds of a format, at its second export: the first one loads modules."""
+    # The first export, of half a second, loads modules; the second one is measured.
     seconds = 0.0
     file = stem if case.kind == "bvh" else stem.with_suffix(f".{case.kind}")
     for end in (0.5, None):

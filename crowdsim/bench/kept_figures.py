@@ -59,6 +59,7 @@ def keep_figures(result: BenchResult, folder: Path) -> Path:
 
 def machine_name(result: BenchResult) -> str:
     """Return a name of the machine for files: its processor and the number of cores in use."""
+    # Without trade marks, clock rate and filler words.
     processor = re.sub(r"\((r|tm)\)|@.*|\b(cpu|processor)\b", " ", str(result.machine["processor"]).lower())
     words = re.findall(r"[a-z0-9]+", processor)
     return "-".join([*words, str(result.machine["cores"]), "cores"])

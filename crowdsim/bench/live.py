@@ -76,6 +76,7 @@ def _watched(level: str, rate: int, seconds: float, agents: int) -> dict[str, An
             simulation.step()
         begun: list[float] = []
         with Server(live_page("hall"), pack_opening(simulation), "127.0.0.1", 0) as server:
+            # It ends some seconds after the client has begun to watch.
             session = Session(simulation, server, lambda: time.perf_counter() > begun[0] + seconds)
             server.ask = session.ask
             mine, its = multiprocessing.get_context("spawn").Pipe()
@@ -88,6 +89,7 @@ def _watched(level: str, rate: int, seconds: float, agents: int) -> dict[str, An
         clicks = mine.recv()
         client.join()
     steps, milliseconds = np.array(clicks["steps"]), np.array(clicks["milliseconds"])
+    # There is a picture after each step, and one before the first.
     return {
         "locomotion": level,
         "agents": agents,
@@ -137,6 +139,7 @@ class _Clicks:
         self.steps: list[int] = []
         self.milliseconds: list[float] = []
         self._draws = np.random.default_rng(1)
+        # Steps of the last picture, of the picture seen at the last click, and of that in which the click takes effect.
         self._seen = self._sent = -1
         self._waits: int | None = None
         self._began, self._next = 0.0, time.perf_counter() + BETWEEN_CLICKS
@@ -150,7 +153,7 @@ class _Clicks:
                 self.milliseconds.append(1e3 * (now - self._began))
                 self._waits, self._next = None, now + BETWEEN_CLICKS
         elif isinstance(message, str) and (answer := json.loads(message))["kind"] == "answer":
-            # A refusal has no step: places in the cart are refused. Others are carried out in the step named.
+            # The answer names the step in which the request is carried out; a refusal does not, and is clicked again.
             if answer["ok"]:
                 self._waits = int(answer["step"])
                 self.steps.append(self._waits - self._sent)
@@ -158,6 +161,7 @@ class _Clicks:
                 self._next = now
         if now < self._next or self._seen < 0:
             return None
+        # Another place below the cart; the next click has to wait for the answer.
         self._sent, self._began, self._next = self._seen, now, np.inf
         goal = [float(self._draws.uniform(1.0, 39.0)), float(self._draws.uniform(2.0, 12.0))]
         agent = int(self._draws.integers(self._agents))

@@ -86,6 +86,7 @@ def measure() -> Measurement:
 
 
 def _seconds(arguments: list[str]) -> float:
+    """Return how long Python takes with ``arguments``, from start to end [s]."""
     begin = time.perf_counter()
     _child(arguments)
     return time.perf_counter() - begin

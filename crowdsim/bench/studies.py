@@ -104,6 +104,7 @@ def _kill(folder: Path, points: int, kills: int) -> int:
     draw, done = random.Random(_SEED), 0
     command = [sys.executable, "-m", "crowdsim", *_sweep("killed", points)]
     for left in range(kills, 0, -1):
+        # Let a random number of points be done, at most an even share for each kill left, and then some time pass.
         found = _done(folder)
         wanted = found + draw.randint(0, max((points - found) // left, 0))
         running = subprocess.Popen(
@@ -112,7 +113,7 @@ def _kill(folder: Path, points: int, kills: int) -> int:
         until = time.monotonic() + _MOST_SECONDS
         while running.poll() is None and _done(folder) < wanted and time.monotonic() < until:
             time.sleep(0.05)
-        # Beyond the last wanted point, anywhere in the start of the program or in the next points.
+        # Seconds: so the kill comes anywhere in the start of the program or in the next points.
         time.sleep(draw.uniform(0.0, 3.0))
         done += running.poll() is None
         os.killpg(running.pid, signal.SIGKILL)
@@ -121,4 +122,5 @@ def _kill(folder: Path, points: int, kills: int) -> int:
 
 
 def _done(folder: Path) -> int:
+    """Return the number of points that the sweep in ``folder/killed`` has done."""
     return len(list(folder.glob("killed/points/*.json")))

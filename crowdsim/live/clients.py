@@ -20,7 +20,7 @@ class Client:
         self.lost = 0
 
     def put(self, kind: str, message: str) -> None:
-        """Replace the message of a kind."""
+        """Put a message that waits, in place of one of its kind (things or state): only the last one counts."""
         self._messages[kind] = message
         self._something.set()
 
@@ -52,7 +52,7 @@ class Audience:
         self._picture: bytes | None = None
 
     def join(self) -> Client:
-        """Return a new page, for which the present moment waits."""
+        """Return a new page, for which the last things, state and picture wait already."""
         client = Client(self._last["things"], self._last["state"], self._picture)
         self.clients.add(client)
         return client
@@ -62,7 +62,7 @@ class Audience:
         self.clients.discard(client)
 
     def tell(self, kind: str, message: str) -> None:
-        """Give all pages a message of a kind."""
+        """Give all pages a message of a kind, things or state."""
         self._last[kind] = message
         for client in self.clients:
             client.put(kind, message)

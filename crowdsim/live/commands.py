@@ -19,6 +19,7 @@ from crowdsim.live.requests import (
 _WALL_NAME = "drawn wall"
 _WALL_TOP = 2.5
 _WALL_THICKNESS = 0.12
+"""Height and thickness of walls that are drawn [m]."""
 
 
 def command(simulation: Simulation, request: Request) -> str:
@@ -74,7 +75,7 @@ def _given(simulation: Simulation, request: Request) -> str:
 
 
 def _free_name(simulation: Simulation) -> str:
-    """Return a name that no obstacle of the run has had."""
+    """Return a name for a drawn wall that no obstacle has or has had, as events and commands name things by it."""
     taken = {movable.name for movable, _ in simulation.movables()}
     taken |= {obstacle.name for obstacle in simulation.scenario.obstacles}
     taken |= {command.subject for command in simulation.commands if command.changes_place}

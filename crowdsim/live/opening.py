@@ -21,7 +21,10 @@ LONGEST_KEPT = 60.0
 
 
 def pack_opening(simulation: Simulation) -> bytes:
-    """Return everything that the viewer shows of a simulation before its first step, compressed."""
+    """Return everything that the viewer shows of a simulation before its first step, compressed.
+
+    The viewer is that of exported pages, so all that a page holds is here too, even if empty: there are no steps yet.
+    """
     header, block = simulation.header, Block()
     motion, count = header.motion, header.agents.count
     bounds = pack_scenery(block, header)

@@ -31,12 +31,16 @@ _ALWAYS = (
 )
 
 Columns = tuple[tuple[str, str], ...]
+"""Name and numpy type of each column."""
 
 
 def picture_columns(motion: MotionRecord) -> Columns:
-    """Return name and type of each column of a picture, those of the largest type first."""
+    """Return name and type of each column of a picture, those of the largest type first.
+
+    In this order each column begins at a multiple of the size of its type, as the arrays of JavaScript need.
+    """
     columns = [*_ALWAYS, *(_CAPTURED if len(motion.node_names) else ()), *(_STEERED if motion.gaits else ())]
-    if len(motion.node_names) > np.iinfo(np.int16).max:
+    if len(motion.node_names) > np.iinfo(np.int16).max:  # int16 cannot number the nodes
         columns = [(name, "int32" if kind == "int16" else kind) for name, kind in columns]
     return tuple(sorted(columns, key=lambda column: -np.dtype(column[1]).itemsize))
 
@@ -54,12 +58,13 @@ def picture(step: int, frame: RecordedFrame, columns: Columns) -> bytes:
 
 
 def _turns(headings: NDArray[Any]) -> NDArray[np.int64]:
+    """Return headings [rad] as whole numbers from 0 to TURN - 1."""
     units = np.rint(headings.astype(np.float64) * (TURN / (2.0 * np.pi))).astype(np.int64)
     return np.mod(units, TURN)
 
 
 def things(simulation: Simulation) -> list[dict[str, Any]]:
-    """Return what may move, come and go, as JSON can hold it: outlines, triangles and lines of those that are there."""
+    """Return doors and movable obstacles, as JSON can hold them: outlines, triangles and lines of those present."""
     doors = {door.name for door in simulation.scenario.doors}
     return [_thing(movable, placing, movable.name in doors) for movable, placing in simulation.movables()]
 
@@ -74,6 +79,7 @@ def _thing(movable: Movable, placing: Placing | None, door: bool) -> dict[str, A
         for solid in movable.solids
     ]
     mesh = solids_mesh(solids)
+    # The footprint is placed already, so it is moved no more: the map is the identity.
     outline = placed(movable.footprint(placing), (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)).convex_hull
     thing["top"] = max((solid.top for solid in solids), default=0.0)
     thing["outline"] = np.round(np.array(getattr(outline, "exterior", outline).coords), 3).tolist()

@@ -117,7 +117,7 @@ class Server:
             self._loop.run_until_complete(self._serve())
         finally:
             self._loop.close()
-            self._ready.set()
+            self._ready.set()  # also if it failed, as the other thread waits for it
 
     async def _serve(self) -> None:
         """Serve on the port until the end; note why if that is not possible."""
@@ -140,6 +140,7 @@ class Server:
             self._port,
             process_request=self._answer_http,
             compression=None,  # pictures differ from step to step
+            # Buffers are small: `_send` soon waits for a slow page, and its Client drops pictures instead.
             max_size=MOST_BYTES,
             max_queue=4,
             write_limit=65_536,
@@ -150,11 +151,16 @@ class Server:
         )
 
     def _stop(self) -> None:
+        """End serving, in the server's thread; nothing has to end if it never began."""
         if self._end is not None:
             self._end.set()
 
     def _answer_http(self, connection: ServerConnection, request: HttpRequest) -> Response | None:
-        """Return a plain answer; None lets the WebSocket open."""
+        """Return a plain answer, the page or a refusal; None lets the WebSocket open.
+
+        Other sites must not lead a browser here, so Host, and for the WebSocket Origin, must be this server's. A
+        stranger who was not given the address lacks the token.
+        """
         parts = urlsplit(request.path)
         token = parse_qs(parts.query).get("token", [""])[-1]
         if not self._is_served(_header(request, "Host")):
@@ -197,6 +203,7 @@ class Server:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     async def _send(self, connection: ServerConnection, client: Client) -> None:
+        """Send a page the opening, then what waits for it, until it has gone."""
         with contextlib.suppress(ConnectionClosed):
             await connection.send(self._opening)
             while True:
@@ -228,7 +235,7 @@ def _header(request: HttpRequest, name: str) -> str:
 
 
 def _page(content: bytes) -> Response:
-    """Return an answer with the page; browsers are to keep no copy of it."""
+    """Return an answer with the page; browsers are to keep no copy, nor tell others the address with the token."""
     headers = Headers(
         {
             "Content-Type": "text/html; charset=utf-8",

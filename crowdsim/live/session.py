@@ -90,7 +90,8 @@ class Session:
     def step_until_stopped(self, output: Path | None) -> None:
         """Take steps until the session is stopped, and record it if ``output`` is given and a step was taken."""
         try:
-            # A recording holds at least one step, so it begins with the first of them.
+            # A recording holds at least one step, so it begins with the first of them: that is waited for here, and
+            # `run`, which asks `until` before each step, is told to go on at once.
             if not self._wait(self.simulation):
                 first = [False]
                 recording = self.simulation.run(output, until=lambda each: first.pop() if first else self._wait(each))
@@ -115,8 +116,8 @@ class Session:
         self._publish()
         now = time.perf_counter()
         if self._due is not None:
+            # A step has been taken since it was due. The next one is due a period later, from now on if time was lost.
             self.steps += 1
-            # The step was begun when it was due; the next one is due now.
             self._due += self._period
             self.late += now > self._due
             if now > self._due + _LOST:
@@ -130,6 +131,7 @@ class Session:
                 self._due = time.perf_counter()
             self._publish_state()
             wait = _LOOK if self._due is None else min(self._due - time.perf_counter(), _LOOK)
+            # Requests that wait go first; without any, a step that is due is taken.
             if not self._carry_out_one(max(wait, 0.0)) and self._due is not None and time.perf_counter() >= self._due:
                 self._single = False
                 return False
@@ -137,6 +139,7 @@ class Session:
 
     @property
     def _period(self) -> float:
+        """Return the time from step to step [s]."""
         return 1.0 / (self.simulation.scenario.steps_per_second * self._speed)
 
     def _carry_out_one(self, wait: float) -> bool:

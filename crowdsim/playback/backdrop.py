@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+# Constants of OpenGL, which VTK does not name in Python: COLOR_BUFFER_BIT | DEPTH_BUFFER_BIT, READ_FRAMEBUFFER and
+# DRAW_FRAMEBUFFER, NEAREST (depths cannot be interpolated), SCISSOR_TEST.
 _COLOR_AND_DEPTH = 0x4000 | 0x0100
 _READ, _DRAW = 0x8CA8, 0x8CA9
 _NEAREST = 0x2600
@@ -35,6 +37,7 @@ class Backdrop:
         self._kept.SetContext(self._window)
         state = self._window.GetState()
         state.PushFramebufferBindings()
+        # 3 is VTK_UNSIGNED_CHAR. The two True ask for textures and for depths, False for no stencil.
         one_color, of_bytes, samples = 1, 3, 0
         self._kept.PopulateFramebuffer(
             self._size[0], self._size[1], True, one_color, of_bytes, True, _DEPTH_BITS, samples, False
@@ -46,6 +49,7 @@ class Backdrop:
         for prop in still:
             prop.SetVisibility(False)
         self._window.SetFrameBlitModeToNoBlit()  # nobody looks at the window itself
+        # Do not clear what `lay` has copied before a picture is drawn.
         renderer.SetPreserveColorBuffer(True)
         renderer.SetPreserveDepthBuffer(True)
 
@@ -62,6 +66,7 @@ class Backdrop:
         """Copy color and depth of one frame buffer to another."""
         state = self._window.GetState()
         state.PushFramebufferBindings()
+        # The scissor test would limit the copy to the rectangle of the last renderer.
         state.vtkglDisable(_SCISSOR)
         source.Bind(_READ)
         source.ActivateReadBuffer(0)

@@ -63,13 +63,14 @@ class BodyMesh:
     def place(
         self, positions: ArrayLike, rotations: ArrayLike, builds: ArrayLike | None = None
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return vertices and normals (A, V, 3) of bodies with joint positions (A, J, 3) and rotations (A, J, 4).
+        """Return vertices [m] and unit normals (A, V, 3) of A bodies with joint positions and rotations.
 
-        ``builds`` (A, 2) holds stature and girth, see :func:`~crowdsim.playback.bodies.builds.builds_of`;
-        by default, bodies are as the skeleton is.
+        ``positions`` (A, J, 3) [m] and ``rotations`` (A, J, 4), unit quaternions (w, x, y, z), are those of joints in
+        the world. ``builds`` (A, 2) holds stature and girth, see
+        :func:`~crowdsim.playback.bodies.builds.builds_of`; by default, bodies are as the skeleton is.
         """
         places, weights, directions = self._by_joint
-        joints = len(weights)
+        joints = len(weights)  # later joints move no vertex
         positions = np.asarray(positions, np.float32)[:, :joints]
         count = len(positions)
         # Each coordinate of a vertex is a sum over joints of weighted places times the joint's turn, and of its shifts:
@@ -89,10 +90,13 @@ class BodyMesh:
 
     @cached_property
     def _by_joint(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """Return weighted places (3J, V), weights (J, V) and weighted normals (3J, V); 0 where none is followed."""
+        """Return weighted places (3J, V), weights (J, V) and weighted normals (3J, V).
+
+        J is the number of joints up to the last that moves a vertex; all is 0 for joints that a vertex does not follow.
+        """
         joints = int(self.joints.max()) + 1
         vertex = np.arange(self.vertex_count)
-        spread = np.zeros((joints, 7, self.vertex_count), np.float32)
+        spread = np.zeros((joints, 7, self.vertex_count), np.float32)  # 7: place, weight, normal
         for slot in (0, 1):
             weight = self.weights[:, slot, None]
             each = np.concatenate([weight * self.places[:, slot], weight, weight * self.normals[:, slot]], axis=1)
@@ -102,7 +106,7 @@ class BodyMesh:
 
 
 def _matrices(q: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
+    """Return rotation matrices (..., 3, 3) of unit quaternions (..., 4), which are (w, x, y, z)."""
     w, x, y, z = np.moveaxis(q, -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -17,9 +17,13 @@ FIELD_OF_VIEW = 28.0
 """Angle from the lower to the upper edge of the picture [degrees]."""
 
 _MARGIN = 1.04
+"""How much larger a picture is than what has to be in it."""
 _PERSON_HEIGHT = 1.85
+"""Height up to which a picture shows what is on the floor [m]: that of a tall person."""
 _FOLLOW_DISTANCE = 6.5
+"""Distance of the camera from the agent that it follows [m]."""
 _FOLLOW_SECONDS = 0.8
+"""Time before and after a moment over which the position of a followed agent is smoothed [s]."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,7 @@ def place_camera(recording: Recording, view: str, aspect: float, time: float, ag
     if view == "top":
         return _plan(corners, np.array([0.0, 1.0, 0.0]) if wide else np.array([-1.0, 0.0, 0.0]), aspect)
     # The long side of the floor runs across the picture; the longer the hall, the more the camera looks from its side.
+    # Azimuth and elevation, as seen from the floor: at -90 degrees the camera would look along y.
     slender = max(high_x - low_x, high_y - low_y) / max(min(high_x - low_x, high_y - low_y), 1e-9)
     turn = np.radians(-62.0 if slender < 2.5 else -80.0) + (0.0 if wide else np.pi / 2)
     lift = np.radians(38.0)
@@ -80,6 +85,7 @@ def tallest_person(recording: Recording, camera: Camera, height: int) -> float:
     """Return how tall a person on the floor is at most in a picture of ``height`` pixels [pixels]."""
     if camera.half_height is not None:
         return float(_PERSON_HEIGHT / (2.0 * camera.half_height) * height)
+    # In perspective, nobody is nearer to the eye than the nearest point of the box around the floor.
     low_x, low_y, high_x, high_y = shapely.from_wkt(recording.header.floor).bounds
     nearest = np.clip(camera.eye, [low_x, low_y, 0.0], [high_x, high_y, _PERSON_HEIGHT])
     distance = max(float(np.linalg.norm(camera.eye - nearest)), 0.1)
@@ -87,23 +93,33 @@ def tallest_person(recording: Recording, camera: Camera, height: int) -> float:
 
 
 def _plan(corners: Floats, up: Floats, aspect: float) -> Camera:
-    """Return a camera straight above with parallel projection, as in an architect's plan."""
-    down = np.array([0.0, 0.0, 1.0])
+    """Return a camera straight above with parallel projection, as in an architect's plan, that sees all ``corners``.
+
+    ``corners`` (n, 3) [m]; ``up`` (3,) is the direction that is up in the picture; ``aspect`` is width over height.
+    """
+    down = np.array([0.0, 0.0, 1.0])  # from the floor to the eye, which looks down along it
     right = np.cross(up, down)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     half_wide = np.max(np.abs((corners - middle) @ right))
     half_tall = np.max(np.abs((corners - middle) @ up))
+    # The height of the eye [m] does not change a parallel projection; 1.12 leaves a margin around the floor.
     return Camera(middle + 50.0 * down, middle, up, float(1.12 * max(half_tall, half_wide / aspect)))
 
 
 def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camera:
-    """Return the nearest camera along ``direction`` that sees all ``corners``; shift the target to center them."""
+    """Return the nearest camera along ``direction`` that sees all ``corners``; shift the target to center them.
+
+    ``corners`` (n, 3) [m]; ``direction`` (3,) is the unit vector from the target to the eye, ``up`` (3,) points up from
+    the floor; ``aspect`` is width over height.
+    """
     right = unit(np.cross(up, direction))
     above = np.cross(direction, right)
+    # Half width and half height of what is seen at distance 1.
     tall = np.tan(np.radians(FIELD_OF_VIEW) / 2.0) / _MARGIN
     slopes = ((right, tall * aspect), (above, tall))
     target = corners.mean(axis=0)
     distance = 0.0
+    # A shift of the target changes the distance, and the reverse: eight rounds settle both within millimeters.
     for _ in range(8):
         depth = (corners - target) @ direction
         needs = [(corners - target) @ axis / slope for axis, slope in slopes]
@@ -115,7 +131,7 @@ def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camer
 
 
 def _follow(recording: Recording, time: float, agent: int | None) -> Camera:
-    """Return a camera at a fixed distance and direction from an agent, aimed at 0.95 m above the floor."""
+    """Return a camera at a fixed distance and direction from an agent, aimed at about half its height, 0.95 m."""
     if agent is None:
         raise CrowdSimError("the view 'follow' needs the number of an agent to follow")
     if not 0 <= agent < recording.agent_count:
@@ -137,7 +153,7 @@ def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
         raise CrowdSimError(f"agent {agent} never enters the recording; follow another one")
     rate = recording.steps_per_second
     middle = float(np.clip(time * rate, stay[0], stay[1]))
-    reach = max(_FOLLOW_SECONDS * rate, 1.5)
+    reach = max(_FOLLOW_SECONDS * rate, 1.5)  # [steps]: at any rate, at least one step beside the middle
     rows = slice(max(int(middle - reach), stay[0]), min(int(middle + reach) + 1, stay[1]) + 1)
     here = recording.state[rows, agent] != AgentState.ABSENT
     if not here.any():
@@ -145,6 +161,7 @@ def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
         left = np.flatnonzero(recording.state[: rows.start, agent] != AgentState.ABSENT)
         rows, here = slice(int(left[-1]), int(left[-1]) + 1), np.ones(1, bool)
     off = np.arange(rows.start, rows.stop) - middle
+    # The least weight is not 0, so that the sum is not either.
     weights = here * np.clip(1.0 - np.abs(off) / reach, 1e-9, 1.0)
     # Moments of the offsets; these weights give the fitted line's value at offset 0, a plain mean if all coincide.
     first, second = float(weights @ off) / weights.sum(), float(weights @ (off * off)) / weights.sum()

@@ -23,11 +23,12 @@ _HAIR = np.array([[48, 36, 28], [86, 60, 38], [28, 26, 26], [142, 108, 66], [104
 _SHOES = np.array([[52, 50, 50], [92, 68, 52], [84, 86, 92]], np.uint8)
 
 _SHADES = np.array([0.0, -0.18, 0.16, -0.09, 0.26, 0.08, -0.26])
-"""How much of the shirts of agents is black, below 0, or white: they differ within the hue of their behavior."""
+"""Shares of black (below 0) or white (above 0) mixed into the shirts of agents, which share the hue of a behavior."""
 
 LEVEL_COLORS = {Level.CAPTURED: "#2f8f6b", Level.STEERED: "#d2882b"}
 """Colors of shirts that show the level of an agent."""
 _LEVELS = Level.STEERED, Level.CAPTURED
+"""In the order of ``np.where``: color if an agent is steered, color if not."""
 
 _SCALE = np.array([[38, 70, 120], [42, 140, 140], [120, 190, 90], [250, 220, 60]], np.float64)
 """Colors from the smallest value of a numeric attribute to the greatest."""
@@ -35,6 +36,7 @@ _NO_ATTRIBUTE = np.array([150, 150, 150], np.uint8)
 
 _SHADOW_SIDES = 20
 _SHADOW_HEIGHT = 0.008
+"""Height of shadows of people above the floor [m]: above the shadows of solids and below planned paths."""
 _FOOT = (0.21, 0.11)
 """Half length and half breadth of a foot's shadow [m]."""
 _SOLE = 0.03
@@ -59,6 +61,7 @@ def hex_color(text: str) -> Colors:
 
 def distinct_colors(count: int) -> Colors:
     """Return (count, 3) RGB colors whose hues are a golden angle apart, so that neighbors in the list differ most."""
+    # 0.58 is a blue. `channel` is the usual conversion of hues to RGB; 0.28 to 0.82 of full light make soft colors.
     hue = np.mod(np.arange(count) * 0.61803398875 + 0.58, 1.0)[:, None]
     channel = np.clip(np.abs(np.mod(hue * 6.0 + np.array([0.0, 4.0, 2.0]), 6.0) - 3.0) - 1.0, 0.0, 1.0)
     colors: NDArray[np.uint8] = (255.0 * (0.28 + 0.54 * channel)).astype(np.uint8)
@@ -66,7 +69,11 @@ def distinct_colors(count: int) -> Colors:
 
 
 def attribute_colors(values: NDArray[Any]) -> tuple[Colors, list[tuple[str, str]]]:
-    """Return colors (n, 3) of an attribute, and a legend of words or numbers with ``#rrggbb``; gray for no value."""
+    """Return colors (n, 3) of an attribute, and a legend of words or numbers with ``#rrggbb``; gray for no value.
+
+    ``values`` (n,) are numbers, with nan for no value, or texts, with "" for none. The legend of numbers holds the
+    least and the greatest.
+    """
     if np.issubdtype(values.dtype, np.number):
         given = values[~np.isnan(values)]
         low, high = (float(given.min()), float(given.max())) if len(given) else (0.0, 0.0)
@@ -86,7 +93,7 @@ def _hex(color: NDArray[Any]) -> str:
 
 
 def crowd_meshes(recording: Recording, color_by: str, tallest: float = np.inf) -> list[CrowdMesh]:
-    """Return the mesh of all agents; if they are many, that of the nearest ones, and that of the others.
+    """Return the mesh of all agents; if more than _MANY are present at once, a finer one of the nearest and the rest's.
 
     ``tallest`` is how tall a body is in the picture at most [pixels].
     """
@@ -121,7 +128,7 @@ def shown_by(
 
 
 def shown_agents(frame: RecordedFrame) -> NDArray[np.int64]:
-    """Return the agents that have a body in a frame."""
+    """Return the agents that have a body in a frame: present, and posed from a node of the motion graph or steered."""
     return np.flatnonzero((frame.state != AgentState.ABSENT) & ((frame.node >= 0) | frame.steered))
 
 
@@ -159,10 +166,12 @@ class CrowdMesh:
         self._behaviors = np.array([hex_color(behavior.color) for behavior in recording.header.behaviors])
         angle = 2.0 * np.pi * np.arange(_SHADOW_SIDES) / _SHADOW_SIDES
         rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        # A disc of radius 1: its middle, a ring at half the radius, and the rim.
         self._shadow = np.concatenate([np.zeros((1, 2)), 0.5 * rim, rim])
         # Three discs per agent: a wide, faint one below the body, and one below each foot.
         self.shadow_points = np.zeros((count, 3 * len(self._shadow), 3), np.float32)
         self.shadow_triangles = _repeat(_disc_triangles(), len(self._shadow), 3 * count)
+        # Nearly black (gray 20), most opaque in the middle and clear at the rim; opacities are out of 255.
         fading = np.concatenate([[1.0], np.full(_SHADOW_SIDES, 0.7), np.zeros(_SHADOW_SIDES)])
         opacity = np.concatenate([darkness * fading for darkness in (70.0, 130.0, 130.0)])
         shade = np.column_stack([np.full((len(opacity), 3), 20), opacity]).astype(np.uint8)
@@ -191,7 +200,10 @@ class CrowdMesh:
         self.colors[:count] = looks[:, self._body.tissue]
 
     def _cast_shadows(self, count: int, joints: NDArray[np.float32]) -> None:
-        """Place the shadow discs: an ellipse around each body's joints, and one along each foot."""
+        """Place the shadow discs of the first ``count`` bodies: an ellipse around its joints, and one along each foot.
+
+        ``joints`` (count, J, 3) are positions in the world [m].
+        """
         flat, size = joints[..., :2].transpose(1, 0, 2).copy(), len(self._shadow)
         low, high = flat.min(axis=0), flat.max(axis=0)
         half = 0.5 * (high - low) + _FLESH
@@ -208,12 +220,12 @@ class CrowdMesh:
             size_of = np.clip(1.0 - height / _NO_SHADOW, 0.0, 1.0)[:, None, None]
             disc = _FOOT[0] * self._shadow[None, :, :1] * along[:, None]
             disc = disc + _FOOT[1] * self._shadow[None, :, 1:] * across[:, None]
-            middle = 0.5 * (heel + ball) + 0.03 * along
+            middle = 0.5 * (heel + ball) + 0.03 * along  # towards the toes, beyond the ball
             shadows[:, number * size : (number + 1) * size, :2] = middle[:, None] + size_of * disc
 
 
 def shades_of(count: int) -> NDArray[np.float64]:
-    """Return (count,) how much of the shirt of each agent is black, below 0, or white."""
+    """Return (count,) the share of black (below 0) or white (above 0) that is mixed into the shirt of each agent."""
     return _SHADES[np.arange(count) % len(_SHADES)]
 
 
@@ -253,6 +265,7 @@ def looks_of(count: int) -> Colors:
 
 
 def _repeat(triangles: NDArray[np.int64], size: int, count: int) -> NDArray[np.int64]:
+    """Return the triangles of ``count`` copies of a mesh, whose ``size`` points each follow one after the other."""
     return (triangles[None] + size * np.arange(count)[:, None, None]).reshape(-1, 3)
 
 

@@ -90,6 +90,7 @@ def load_pyvista(interactive: bool = False) -> Any:
             "there is no display to open a window on; make a picture or a film instead ('crowdsim play FILE --shot "
             "out.png' or '--film out.mp4')"
         )
+    # VTK reads the first when it makes a window, Mesa's EGL the second: else it warns if there is no graphics card.
     if backend.window is not None:
         os.environ[_WINDOW_VARIABLE] = backend.window
     os.environ.setdefault("EGL_LOG_LEVEL", "fatal")
@@ -101,6 +102,7 @@ def load_pyvista(interactive: bool = False) -> Any:
 
 
 def _candidates() -> list[DrawingBackend]:
+    """Return the backends to test, the best first; EGL and OSMesa, which need no display, are for Linux only."""
     if not sys.platform.startswith("linux"):
         return [_DISPLAY]
     has_display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
@@ -113,6 +115,7 @@ def _probe(backend: DrawingBackend) -> str | None:
     if backend.window is not None:
         environment[_WINDOW_VARIABLE] = backend.window
     try:
+        # -P: modules in the folder of the probe must not hide others of the same name.
         done = subprocess.run(
             [sys.executable, "-P", str(_PROBE)],
             env=environment,
@@ -126,7 +129,7 @@ def _probe(backend: DrawingBackend) -> str | None:
         return f"no picture within {_PROBE_SECONDS} s"
     except OSError as error:
         return str(error)
-    if done.returncode < 0:
+    if done.returncode < 0:  # ended by a signal
         return "OpenGL crashes"
     if done.returncode > 0:
         last = done.stderr.strip().splitlines()[-1:]
@@ -155,6 +158,7 @@ def _situation() -> str:
         "__EGL",
     )
     settings = sorted((name, text) for name, text in os.environ.items() if name.startswith(prefixes))
+    # load_pyvista sets these two itself.
     settings = [(name, text) for name, text in settings if name not in (_WINDOW_VARIABLE, "EGL_LOG_LEVEL")]
     text = repr((machine, sys.executable, version("vtk"), settings))
     return hashlib.sha256(text.encode()).hexdigest()

@@ -17,7 +17,7 @@ from crowdsim.recording.reader import Recording
 from crowdsim.whole_files import whole_file
 
 _LONG = 240
-"""Number of pictures from which on a film is made of two parts."""
+"""Number of pictures from which on a film is made of two parts, also in one process: so it is the same film."""
 
 Progress = Callable[[int, int], None]
 
@@ -74,6 +74,7 @@ def film(
     parts = [part for part in (range(middle), range(middle, count)) if part]
 
     def heard(done: int) -> None:
+        """Tell the caller how many pictures are done."""
         if progress is not None:
             progress(done, count)
 
@@ -101,11 +102,11 @@ def _check(recording: Recording, fps: int, size: tuple[int, int], start: float, 
 def _drawn_here(
     recording: Recording, shooting: Shooting, parts: list[range], heard: Callable[[int], None]
 ) -> Iterator[list[Packet]]:
-    """Draw all parts in this process, one after the other; yield what is encoded."""
+    """Draw all parts in this process in turn; yield what is encoded, and tell ``heard`` how many pictures are done."""
     for part in parts:
         for done, packets in enumerate(encoded_pictures(recording, shooting, part), start=1):
             yield packets
-            if done <= len(part):
+            if done <= len(part):  # after its pictures, a part yields what was left in the encoder
                 heard(part.start + done)
 
 
@@ -115,6 +116,7 @@ def _write(path: Path, shooting: Shooting, encoded: Iterator[list[Packet]]) -> N
 
     codec = find_codec()
     with av.open(str(path), "w", format="mp4") as container:
+        # The stream encodes nothing: its settings, equal to those of the parts' encoders, make the header of the file.
         stream: Any = container.add_stream(codec, rate=shooting.fps, options=CODECS[codec])
         stream.width, stream.height = shooting.size
         stream.pix_fmt = "yuv420p"

@@ -11,7 +11,7 @@ from crowdsim.playback.surfaces import Floats, unit
 
 
 class Look(NamedTuple):
-    """How a surface gives back light: shares of that from everywhere, scattered, and mirrored with a ``power``."""
+    """How a surface gives back light (Phong): shares ambient, diffuse and specular, with the exponent ``power``."""
 
     ambient: float
     diffuse: float
@@ -45,7 +45,8 @@ def lit_colors(
 ) -> NDArray[np.uint8]:
     """Return colors (A, V, 3) of the points (A, V, 3) of bodies in the light of lamps, as VTK lights pixels (Phong).
 
-    Each body is seen from one direction.
+    ``colors`` hold 0 to 255, ``points`` are in meters, ``normals`` (A, V, 3) of length one. To be fast, each body is
+    seen from one direction, that of its first point.
     """
     ways, look = lamps.ways.astype(np.float32), lamps.look
     powers = lamps.powers.astype(np.float32)

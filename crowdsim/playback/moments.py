@@ -9,6 +9,7 @@ from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
 
 _LOOKED_AT = 200
+"""Number of steps, evenly over the recording, of which the best is chosen."""
 
 
 def telling_time(recording: Recording) -> float:
@@ -24,6 +25,7 @@ def telling_time(recording: Recording) -> float:
     for row, step in enumerate(steps.tolist()):
         moving = recording.state[step] == AgentState.MOVING
         seen = np.unique(recording.behavior[step][moving])
+        # The factor makes one behavior count more than all agents.
         score[row] = np.sum((seen >= 0) & (seen < kinds)) * (recording.agent_count + 1) + moving.sum()
     best = steps[score == score.max()]
     return float(best[len(best) // 2]) / recording.steps_per_second

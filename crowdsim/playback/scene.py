@@ -33,7 +33,7 @@ TALL = 1.1
 
 
 class _Drawn(NamedTuple):
-    """Meshes and actor of a crowd."""
+    """VTK's objects of a crowd: meshes of bodies and of their shadows, and the actor that draws the bodies."""
 
     bodies: Any
     shadows: Any
@@ -41,6 +41,7 @@ class _Drawn(NamedTuple):
 
 
 COLORINGS = ("behavior", "group", "agent", "level")
+"""What the color of shirts can show, beside attributes of the scenario."""
 
 _SKY = ("#dfe6ec", "#f7f8f9")
 _FLOOR = "#f8f5ef"
@@ -51,7 +52,7 @@ _MOVABLE = "#b9774a"
 _EDGE = "#6d7780"
 _INK = "#30363c"
 _LAMPS = ((-3.0, -4.0, 9.0), 0.55), ((5.0, 4.0, 6.0), 0.30)
-"""Where light comes from, and how much."""
+"""Direction that light comes from, in the world, and its intensity."""
 _EYE_LAMP = (-0.5, 0.6, 1.0), 0.48
 """The same, in the frame of the camera: to the right, up, back."""
 _LOOK = Look(ambient=0.45, diffuse=0.72, specular=0.08, power=12)
@@ -90,6 +91,7 @@ class Scene:
         colorings = (*COLORINGS, *recording.header.agents.attributes)
         if color_by not in colorings:
             raise CrowdSimError(f"agents cannot be colored by '{color_by}'; choose one of {', '.join(colorings)}")
+        # Graphics drivers rarely draw more than 16384 pixels along a side.
         if min(size) < 16 or max(size) * supersample > 16384:
             raise CrowdSimError(f"a picture of {size[0]}x{size[1]} cannot be drawn; choose sides of 16 to 8192 pixels")
         self._pv = load_pyvista(interactive)
@@ -103,11 +105,11 @@ class Scene:
         self.plotter = self._pv.Plotter(off_screen=not interactive, window_size=pixels, lighting="none")
         self.plotter.set_background(_SKY[1], top=_SKY[0])
         if supersample > 1:
-            self.plotter.disable_anti_aliasing()
+            self.plotter.disable_anti_aliasing()  # the mean of several pixels smooths edges
         # What is translucent lies on the floor, or is glass that is built before; blending it in order takes a quarter
         # less of the time of a picture than weighing it by depth.
         self.plotter.renderer.SetUseOIT(False)
-        self._scale = pixels[1] / 900.0
+        self._scale = pixels[1] / 900.0  # sizes of texts and lines are given for a picture 900 pixels high
         self._crowds = crowd_meshes(recording, color_by, tallest)
         self._backdrop: Backdrop | None = None
         self._still: list[Any] = []
@@ -117,6 +119,7 @@ class Scene:
         self._movable_actors: list[Any] = []
         self._light()
         self._build_place()
+        # All that a camera has to see: the place, and people in it, up to 2.5 m and 1 m beyond its edges.
         low_x, high_x, low_y, high_y, low_z, high_z = self.plotter.bounds
         self._bounds = low_x - 1.0, high_x + 1.0, low_y - 1.0, high_y + 1.0, min(low_z, 0.0), max(high_z, 2.5)
         self._drawn = [self._build_crowd(crowd) for crowd in self._crowds]
@@ -131,7 +134,7 @@ class Scene:
     def keep_still(self) -> None:
         """Draw sky, floor and opaque obstacles for the last time: the camera must not move any more.
 
-        From the next time on, bodies are lit at their corners, as VTK would do for each pixel.
+        From the next :meth:`show_time` on, bodies are lit at their corners, as VTK would do for each pixel.
         """
         self._backdrop = Backdrop(self.plotter, self._still)
         camera = self.plotter.camera
@@ -141,12 +144,15 @@ class Scene:
         places = np.array([*(place for place, _ in _LAMPS), beside_eye])
         powers = np.array([*(power for _, power in _LAMPS), _EYE_LAMP[1]])
         self._lamps = Lamps(unit(places), powers, np.array(camera.position), _LOOK)
-        for drawn in self._drawn:
+        for drawn in self._drawn:  # VTK is to draw the colors of bodies as they are written
             drawn.actor.prop.lighting = False
             drawn.actor.prop.ambient, drawn.actor.prop.diffuse = 1.0, 0.0
 
     def show_time(self, time: float) -> None:
-        """Move agents, paths and the clock to ``time`` [s]. Place the camera before: near bodies are finer."""
+        """Move agents, paths and the clock to ``time`` [s].
+
+        Place the camera before: which bodies are drawn finer depends on how near it is.
+        """
         camera = self.plotter.camera
         shown = shown_by(self._crowds, self.recording, time, camera.position, camera.focal_point)
         for crowd, drawn, agents in zip(self._crowds, self._drawn, shown, strict=True):
@@ -162,7 +168,10 @@ class Scene:
         self._clock.input = f"{time:.2f} s"
 
     def _move(self, crowd: CrowdMesh, drawn: _Drawn) -> None:
-        """Rewrite the drawn bodies and shadows of a crowd."""
+        """Rewrite the drawn bodies and shadows of a crowd.
+
+        VTK lights bodies by their normals until :meth:`keep_still`; after it, their colors are written already lit.
+        """
         for mesh, points in ((drawn.bodies, crowd.points), (drawn.shadows, crowd.shadow_points)):
             mesh.points[:] = points.reshape(-1, 3)
         if self._lamps is None:
@@ -246,6 +255,7 @@ class Scene:
         self.plotter.add_mesh(flat, scalars="colors", rgb=True, lighting=False, show_scalar_bar=False, render=False)
 
     def _draw_movables(self, movables: tuple[SolidRecord, ...]) -> None:
+        """Replace the drawn doors and obstacles that events move by ``movables``."""
         for actor in self._movable_actors:
             self.plotter.remove_actor(actor, render=False)
         self._movables = movables
@@ -309,7 +319,10 @@ class Scene:
         )
 
     def _write_legend(self, color_by: str) -> None:
-        """Write what the colors mean below left, and the scenario's name and the clock above left."""
+        """Write what the colors mean below left, and the scenario's name and the clock above left.
+
+        Sizes and places are pixels of a picture 900 pixels high, times ``_scale``; places count from its lower left.
+        """
         size = round(11 * self._scale)
         left, line = 18.0 * self._scale, 26.0 * self._scale
         legend = self._crowds[0].legend

@@ -1,4 +1,8 @@
-"""The environment of a recording as meshes: floor, solids and planned paths."""
+"""The environment of a recording as meshes: floor, solids and planned paths; all lengths and positions are in meters.
+
+What lies on the floor is drawn a few millimeters above it, each kind at a height of its own, so that one hides the
+other without flicker.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +19,7 @@ from crowdsim.playback.surfaces import Floats
 from crowdsim.recording.header import MeshRecord, PlannedPath, RecordingHeader, SolidRecord
 
 PATH_HEIGHT = 0.015
+"""Height of planned paths above the floor [m]."""
 _PATH_WIDTH = 0.045
 
 _SHADOW_REACH = 0.3
@@ -24,7 +29,10 @@ _SHADOW_HEIGHT = 0.006
 
 @dataclass(frozen=True)
 class FlatMesh:
-    """Triangles (F, 3) over points (V, 3), without shared vertices at creases; outlines as pairs of points (2L, 3)."""
+    """Triangles (F, 3) over points (V, 3) [m]; an outline of L lines as pairs of points (2L, 3).
+
+    Faces that meet at a crease do not share points, so that each is shaded flat.
+    """
 
     points: Floats
     triangles: NDArray[np.int64]
@@ -38,12 +46,12 @@ def floor_mesh(header: RecordingHeader) -> FlatMesh:
 
 
 def solids_mesh(solids: Sequence[SolidRecord]) -> FlatMesh:
-    """Return all of ``solids``, extruded from bottom to top."""
+    """Return all of ``solids``, extruded from bottom to top, without the lower faces, which no camera sees."""
     parts: list[tuple[Floats, NDArray[np.int64]]] = []
     lines: list[Floats] = []
     for solid in solids:
         for polygon in _polygons(solid.footprint, f"solid '{solid.name}'"):
-            polygon = shapely.remove_repeated_points(polygon, 1e-6)
+            polygon = shapely.remove_repeated_points(polygon, 1e-6)  # sides without length have no direction
             parts += [_cap(polygon, solid.top), *_sides(polygon, solid.bottom, solid.top)]
             lines += [
                 _ring_lines(polygon, solid.top),
@@ -115,6 +123,8 @@ def contact_shadows(solids: Sequence[SolidRecord], floor: str) -> tuple[FlatMesh
     polygons = [part for solid in standing for part in _polygons(solid.footprint, f"solid '{solid.name}'")]
     if not polygons:
         return _merge([], []), np.zeros(0)
+    # Two bands, to half of the reach and from there on: drawing interpolates darkness between points, which follows the
+    # square below more closely with a row of points in the middle.
     footprint = shapely.union_all(polygons)
     ground = shapely.union_all(_polygons(floor, "the floor"))
     rims = [
@@ -143,11 +153,11 @@ def grid_lines(header: RecordingHeader, spacing: float = 1.0) -> Floats:
     if not pieces:
         return np.empty((0, 3))
     ends = np.concatenate([np.stack([piece[:-1], piece[1:]], axis=1).reshape(-1, 2) for piece in pieces])
-    return np.column_stack([ends, np.full(len(ends), 0.004)])
+    return np.column_stack([ends, np.full(len(ends), 0.004)])  # below all shadows
 
 
 def _polygons(wkt: str, what: str) -> list[shapely.Polygon]:
-    """Return the polygons of a recorded shape; raise RecordingError if its text is damaged."""
+    """Return the polygons of a recorded shape; raise RecordingError, which names ``what``, if its text is damaged."""
     try:
         shape = shapely.from_wkt(wkt)
     except shapely.errors.ShapelyError as error:
@@ -158,7 +168,7 @@ def _polygons(wkt: str, what: str) -> list[shapely.Polygon]:
 
 
 def _cap(polygon: shapely.Polygon, height: float) -> tuple[Floats, NDArray[np.int64]]:
-    """Return points (n, 3) [m] and triangles (k, 3) that cover a polygon at a height, seen from above."""
+    """Return points (n, 3) [m] and triangles (k, 3) that cover a polygon at a height, counter-clockwise from above."""
     pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
     corners = np.array([np.asarray(piece.exterior.coords)[:3] for piece in pieces]).reshape(-1, 3, 2)
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -195,13 +205,17 @@ def _sides(polygon: shapely.Polygon, bottom: float, top: float) -> list[tuple[Fl
 
 
 def _ring_lines(polygon: shapely.Polygon, height: float) -> Floats:
+    """Return the sides of outline and holes at a height [m], as pairs of points (2L, 3)."""
     pieces = [np.stack([ring[:-1], ring[1:]], axis=1).reshape(-1, 2) for ring in _rings(polygon)]
     ends = np.concatenate(pieces)
     return np.column_stack([ends, np.full(len(ends), height)])
 
 
 def _corner_lines(polygon: shapely.Polygon, solid: SolidRecord) -> Floats:
-    """Return upright edges at which the outline turns by more than 25 degrees; round columns have none."""
+    """Return upright edges at which the outline turns by more than 25 degrees, as pairs of points (2L, 3).
+
+    Round columns, whose outlines turn by less at each of their corners, have none.
+    """
     uprights = []
     for ring in _rings(polygon):
         step = np.diff(ring, axis=0)
@@ -221,14 +235,15 @@ def _sharp_edges(corners: Floats) -> Floats:
     """
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    # Files repeat a point for each face: merge equal ones.
+    # Files repeat a point for each face: merge those that are equal to 0.1 mm.
     _, index = np.unique(np.round(corners.reshape(-1, 3), 4), axis=0, return_inverse=True)
     index = index.reshape(-1, 3)
     ends = np.stack([index, np.roll(index, -1, axis=1)], axis=2).reshape(-1, 2)
     _, edge, count = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
     edge = edge.reshape(-1)
     # Compare the normal of each triangle with that of the first one at the same edge: the absolute value of their
-    # product is the cosine of the bend, whichever way round the corners are listed.
+    # product is the cosine of the bend, whichever way round the corners are listed. Of several writes to one edge the
+    # last counts, so in reverse order the first remains. The least cosine of an edge is that of its sharpest bend.
     normal = np.repeat(normals, 3, axis=0)
     first = np.full(len(count), -1)
     first[edge[::-1]] = np.arange(len(edge))[::-1]
@@ -242,7 +257,7 @@ def _sharp_edges(corners: Floats) -> Floats:
 
 
 def _merge(parts: Sequence[tuple[Floats, NDArray[np.int64]]], lines: Sequence[Floats]) -> FlatMesh:
-    """Return parts, each points (n, 3) and triangles (t, 3), and lines as one mesh with numbers of the joint points."""
+    """Return parts, each points (n, 3) and triangles (t, 3), and lines (2L, 3) as one mesh, triangles renumbered."""
     points = np.concatenate([np.empty((0, 3)), *(points for points, _ in parts)])
     firsts = np.cumsum([0, *(len(points) for points, _ in parts)])
     triangles = [triangles + first for (_, triangles), first in zip(parts, firsts, strict=False)]

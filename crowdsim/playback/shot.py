@@ -13,6 +13,7 @@ from crowdsim.recording.reader import Recording
 from crowdsim.whole_files import whole_file
 
 _SUPERSAMPLE = 2
+"""Pixels drawn per pixel of the picture, along each side."""
 _ENDINGS = (".png", ".jpg", ".jpeg")
 
 
@@ -42,7 +43,7 @@ def shot(
     agent : int or None
         Agent to follow.
     color_by : str
-        ``behavior``, ``agent``, ``level`` (captured or steered), or the name of an attribute.
+        ``behavior``, ``group``, ``agent``, ``level`` (captured or steered), or the name of an attribute.
 
     Returns
     -------

@@ -30,7 +30,7 @@ def unit(vector: ArrayLike) -> Floats:
 
 
 def loft(centers: ArrayLike, across: ArrayLike, beside: ArrayLike, sides: int, squareness: float = 2.0) -> Surface:
-    """Return the skin over K rings, closed by a point at each end.
+    """Return the skin over K rings, closed at each end by a fan around the center of the last ring.
 
     Parameters
     ----------
@@ -44,6 +44,7 @@ def loft(centers: ArrayLike, across: ArrayLike, beside: ArrayLike, sides: int, s
         Exponent of the superellipse: 2 for an ellipse, more for a rounded box.
     """
     centers, across, beside = (np.asarray(a, np.float64) for a in (centers, across, beside))
+    # A superellipse is an ellipse whose cosine and sine are raised to 2 / exponent, with their signs kept.
     angle = 2.0 * np.pi * np.arange(sides) / sides
     c, s = (np.sign(f) * np.abs(f) ** (2.0 / squareness) for f in (np.cos(angle), np.sin(angle)))
     rings = centers[:, None] + c[:, None] * across[:, None] + s[:, None] * beside[:, None]
@@ -51,7 +52,7 @@ def loft(centers: ArrayLike, across: ArrayLike, beside: ArrayLike, sides: int, s
     count = len(centers)
     i = np.arange(sides)
     j = (i + 1) % sides
-    first, last = count * sides, count * sides + 1
+    first, last = count * sides, count * sides + 1  # the centers of the first and of the last ring
     faces = [np.stack([j, i, np.full(sides, first)], axis=1)]
     for k in range(count - 1):
         low, high = k * sides, (k + 1) * sides
@@ -63,12 +64,17 @@ def loft(centers: ArrayLike, across: ArrayLike, beside: ArrayLike, sides: int, s
 
 
 def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surface:
-    """Return a limb of circular section from ``start`` to ``end`` with ``radii`` at even distances and round ends."""
+    """Return a limb of circular section from ``start`` to ``end`` with ``radii`` at even distances and round ends.
+
+    ``start`` and ``end`` (3,) and ``radii`` (K,) [m]; ``sides`` is the number of corners of a section.
+    """
     start, end, radii = (np.asarray(a, np.float64) for a in (start, end, radii))
     along = unit(end - start)
+    # Any axis that is not nearly parallel to the limb.
     aside = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     u = unit(np.cross(aside, along))
     v = np.cross(along, u)
+    # Latitudes of the rings of a half sphere beyond each end; a shape of few corners has one ring there.
     bulge = np.radians([75.0, 45.0, 20.0] if sides > COARSE else [50.0])
     length = np.linalg.norm(end - start)
     places = [-radii[0] * np.sin(bulge), np.linspace(0.0, length, len(radii)), length + radii[-1] * np.sin(bulge[::-1])]
@@ -78,15 +84,19 @@ def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surf
 
 
 def ellipsoid(center: ArrayLike, axes: ArrayLike, sides: int) -> Surface:
-    """Return an ellipsoid with half axes ``axes`` (3, 3), one per row, right-handed."""
+    """Return an ellipsoid with half axes ``axes`` (3, 3), one per row, right-handed; its rings are around the third.
+
+    ``center`` (3,); ``sides`` is the number of corners of a ring, from which that of rings follows.
+    """
     axes = np.asarray(axes, np.float64)
+    # The poles are cut off flat at 80 degrees, as `loft` closes ends by itself.
     latitude = np.radians(np.linspace(-80.0, 80.0, max(5 if sides > COARSE else 3, sides // 2 + 1)))
     width = np.cos(latitude)[:, None]
     return loft(np.asarray(center) + np.sin(latitude)[:, None] * axes[2], width * axes[0], width * axes[1], sides)
 
 
 def vertex_normals(points: Floats, triangles: NDArray[np.int64]) -> Floats:
-    """Return unit normals (V, 3): sums of the triangles' normals, weighted by area."""
+    """Return unit normals (V, 3) of points (V, 3): sums of the normals of their triangles (F, 3), weighted by area."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     total = np.zeros_like(points)

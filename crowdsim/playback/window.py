@@ -8,6 +8,7 @@ from crowdsim.playback.scene import Scene
 from crowdsim.recording.reader import Recording
 
 _TICK_MILLISECONDS = 16
+"""Time between two pictures [ms]: about 60 a second."""
 
 
 class Player:
@@ -57,7 +58,7 @@ def window(
     size : (int, int)
         Width and height in pixels.
     color_by : str
-        ``behavior``, ``agent``, ``level`` (captured or steered), or the name of an attribute.
+        ``behavior``, ``group``, ``agent``, ``level`` (captured or steered), or the name of an attribute.
 
     Raises
     ------
@@ -78,7 +79,7 @@ def _play(scene: Scene, player: Player, view: str, agent: int | None) -> None:
     scene.show_time(0.0)
     slider = plotter.add_slider_widget(
         player.seek,
-        (0.0, max(player.duration, 1e-3)),
+        (0.0, max(player.duration, 1e-3)),  # a slider needs a range
         value=0.0,
         title="seconds",
         pointa=(0.3, 0.06),
@@ -86,7 +87,7 @@ def _play(scene: Scene, player: Player, view: str, agent: int | None) -> None:
         style="modern",
         interaction_event="always",
     )
-    shown, before = -1.0, clock.perf_counter()
+    shown, before = -1.0, clock.perf_counter()  # -1: no time of the recording, so that the first tick draws
 
     def tick(_step: int) -> None:
         """Advance by the time that has passed since the last tick; draw only if the shown time has changed."""
@@ -106,5 +107,6 @@ def _play(scene: Scene, player: Player, view: str, agent: int | None) -> None:
     plotter.add_key_event("space", player.toggle)
     plotter.add_key_event("Left", lambda: player.seek(player.time - 1.0))
     plotter.add_key_event("Right", lambda: player.seek(player.time + 1.0))
+    # As many ticks as an int holds: they last a year.
     plotter.add_timer_event(max_steps=2**31 - 1, duration=_TICK_MILLISECONDS, callback=tick)
     plotter.show(auto_close=False)

@@ -21,7 +21,7 @@ _NAME = "crowdsim-runner"
 
 
 class KeptRunner(distributed.WorkerPlugin):
-    """The runner of a worker, which keeps kernels, motion and maps between points."""
+    """Dask's plugin that makes a worker's runner, which keeps kernels, motion and maps between points."""
 
     def __init__(self, recordings: Path | None, keep: Keep) -> None:
         self._recordings, self._keep = recordings, keep
@@ -65,7 +65,7 @@ def run_points_on_dask(
                 outcome = future.result()
             except distributed.KilledWorker:
                 outcome = Outcome({}, DIED, lasting=False)
-            except Exception as error:
+            except Exception as error:  # of Dask, as errors of runs are outcomes
                 outcome = Outcome({}, f"Dask: {type(error).__name__}: {error}", lasting=False)
             yield futures[future], outcome
             future.release()
@@ -85,6 +85,7 @@ def run_here(point: Point, wanted: str) -> Outcome:
 def _client(address: str, jobs: int) -> Any:
     """Return a client of the scheduler at ``address``, or of ``jobs`` processes started here for ``local``."""
     if address == "local":
+        # Without a page that shows its work, and without its messages (50: only critical ones).
         cluster = distributed.LocalCluster(
             n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
         )

@@ -102,6 +102,7 @@ def _draw(
 
 
 def _numbers(values: Sequence[str]) -> list[float] | None:
+    """Return values as numbers; None if one is a word."""
     try:
         return [float(value) for value in values]
     except ValueError:

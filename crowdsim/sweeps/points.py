@@ -13,6 +13,7 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.scenario.loader import load_scenario
 
 MOST_POINTS = 1_000_000
+"""Largest number of points of a sweep, all of which are held in memory."""
 MOST_SEED = 2**32 - 1
 
 _OPENING, _CLOSING = "[{(", "]})"

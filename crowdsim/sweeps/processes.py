@@ -44,6 +44,7 @@ def run_points(
         while waiting or at_work:
             while waiting and len(at_work) < most:
                 _begin(waiting.popleft(), *_start(recordings, keep), at_work)
+            # A connection is ready if its process has sent an outcome, or has died.
             for ready in wait(list(at_work)):
                 assert isinstance(ready, Connection)
                 process, point = at_work.pop(ready)
@@ -58,7 +59,7 @@ def run_points(
                     else:
                         yield point, Outcome({}, DIED, lasting=False)
                     continue
-                most = jobs
+                most = jobs  # kernels are compiled now
                 if waiting:
                     _begin(waiting.popleft(), process, ready, at_work)
                 else:
@@ -93,6 +94,7 @@ def _begin(
 
 
 def _end(process: SpawnProcess, connection: Connection) -> None:
+    """Close the connection, at which a process ends by itself, and wait for it."""
     connection.close()
     process.join()
 

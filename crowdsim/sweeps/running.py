@@ -107,7 +107,7 @@ def figures_of(recording: Recording) -> dict[str, Value]:
 
 
 def _flat(values: Mapping[str, Any], prefix: str) -> list[tuple[str, Value]]:
-    """Return names with dots and values; of lists, and of reasons by agent, the number."""
+    """Return names with dots and values; of lists, and of ``unreachable``, which holds reasons by agent, the number."""
     found: list[tuple[str, Value]] = []
     for key, value in values.items():
         name = f"{prefix}{key}"

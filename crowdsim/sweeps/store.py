@@ -44,6 +44,7 @@ class Store:
         self.points, self.recordings = folder / "points", folder / "recordings"
 
     def __enter__(self) -> Self:
+        """Make the folder and lock it, and remove what processes that were killed left there."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self._lock = os.open(self.folder / ".lock", os.O_CREAT | os.O_RDWR, 0o644)
         try:
@@ -65,7 +66,7 @@ class Store:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         if not any(self.recordings.iterdir()):
             self.recordings.rmdir()
-        os.close(self._lock)
+        os.close(self._lock)  # gives the lock back
 
     def done(self, point: Point) -> Outcome | None:
         """Return what came of a point before; None if it is to be run, also if another crowdsim has run it."""

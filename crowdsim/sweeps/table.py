@@ -31,6 +31,7 @@ def table_of(rows: Sequence[Row]) -> str:
 
 
 def _text(value: Value) -> str:
+    """Return a cell of the table: floats with all their digits, nothing for None."""
     return "" if value is None else repr(value) if isinstance(value, float) else str(value)
 
 
@@ -73,4 +74,4 @@ def usual_figures(rows: Sequence[Row]) -> list[str]:
     wanted: list[str] = [name for name in ("t95", "mean_time") if name in known]
     wanted += [name for name in known if name.startswith("lines.") and name.endswith(".flow")]
     wanted += [name for name in known if name.startswith("areas.") and name.endswith((".density", ".speed"))]
-    return wanted[:6]
+    return wanted[:6]  # three lines of two panels

@@ -1,7 +1,8 @@
 """Criteria: each builds a function from the observed runs of a test to figures with their bands.
 
 ``case`` is the name of a run, ``least`` and ``most`` are the band, in the unit of the figure, ``source`` is where it is
-from; lines, areas and groups are those that the scenario names.
+from; lines, areas and groups are those that the scenario names. All times are those of the simulation. A figure that is
+unknown is nan, which is in no band.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ def all_leave(case: str, most: float, source: str, least: float = 0.0) -> Criter
 
 
 def nobody_in_walls(case: str, source: str) -> Criterion:
-    """Check that no center is off the floor and no body in a wall [m]."""
+    """Check that no center is off the floor and no body in a wall [m]; rounding may cost a millimeter."""
 
     def judge(runs: Runs) -> list[Finding]:
         run = runs[case]
@@ -93,7 +94,7 @@ def on_time(case: str, tolerance: float, source: str) -> Criterion:
 
 
 def uniform_delays(case: str, first: float, last: float, source: str) -> Criterion:
-    """Check that the drawn delays are uniform: the p-value of the Kolmogorov-Smirnov test is at least 0.05."""
+    """Check that drawn delays are uniform from ``first`` to ``last`` [s]: p of Kolmogorov-Smirnov is at least 0.05."""
 
     def judge(runs: Runs) -> list[Finding]:
         from scipy.stats import kstest
@@ -105,7 +106,7 @@ def uniform_delays(case: str, first: float, last: float, source: str) -> Criteri
 
 
 def speeds_as_drawn(case: str, begin: str, end: str, tolerance: float, source: str) -> Criterion:
-    """Check that agents walk straight from one line to another at their drawn speeds, within a tolerance."""
+    """Check that agents walk straight from one line to another at their drawn speeds, within a relative tolerance."""
 
     def judge(runs: Runs) -> list[Finding]:
         run = runs[case]
@@ -130,7 +131,10 @@ def ratio(more: str, less: str, least: float, most: float, source: str) -> Crite
 
 
 def queue_before_the_first(case: str, areas: tuple[str, str], source: str) -> Criterion:
-    """Check that more agents wait before the first of two bottlenecks: peak, and mean of the ten largest counts."""
+    """Check that more agents wait before the first of two bottlenecks: peak, and mean of the ten largest counts.
+
+    Both must be less before the second: a peak by at least 1, a mean of ten counts by at least 0.1.
+    """
 
     def judge(runs: Runs) -> list[Finding]:
         first, second = (np.sort(runs[case].measured.areas[name].count)[::-1][:10] for name in areas)
@@ -143,7 +147,7 @@ def queue_before_the_first(case: str, areas: tuple[str, str], source: str) -> Cr
 
 
 def flow(case: str, line: str, least: float, most: float, source: str) -> Criterion:
-    """Check the flow across a line [1/s]."""
+    """Check the flow across a line [1/s], between the first and the last tenth of the passages."""
     return lambda runs: [Finding(f"flow, {case}", flow_of(runs[case], line), "/s", least, most, source)]
 
 
@@ -170,7 +174,7 @@ def keeps_together(case: str, group: str, least: float, source: str) -> Criterio
 
 
 def no_more_flow_behind(case: str, lines: tuple[str, str], source: str) -> Criterion:
-    """Check that the flow at the second line does not exceed that at the first [1/s]."""
+    """Check that the flow at the second line exceeds that at the first by no more than a tolerance of 0.05 [1/s]."""
 
     def judge(runs: Runs) -> list[Finding]:
         first, second = (flow_of(runs[case], line) for line in lines)
@@ -180,7 +184,7 @@ def no_more_flow_behind(case: str, lines: tuple[str, str], source: str) -> Crite
 
 
 def flow_grows(cases: Sequence[str], line: str, source: str) -> Criterion:
-    """Check that the flow grows from case to case [1/s]: the smallest difference must be positive."""
+    """Check that the flow grows from case to case [1/s]: the smallest difference must not be below 0."""
 
     def judge(runs: Runs) -> list[Finding]:
         flows = [flow_of(runs[case], line) for case in cases]
@@ -190,7 +194,7 @@ def flow_grows(cases: Sequence[str], line: str, source: str) -> Criterion:
 
 
 def flow_per_meter(case: str, line: str, least: float, source: str) -> Criterion:
-    """Check the flow across a line, for each meter of it on the free floor [1/(m s)]."""
+    """Check the flow across a line, for each meter of it on the free floor [1/(m s)], against a lower limit."""
 
     def judge(runs: Runs) -> list[Finding]:
         value = flow_of(runs[case], line) / runs[case].measured.lines[line].width
@@ -200,7 +204,10 @@ def flow_per_meter(case: str, line: str, least: float, source: str) -> Criterion
 
 
 def times_grow(cases: Sequence[str], line: str, group: str, source: str) -> Criterion:
-    """Check that the time at which the last of a group crosses a line grows from case to case [s]: least difference."""
+    """Check that the time at which the last of a group crosses a line grows from case to case [s].
+
+    The smallest difference must not be below 0. Each time is a figure too, which fails only if an agent never crosses.
+    """
 
     def judge(runs: Runs) -> list[Finding]:
         times = np.array([float(runs[case].times_at(line, group).max()) for case in cases])
@@ -240,7 +247,7 @@ def speed_at_density(case: str, area: str, bands: Sequence[tuple[float, float, f
 
 
 def speeds_fall(cases: Sequence[str], area: str, source: str) -> Criterion:
-    """Check that the mean speed in an area falls from case to case [m/s]: the smallest fall must be positive."""
+    """Check that the mean speed in an area falls from case to case [m/s]: the smallest fall must not be below 0."""
 
     def judge(runs: Runs) -> list[Finding]:
         speeds = [runs[case].summary["areas"][area]["speed"] for case in cases]
@@ -251,7 +258,7 @@ def speeds_fall(cases: Sequence[str], area: str, source: str) -> Criterion:
 
 
 def takes_between(short: str, case: str, long: str, source: str) -> Criterion:
-    """Check that a case takes a time between those of two others [s]: the last agent, and the mean."""
+    """Check that a case takes a time between those of two others [s]: until the last agent leaves, and in the mean."""
 
     def judge(runs: Runs) -> list[Finding]:
         last = [runs[each].last for each in (short, case, long)]
@@ -278,7 +285,7 @@ def leaves_through(case: str, assigned: Mapping[str, int], source: str) -> Crite
 
 
 def both_exits(case: str, near: str, far: str, source: str) -> Criterion:
-    """Check that the far exit is used, and the near one by more agents."""
+    """Check that the far exit is used, and the near one by as many agents or more."""
 
     def judge(runs: Runs) -> list[Finding]:
         used = {name: float(runs[case].summary["exits"][name]["left"]) for name in (near, far)}
@@ -288,7 +295,10 @@ def both_exits(case: str, near: str, far: str, source: str) -> Criterion:
 
 
 def close_to_best(case: str, fixed: Sequence[str], share: float, source: str) -> Criterion:
-    """Check the time until all have left, divided by that of the best fixed split."""
+    """Check the time until all have left, divided by that of the best fixed split of agents among exits.
+
+    ``fixed`` are the cases with a fixed split; ``share`` is the greatest ratio.
+    """
 
     def judge(runs: Runs) -> list[Finding]:
         best = min(runs[split].last for split in fixed)
@@ -304,10 +314,11 @@ def flow_of(run: Observed, line: str) -> float:
 
 
 def _ratio(more: float, less: float) -> float:
+    """Return the ratio of two times; nan if one is infinite, as agents stayed, or there is none."""
     return more / less if np.isfinite(more) and np.isfinite(less) and less > 0.0 else float("nan")
 
 
 def _worst(values: NDArray[np.float64], least: float, most: float) -> float:
-    """Return the value farthest from the middle of a band; nan if any value is unknown."""
+    """Return the value (of n) farthest from the middle of a band; nan if any value is unknown."""
     off = np.abs(values - 0.5 * (least + most))
     return float("nan") if np.isnan(off).any() else float(values[int(np.argmax(off))])

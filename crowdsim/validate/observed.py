@@ -20,6 +20,7 @@ SET_OUT = 0.3
 steps aside for others."""
 
 STEPS_AT_ONCE = 100
+"""Number of steps that are read together."""
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ class Observed(NamedTuple):
     starts : (n, 2) float64
         Start positions [m].
     crossed : dict of str to (n, 2) float64
-        Position of each at its first crossing of a line [m]; nan for never.
+        Position of each in the last step before it first crosses a line [m]; nan for never.
     outside : int
         Number of positions, over all steps, that are not on the free floor.
     seconds : float
@@ -87,6 +88,8 @@ def observe(scenario: Scenario, recording: Recording, seconds: float) -> Observe
     set_out, left = np.full(cast.head_count, np.nan), np.full(cast.head_count, np.nan)
     outside, there = 0, np.zeros(cast.head_count, np.bool_)
     crossed = {name: np.full((cast.head_count, 2), np.nan) for name in recording.measured.lines}
+    # Steps of first crossings, with fractions, of which the whole part is used: the last step before the crossing.
+    # Without the rounding, a crossing at a step could come out just below it.
     steps = {
         name: rate * _first_times(line, cast.head_count).round(6) for name, line in recording.measured.lines.items()
     }

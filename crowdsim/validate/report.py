@@ -25,7 +25,7 @@ def rows_of(outcomes: Sequence[Outcome]) -> list[dict[str, str]]:
         for findings in outcome.findings:
             first = findings[0]
             values = np.array([finding.value for finding in findings])
-            known = bool(np.isfinite(values).all())
+            known = bool(np.isfinite(values).all())  # a median would hide a seed in which an agent stayed
             middle = float(np.median(values)) if known else math.nan
             cells = (_number(float(values.min())), _number(middle), _number(float(values.max())))
             passed = sum(finding.passed for finding in findings)
@@ -88,6 +88,7 @@ def as_json(outcomes: Sequence[Outcome], locomotion: str) -> dict[str, Any]:
     }
 
 
+# Of `Outcome.verdict`, in the words of the page.
 _VERDICTS = {
     "passed": "passed",
     "departs": "departs from the guideline on purpose",
@@ -150,7 +151,7 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str, page: Path) -> str
 
 
 def as_html(outcomes: Sequence[Outcome], locomotion: str, pictures: Path) -> str:
-    """Return one page that contains the pictures."""
+    """Return one page of HTML that contains the pictures, those of the folder ``pictures``, one of each test."""
     parts = [f"<h1>Validation, {html.escape(locomotion)} agents, seeds {_span(outcomes[0].seeds)}</h1>"]
     for outcome in outcomes:
         verdict = outcome.verdict
@@ -188,6 +189,7 @@ def _span(seeds: Sequence[int]) -> str:
 
 
 def _number(value: float) -> str:
+    """Return whole numbers without a point, others with three digits, and ``nan`` or ``inf``."""
     if not math.isfinite(value):
         return str(value)
     return f"{value:.0f}" if value == round(value) else f"{value:.3g}"

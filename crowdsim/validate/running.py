@@ -32,7 +32,7 @@ class Outcome(NamedTuple):
     seeds : tuple of int
         Seeds of the runs.
     findings : tuple of tuple of Finding
-        Findings of every criterion in the order of the test, one for each seed.
+        For each figure of the criteria, in the order of the test, its findings: one for each seed.
     hashes : dict of str to tuple of str
         Hashes of the final states, by case, one for each seed.
     seconds : float
@@ -87,7 +87,8 @@ def run_tests(
     """
     tasks = [(test, case, seed) for test in tests for case in test.cases for seed in seeds]
     found: dict[tuple[str, str, int], Observed] = {}
-    # Runs in processes of their own do not compete for threads and the interpreter lock.
+    # Runs in processes of their own do not compete for threads and the interpreter lock. Of each test, the first case
+    # with the first seed also draws the picture.
     with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
         waiting = {}
         for test, case, seed in tasks:
@@ -104,7 +105,7 @@ def run_tests(
 
 
 def judge(test: Test, seeds: Sequence[int], found: dict[tuple[str, str, int], Observed]) -> Outcome:
-    """Apply the criteria of a test to its observed runs."""
+    """Apply the criteria of a test to its observed runs, which ``found`` holds by names of test and case, and seed."""
     by_seed = []
     for seed in seeds:
         runs = {case.name: found[(test.name, case.name, seed)] for case in test.cases}
@@ -121,6 +122,7 @@ def load_case(case: Case, seed: int, locomotion: str) -> Scenario:
     """Return the scenario of a case, with ``locomotion`` set for all groups."""
     file = FOLDER / f"{case.scenario}.yaml"
     changes = [f"seed={seed}", *case.changes]
+    # Loaded a first time to count the groups, each of which needs a change of its own.
     groups = len(load_scenario(file, changes).agents)
     return load_scenario(file, [*changes, *(f"agents.{k}.locomotion={locomotion}" for k in range(groups))])
 

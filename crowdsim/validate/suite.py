@@ -71,7 +71,7 @@ _WIDTHS = {
 }
 """Scenario and band of the flow [1/s], by width of the bottleneck."""
 
-_AGAINST = (0, 10, 50, 100)
+_AGAINST = (0, 10, 50, 100)  # people who come towards 100 others in a corridor, as in the guideline
 
 _ONE_WAY = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 """Densities in the periodic corridor, whose floor has 52 m2 [1/m2]."""
@@ -107,21 +107,24 @@ _FILE_SOURCE = f"{RIMEA}, test 16; Seyfried et al. 2005"
 
 
 def _one_way(density: float) -> Case:
+    """Return the periodic corridor of 52 m2 at a density of people who walk one way [1/m2]."""
     return Case(f"{density:g} /m2", "rimea_04", (f"agents.0.count={round(52 * density)}",))
 
 
 def _both_ways(density: float) -> Case:
-    each = round(26 * density)
+    """Return the periodic corridor at a density [1/m2], with half of the people walking each way."""
+    each = round(26 * density)  # half of 52 m2
     return Case(f"both ways, {density:g} /m2", "rimea_04_both", (f"agents.0.count={each}", f"agents.1.count={each}"))
 
 
 def _straight(name: str, length: float) -> Case:
-    """Return the corridor of test 15 without its corner, ``length`` [m] long."""
+    """Return the corridor of test 15 without its corner, ``length`` [m] long, with the goal in the 3 m behind it."""
     floor = f"floor={{rectangle: [0, 0, {length + 3:g}, 20]}}"
     return Case(name, "rimea_15", (floor, f"agents.0.goal={{rectangle: [{length:g}, 0, {length + 3:g}, 20]}}"))
 
 
 def _ring(count: int) -> Case:
+    """Return the ring with ``count`` people, as evenly as can be in the four groups of its quarters."""
     shares = [count // 4 + (number < count % 4) for number in range(4)]
     return Case(f"{count} people", "rimea_16", tuple(f"agents.{k}.count={share}" for k, share in enumerate(shares)))
 
@@ -135,7 +138,7 @@ def _ring_band(count: int) -> tuple[float, float]:
 
 def _split(near: float) -> Case:
     """Return the room with two exits: those nearest to the near one, a share ``near`` of the people, leave there."""
-    border = 0.5 + 14.5 * near
+    border = 0.5 + 14.5 * near  # people start from x = 0.5 to 15 m, as dense on both sides of the border
     counts = round(300 * near), 300 - round(300 * near)
     starts = (0.5, border), (border, 15.0)
     settings = [f"agents.{k}.count={count}" for k, count in enumerate(counts)]
@@ -144,6 +147,7 @@ def _split(near: float) -> Case:
 
 
 def _counterflow(count: int) -> Case:
+    """Return the corridor with ``count`` people who come the other way; without any, their group has to be missing."""
     if count == 0:
         return Case("none against", "imo_08_one_way")
     return Case(f"{count} against", "imo_08_both_ways", (f"agents.1.count={count}",))

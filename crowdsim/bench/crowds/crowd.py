@@ -48,5 +48,6 @@ def measure(
                 if key not in ("agents", "density") and value is not None:
                     figures[f"{agents}_at_{density:g}_{key}"] = float(value)
         found = level_figures(levels, mixed, Path(folder))
+    # Endings of the names of those figures that are shown below the table.
     shown = ("choose_ms", "search_ms", "whole_ms", "steps_a_second", "admitted_in_second", "times_a_tenfold")
     return Measurement(rows, figures | found, ("frames_a_second", *(name for name in found if name.endswith(shown))))

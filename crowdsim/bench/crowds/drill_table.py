@@ -90,6 +90,7 @@ def _is_late(result: DrillResult, seconds: float) -> bool:
 
 
 def _walked(drill: Drill, seconds: float) -> dict[str, Any]:
+    """Return the row of a drill in which all must have arrived by some time [s]."""
     results = [run_drill(drill, seed) for seed in SEEDS]
     return _row(drill.name, [_is_late(result, seconds) for result in results], **_arrivals(results))
 
@@ -104,18 +105,21 @@ def _bottleneck(drill: Drill, width: float) -> dict[str, Any]:
 
 
 def _circle(count: int, most: float) -> dict[str, Any]:
+    """Return the row of a circle, in which all must arrive within ``most`` times the time of a single agent."""
     runs = [run_circle(count, seed) for seed in SEEDS]
     failed = [_is_late(result, most * free) for result, free in runs]
     return _row(f"circle of {count}, alone {runs[0][1]:.1f} s", failed, **_arrivals([result for result, _ in runs]))
 
 
 def _endless(density: float, both_ways: bool) -> dict[str, Any]:
+    """Return the row of an endless corridor at a density [1/m2], whose mean speed must lie in its band."""
     results = [run_endless(density, seed, both_ways=both_ways) for seed in SEEDS]
     band = (BOTH_WAYS[density], np.inf) if both_ways else ONE_WAY[density]
     return _measured(f"{'both ways' if both_ways else 'one way'} at {density:g} /m2", results, band)
 
 
 def _single_file(density: float, width: float) -> dict[str, Any]:
+    """Return the row of people in single file at a density [1/m] in a corridor of ``width`` [m]."""
     results = [run_single_file(density, width, seed) for seed in SEEDS]
     name = f"single file in {width:g} m at {density:g} /m (RiMEA 16)"
     overtaken = sum(result.overtaken for result in results)

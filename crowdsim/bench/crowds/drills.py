@@ -33,6 +33,7 @@ from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import Walls, build_walls
 
 LEG_RADIUS = 0.125
+"""Radius of bodies' capsules, and of the disc around both legs [m]."""
 
 SPEED = 1.34
 """Mean free walking speed of pedestrians [m/s] (Weidmann 1993)."""
@@ -111,7 +112,7 @@ def door(each: int, width: float) -> Drill:
 
 
 def bottleneck(width: float) -> Drill:
-    """Return 150 people before an opening 5 m long."""
+    """Return 150 people before an opening ``width`` [m] wide and 5 m long."""
     area = union_all([box(-13, -4, 0, 4), box(0, -width / 2, 5, width / 2), box(5, -4, 12, 4)])
     group = Group(150, (-11.5, -3.5, -1.5, 3.5), box(6, -3.7, 11.7, 3.7))
     return Drill(f"bottleneck of {width:g} m", area, (group,), 200.0)
@@ -148,6 +149,7 @@ def run_from(drill: Drill, state: State, *, rules: Rules | None = None, threads:
     steps = itertools.count()
 
     def guide(state: State) -> None:
+        """Renew the field of one goal if it is its turn, and guide agents along the fields that they follow."""
         following = followed[state["id"]]
         guidance.refresh_in_turn(next(steps), STEERING_RATE, state, following)
         guidance.write(state, following)
@@ -165,12 +167,13 @@ def run_circle(count: int, seed: int, *, rules: Rules | None = None, threads: in
     places = np.column_stack((state["x"], state["y"]))
 
     def guide(state: State) -> None:
+        """Guide each agent straight to the point opposite its start."""
         ahead = -places[state["id"]] - np.column_stack((state["x"], state["y"]))
         apart = np.hypot(*ahead.T)
         state["togo"] = np.where(apart < THERE, 0.0, apart)
         state["gx"], state["gy"] = (ahead / np.maximum(apart, THERE)[:, None]).T
 
-    free = (CIRCLE_SPACING * count / math.pi - THERE) / SPEED
+    free = (CIRCLE_SPACING * count / math.pi - THERE) / SPEED  # across the circle, up to THERE from the goal
     return walk(state, build_walls(np.empty((0, 4))), guide, 10.0 * free, rules, threads), free
 
 

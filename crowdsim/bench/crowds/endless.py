@@ -69,6 +69,7 @@ def walk_endless(state: NDArray[Any], length: float, width: float, rules: Rules 
 
     ``state`` is left as it is.
     """
+    # Two walls along x, longer than the copies reach.
     walls = build_walls(np.array([[-9.0, 0.0, length + 9.0, 0.0], [-9.0, width, length + 9.0, width]]))
     speeds, changes = [], []
     gone = np.zeros(len(state))
@@ -115,6 +116,7 @@ def draw_endless(density: float, seed: int, both_ways: bool) -> NDArray[Any]:
     all seeds: that of 26 random draws would vary by 0.05 m/s, as much as the lowest band is wide.
     """
     rng = np.random.default_rng(seed)
+    # Places half a meter apart along the corridor, in three rows.
     count = round(density * LENGTH * WIDTH)
     columns = round(LENGTH / 0.5)
     slots = rng.permutation(3 * columns)[:count]

@@ -139,7 +139,7 @@ def captured_row(agents: int, folder: Path) -> dict[str, Any]:
     steps per second of wall-clock time with two search threads.
     """
     scenario, cast = captured_square(agents)
-    crowd = CapturedCrowd(scenario, 2, None, cast)
+    crowd = CapturedCrowd(scenario, 2, None, cast)  # two threads search
     rate = scenario.steps_per_second
     admitted = 0
     with RecordingWriter(folder / "level.h5", crowd.header(scenario)) as writer:

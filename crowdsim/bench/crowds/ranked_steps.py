@@ -33,6 +33,7 @@ class CountedCalls:
         return time.process_time() - self._inside
 
     def __getattr__(self, name: str) -> Any:
+        """Return a method of the communicator, whose CPU time is added up."""
         called = getattr(self._comm, name)
 
         def counted(*arguments: Any, **named: Any) -> Any:
@@ -57,6 +58,7 @@ def main(scenario: str) -> None:
     marks, work, exchanged, sent = [time.perf_counter()], [comm.work()], [0.0], 0
 
     def progress(*_: Any) -> None:
+        """Note the time and the CPU time at the end of a step, and begin to add up the exchange of the next one."""
         marks.append(time.perf_counter())
         work.append(comm.work())
         exchanged.append(0.0)
@@ -71,6 +73,7 @@ def main(scenario: str) -> None:
             exchange = run.ranks.exchange
 
             def timed(*arguments: Any) -> Any:
+                """Exchange ghosts, and add the time to that of the present step."""
                 begin = time.perf_counter()
                 ghosts = exchange(*arguments)
                 exchanged[-1] += time.perf_counter() - begin

@@ -124,6 +124,7 @@ def measure(count: int = COUNT, seconds: float = 12.0, rounds: int = 3) -> Measu
     figures["step_speed_up_of_two"] = round(times[1]["step_ms"] / times[2]["step_ms"], 2)
     figures["speed_up_of_two"] = round(one / two, 2)
     figures["work_speed_up_of_two"] = round(times[1]["work_ms"] / times[2]["work_ms"], 2)
+    # With one process a step takes whole + divided, with two whole + divided / 2.
     whole = max(2.0 * two - one, 0.0)
     # What each process does again grows with the whole crowd, what the regions share stays the same.
     unknown = {
@@ -151,7 +152,10 @@ _FIGURES = ("run_ms", "work_ms", "step_ms", "exchange_ms", "sent_kb")
 
 
 def _compare(mpiexec: str, folder: str, count: int, seconds: float) -> int:
-    """Run a plaza and a street on one to MOST_RANKS processes; return how many runs have had the same states."""
+    """Run a plaza and a street on one to MOST_RANKS processes; return how many runs have had the same states.
+
+    ``count`` people have 1.2 m2 each, on a square or in a street 30 times as long as wide.
+    """
     side, wide = round(math.sqrt(1.2 * count), 1), round(math.sqrt(0.04 * count), 1)
     long = round(30.0 * wide, 1)
     both = {"seconds": seconds, "half": count // 2}

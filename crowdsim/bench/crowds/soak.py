@@ -74,6 +74,7 @@ def plaza(seconds: float) -> Scenario:
     text = path.read_text()
 
     def source(group: re.Match[str]) -> str:
+        """Return the keys of a source for those of a group whose agents come at intervals."""
         rate = 1.0 / float(group["interval"])
         return f"    rate: {rate}\n    until: {seconds - EMPTIES}\n{group['between']}"
 

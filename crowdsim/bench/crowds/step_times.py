@@ -19,7 +19,7 @@ from crowdsim.steering.walls import build_walls
 from crowdsim.steering.ways import NOBODY_ELSE, listed
 
 AGENT_STEPS = 400_000
-"""Number of agent-steps behind each median, in at least 12 and at most 200 steps."""
+"""Number of agent-steps behind each median, in at least 12 and at most 200 steps; the first three warm up only."""
 
 _STAGES = ("sort", "look", "decide", "commit")
 
@@ -84,7 +84,7 @@ def _step_times(agents: int, density: float, steps: int, threads: int) -> float:
             steering.step(state)
             times.append(time.perf_counter() - begin)
             turn_back(state, side)
-    return float(np.median(times[3:])) / agents * 1e6
+    return float(np.median(times[3:])) / agents * 1e6  # the first three steps warm up
 
 
 def _stage_times(agents: int, density: float, steps: int) -> np.ndarray:
@@ -101,8 +101,9 @@ def _stage_times(agents: int, density: float, steps: int) -> np.ndarray:
             marks.append(time.perf_counter())
             steering.decide(crowd, 0, agents, agents)
             marks.append(time.perf_counter())
+            # Nobody is captured, so no reserved ways are listed.
             steering.commit(crowd, 0, agents, listed(NOBODY_ELSE, crowd.frame, 0.0), state, agents)
             marks.append(time.perf_counter())
             times.append(np.diff(marks))
             turn_back(state, side)
-    return np.array(times[3:]) / agents * 1e6
+    return np.array(times[3:]) / agents * 1e6  # the first three steps warm up

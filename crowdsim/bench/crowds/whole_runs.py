@@ -49,7 +49,7 @@ def square_scenario(agents: int, density: float, seed: int = 1) -> str:
     text = _SCENARIO.format(seed=seed, side=side)
     ways = (("west", east, west), ("east", west, east), ("south", north, south), ("north", south, north))
     for number, (name, there, back) in enumerate(ways):
-        count = (agents + 3 - number) // 4
+        count = (agents + 3 - number) // 4  # the first quarters have one more if four do not divide the number
         left, bottom = (number % 2) * 0.5 * side, (number // 2) * 0.5 * side
         start = [
             max(left, 0.3),

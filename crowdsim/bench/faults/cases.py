@@ -129,8 +129,7 @@ def damaged_kernel(number: int) -> str:
         shutil.rmtree(folder)
     if done.returncode:
         return f"crashed: {done.returncode} {done.stderr[-200:]}"
-    # The kernel returned another number than it should.
-    if done.stdout.strip() != "3":
+    if done.stdout.strip() != "3":  # what the undamaged kernel returns
         return FAKE
     return ANEW if "CacheWarning" in done.stderr else FINE
 
@@ -142,6 +141,7 @@ def killed_run(number: int) -> str:
     file = _folder() / "killed.h5"
     child = subprocess.Popen([sys.executable, "-c", _RUN, str(file), *changes], stdout=subprocess.PIPE, text=True)
     assert child.stdout is not None
+    # The run prints the number of each step that it has done; it is killed shortly after that of a random one.
     last, wanted = 0, int(rng.integers(1, 90))
     with child.stdout as told:
         for line in told:
@@ -152,6 +152,7 @@ def killed_run(number: int) -> str:
         child.wait()
     part = part_path(file)
     try:
+        # A run that was killed leaves its .part alone, one that ended the file alone.
         if file.exists() == part.exists():
             return f"{FAKE}: {'both files' if part.exists() else 'no file'} after step {last}"
         with Recording.open(file) if file.exists() else recover(part) as recording:
@@ -194,6 +195,7 @@ def _graph() -> GraphArrays:
 
 @cache
 def _recorded(number: int) -> dict[str, tuple[Any, ...]]:
+    """Return all values of an undamaged recording."""
     path = _folder() / "whole.h5"
     path.write_bytes(_recordings()[number])
     return all_values(path)
@@ -250,6 +252,7 @@ areas:
 
 @cache
 def _folder() -> Path:
+    """Return the folder of this process for files of cases, which is removed when it ends."""
     folder = tempfile.TemporaryDirectory()
     atexit.register(folder.cleanup)
     return Path(folder.name)
@@ -257,5 +260,6 @@ def _folder() -> Path:
 
 @cache
 def _clips() -> list[bytes]:
+    """Return the four smallest built-in clips, so that cases are fast."""
     files = sorted(library_folder("behaviors").rglob("*.bvh"), key=lambda path: (path.stat().st_size, path.name))
     return [path.read_bytes() for path in files[:4]]

@@ -33,11 +33,13 @@ def all_values(path: Path) -> dict[str, tuple[Any, ...]]:
     found: dict[str, tuple[Any, ...]] = {}
 
     def add(name: str, value: Any) -> None:
+        """Note a value; bytes compare nan as equal, but those of objects (texts) would be addresses."""
         values = np.asarray(value)
         content = values.tolist() if values.dtype == object else values.tobytes()
         found[name] = (str(values.dtype), values.shape, content)
 
     def visit(name: str, item: Any) -> None:
+        """Note a dataset or a group with its attributes."""
         if isinstance(item, h5py.Dataset):
             add(name, item[()])
         for key, value in item.attrs.items():

@@ -21,6 +21,7 @@ STEPS = 20
 
 _LATTICE = 8
 _ROOM = 12.0
+"""Sides of the square grounds [m]; on the lattice, corners have whole coordinates, so that many lie in line."""
 
 
 def edit_at_random(seed: int, steps: int = STEPS) -> int:
@@ -41,7 +42,7 @@ def edit_at_random(seed: int, steps: int = STEPS) -> int:
                 mesh.remove(present.pop(int(rng.integers(len(present)))))
             elif chance < 0.9:
                 mesh.move(present[int(rng.integers(len(present)))], _shape(mesh, rng))
-            else:
+            else:  # a move by at most two grid cells
                 cells = float(mesh.arrays.frame["cell"][0]) * rng.integers(-2, 3, 2)
                 mesh.move(present[int(rng.integers(len(present)))], *cells.tolist())
         except GeometryError:
@@ -76,17 +77,22 @@ def _apartment() -> shapely.Polygon | shapely.MultiPolygon:
 
 
 def _shape(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry | NDArray[np.float64]:
+    """Return a random shape of a random kind, on or near features of the mesh."""
     shape: BaseGeometry | NDArray[np.float64] = _SHAPES[int(rng.integers(len(_SHAPES)))](mesh, rng)
     return shape
 
 
 def _places(mesh: NavMesh, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Return places (count, 2): anywhere, on the lattice, at vertices of the mesh, some cells beside, or on edges."""
+    """Return places (count, 2) [m]: anywhere, on whole coordinates, at or a few cells beside vertices and edges.
+
+    ``cell`` is the side of a grid cell, to which the mesh rounds all coordinates.
+    """
     frame = mesh.arrays.frame
     cell = float(frame["cell"][0])
     low = np.array([frame["x0"][0], frame["y0"][0]])
     high = np.array([frame["x1"][0], frame["y1"][0]])
     sides = mesh.arrays.sides[: 3 * int(frame["triangles"][0])]
+    # Half-edges, three of each triangle: their origins, and those of the next ones in their triangles.
     chosen = rng.integers(len(sides), size=count)
     after = chosen - chosen % 3 + (chosen + 1) % 3
     one, other = (_corners(mesh, sides["org"][some]) for some in (chosen, after))
@@ -100,6 +106,7 @@ def _places(mesh: NavMesh, rng: np.random.Generator, count: int) -> NDArray[np.f
 
 
 def _corners(mesh: NavMesh, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the places (n, 2) [m] of vertices of the mesh with the ``numbers`` (n,)."""
     vertices = mesh.arrays.vertices[numbers]
     places: NDArray[np.float64] = np.stack([vertices["x"], vertices["y"]], axis=1)
     return places

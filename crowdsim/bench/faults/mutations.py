@@ -29,6 +29,8 @@ def mutated(content: bytes, rng: np.random.Generator, text: bool = False) -> byt
     In ``text``, numbers and words are replaced, too. Every other text gets one other number alone, so that only its
     meaning can be refused, not its syntax.
     """
+    # Kinds: 0 changes up to eight bytes, 1 cuts off the end, 2 loses a part, 3 doubles it, 4 zeroes it, 5 replaces a
+    # word, 6 a number. A part has up to 64 bytes.
     numbers = text and rng.random() < 0.5
     for _ in range(1 if numbers else int(rng.integers(1, 5))):
         kind = 6 if numbers else int(rng.integers(7 if text else 5))
@@ -53,7 +55,7 @@ def mutated(content: bytes, rng: np.random.Generator, text: bool = False) -> byt
                 begin, end = words[int(rng.integers(len(words)))]
                 tokens = _NUMBERS if numbers else _TOKENS
                 token = tokens[int(rng.integers(len(tokens)))]
-                if numbers and rng.random() < 0.5:
+                if numbers and rng.random() < 0.5:  # a number of usual size, near the first digit
                     token = b"%.3f" % (float(content[begin : begin + 1]) + rng.uniform(-1.0, 1.0))
                 content = content[:begin] + token + content[end:]
     return content

@@ -64,7 +64,11 @@ def run_cases(case: str, numbers: Sequence[int], seconds: float = 60.0) -> Tally
 
 
 def _run_child(module: str, name: str, numbers: list[int], seconds: float, tally: Tally) -> int:
-    """Run cases until one hangs or crashes; return how many were run."""
+    """Run cases until one hangs or crashes; return how many were run.
+
+    The child prints a line before each case, so that a crash in it (``begun``) differs from one between cases, and one
+    with its outcome.
+    """
     child = subprocess.Popen(
         [sys.executable, "-c", _CHILD, module, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
@@ -97,7 +101,7 @@ def _run_child(module: str, name: str, numbers: list[int], seconds: float, tally
                 if done < len(numbers):
                     raise RuntimeError(f"the cases of {module} cannot be run, exit code {child.returncode}")
                 return done
-            if not line.startswith("["):
+            if not line.startswith("["):  # printed by a case itself
                 continue
             number, outcome = json.loads(line)
             begun = outcome is None

@@ -138,6 +138,7 @@ def large_corner(seed: int = SEEDS[0]) -> dict[str, Any]:
     """Return the row of RiMEA 15, with one seed, because it has three corridors with many people."""
     state = draw_crowd(seed, AROUND)
     results = [walk_auto(drill, state) for drill in (straight(INNER), around_corner(), straight(OUTER))]
+    # Accelerations of auto agents are not measured: 0.
     auto = AroundResult(*(DrillResult(result.arrived, 0.0) for result in results))
     there = run_around(seed, AROUND)
     steered, mixed = (", ".join(f"{time:.1f}" for time in run.lasts()) + " s" for run in (there, auto))

@@ -50,6 +50,7 @@ class LeastGaps:
         """Add one step; called after it."""
         others = crowd.captured_as_seen()
         rows, captured = crowd.everybody(), len(others.rows)
+        # 0 steered, 1 captured: the sum of a pair's is its number in KINDS.
         kind = np.repeat([0, 1], [len(rows) - captured, captured])
         self.agent_steps += len(rows)
         self.captured_steps += captured
@@ -77,7 +78,8 @@ class LeastGaps:
         view, step = crowd.captured.world.view(), crowd.step_count - 1
         frames = CAPTURE_RATE // STEERING_RATE
         for part in TIMES:
-            # The first sample of a way reserved in the middle of a slot is placed so that this gives the body's place.
+            # Time since the first sample of each timeline, in slots; a body keeps its last sample. The first sample of
+            # a way reserved in the middle of a slot is placed so that this gives the body's place.
             at = (step + part) * frames / SLOT_FRAMES - view.timeline_start
             last = view.timeline.shape[1] - 1
             here = np.clip(np.floor(at).astype(np.int64), 0, last)
@@ -92,7 +94,10 @@ class LeastGaps:
             self.reserved = min(self.reserved, float(gap.min(initial=FAR)))
 
     def _ahead(self, steered: NDArray[Any], segments: Floats) -> None:
-        """Measure steered bodies against all later pieces of reserved ways."""
+        """Measure steered bodies against all later pieces of reserved ways.
+
+        ``segments`` (k, 5) hold both ends x, y, x, y and the radius, enlarged by TRACK_ROOM [m].
+        """
         middles = 0.5 * (segments[:, :2] + segments[:, 2:4])
         longest = 0.5 * float(np.hypot(*(segments[:, 2:4] - segments[:, :2]).T).max())
         reach = longest + 2.0 * FAR
@@ -112,6 +117,7 @@ def between(before: NDArray[Any] | None, rows: NDArray[Any], part: float) -> NDA
     """
     if before is None:
         return rows[:0]
+    # Bodies of both steps in the order of ``rows``, and the row of each before.
     _, old, new = np.intersect1d(before["id"], rows["id"], return_indices=True)
     new = np.sort(new)
     old = np.argsort(before["id"])[np.searchsorted(np.sort(before["id"]), rows["id"][new])]

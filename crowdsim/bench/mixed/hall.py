@@ -43,7 +43,7 @@ Ints = NDArray[np.int64]
 
 
 class HallGaps(NamedTuple):
-    """Smallest gaps between two bodies, a body and a wall of the torso's layer, legs and a wall of the legs' layer."""
+    """Smallest gaps [m]: of two bodies, of a body and a wall of the torso's layer, of legs and a wall of theirs."""
 
     people: float
     torso: float
@@ -96,7 +96,10 @@ def _draw_hall(density: float, seed: int, taken: BaseGeometry) -> State:
 
 
 def _gaps(rows: State, torso: Floats, legs: Floats) -> HallGaps:
-    """Return the smallest gaps at one time [m]."""
+    """Return the smallest gaps at one time [m] between bodies, and to the walls (k, 4) of both layers.
+
+    Legs are discs of LEG_RADIUS around the center, a torso is the body's capsule.
+    """
     places = np.column_stack((rows["x"], rows["y"]))
     begin, end = cores(rows)
     first, second = near_pairs(places).T
@@ -110,6 +113,6 @@ def _gaps(rows: State, torso: Floats, legs: Floats) -> HallGaps:
 
 
 def _beside(bodies: int, walls: Floats) -> tuple[Ints, Ints]:
-    """Return all pairs of a body and a wall."""
+    """Return all pairs of a body and a wall, as numbers of both, each (bodies * walls,)."""
     body, wall = np.divmod(np.arange(bodies * len(walls)), len(walls))
     return body, wall

@@ -52,6 +52,7 @@ def times_alone(scenario: Scenario) -> MixedResult:
     most = 0
 
     def watch(_: float, crowd: MixedCrowd) -> None:
+        """Note how many are there at once, which must be one."""
         nonlocal most
         most = max(most, len(crowd.everybody()))
 

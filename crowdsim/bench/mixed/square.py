@@ -75,13 +75,13 @@ def draw_square(count: int, density: float, seed: int) -> Square:
     )
     facing = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])[ways]
     state = make_agents(rng, places[order], goals[order], facing[order])
-    seconds = 60.0 + 3.0 * side / SLOWEST
+    seconds = 60.0 + 3.0 * side / SLOWEST  # ample: the slowest could cross the square three times
     drill = Drill(f"square of {count} at {density:g} /m2", box(0.0, 0.0, side, side), groups, seconds)
     return Square(drill, state)
 
 
 def _strip(piece: int, side: float, deep: float) -> Polygon:
-    """Return a part of the strip along a side; sides are numbered as directions."""
+    """Return a part of the strip ``deep`` meters deep along a side, 0.1 m off the edge; sides are numbered as ways."""
     way, part = divmod(piece, PIECES)
     low, high = part * side / PIECES, (part + 1) * side / PIECES
     near, far = ((side - deep, side - 0.1), (0.1, deep))[way % 2]
@@ -121,12 +121,13 @@ def square_row(count: int, density: float, seed: int) -> tuple[dict[str, Any], L
 
 
 def _last(arrived: Any) -> float:
+    """Return when the last one arrived, ignoring those that did not; 0 if none did [s]."""
     return float(np.max(arrived, where=np.isfinite(arrived), initial=0.0))
 
 
 def measure() -> Measurement:
     """Run all squares with all seeds."""
-    require_jupedsim()
+    require_jupedsim()  # refuse at once, not after the first square
     rows, figures = [], {"agent_steps": 0.0}
     least: dict[str, float] = {}
     for density in DENSITIES:

@@ -51,6 +51,7 @@ def switch_rows(recording: Recording) -> list[dict[str, float]]:
     ):
         time = shown / rate
         followed = number + 1 < len(found.agents) and found.agents[number + 1] == agent
+        # The agent must be there from shortly before to shortly after what is measured.
         first, last = shown - 2, shown + round((LATER + 0.1) * rate)
         if first < 0 or last >= recording.steps or np.isnan(recording.x[first : last + 1, agent]).any():
             continue

@@ -83,6 +83,7 @@ def _polygon(region: Any) -> str:
 def cast_of(scenario: Scenario, state: State) -> CrowdPlacement:
     """Return the people of ``state``, in the order of the scenario's groups, with places in their goals."""
     drawn = place_crowd(scenario)
+    # Breadths are those of the capsules, from side to side.
     walkers = Walkers(
         state["speed"].copy(), 2.0 * (state["half"] + state["radius"]), np.zeros(len(state)), state["share"].copy()
     )
@@ -94,7 +95,7 @@ def walk_mixed(
     scenario: Scenario, cast: CrowdPlacement | None = None, watch: Watch | None = None, seconds: float | None = None
 ) -> MixedResult:
     """Run a scenario to its end, or to ``seconds``; call ``watch`` after each step with the time [s] and the crowd."""
-    crowd = MixedCrowd(scenario, 2, None, cast)
+    crowd = MixedCrowd(scenario, 2, None, cast)  # two threads search motions
     slow = present = 0
     try:
         for step in range(round((scenario.duration if seconds is None else seconds) * STEERING_RATE)):
@@ -103,7 +104,7 @@ def walk_mixed(
             crowd.measure(frame)
             crowd.new_routes()
             rows = crowd.everybody()
-            going = rows["goal"] >= 0
+            going = rows["goal"] >= 0  # those that stay have none
             slow += int((np.hypot(rows["vx"], rows["vy"])[going] < 0.1).sum())
             present += int((np.asarray(frame.state) != AgentState.ABSENT).sum())
             crowd.end_step()

@@ -58,7 +58,8 @@ def measure_arrivals(
 
     Required headings are arbitrary for the built-in set, which has turns on the spot, and within 30 degrees of the
     path's end for captured walks. Motions that need only a heading do not have to stand, unless branch kinematics is
-    used.
+    used. A motion meets its requirements if it ends within ARRIVAL (with branch kinematics) or TOLERANCE of the goal
+    and 15 degrees of the heading, as searches have to, and no joint leaves its section by more than EXCESS.
     """
     spread = np.pi if motions.name == "default" else np.radians(30.0)
     turns = np.random.default_rng(1).uniform(-spread, spread, len(ground.trials))
@@ -68,9 +69,11 @@ def measure_arrivals(
     options = FollowOptions(goal_tolerance=TOLERANCE, budget=2_000)
 
     def plain(trial: Trial, wanted: FollowOptions) -> FollowResult:
+        """Follow a trial without branch kinematics."""
         return follow_trial(motions, maps, ground, trial, wanted)
 
     def bent(trial: Trial, wanted: FollowOptions) -> FollowResult:
+        """Follow a trial to within ARRIVAL of its goal by branch kinematics, with a larger budget."""
         where = motions.character(maps), trial.samples, ground.arrays, trial.start, motions.waiting
         return follow_exactly(*where, replace(wanted, budget=4_000), ARRIVAL)[0]
 
@@ -112,7 +115,7 @@ def _arrivals(
     how: Callable[[Trial, FollowOptions], FollowResult],
 ) -> tuple[list[Arrival], Floats]:
     """Return the ends of the motions that are found, and the times of all trials [ms]."""
-    how(ground.trials[0], wanted[0])
+    how(ground.trials[0], wanted[0])  # compiles kernels
     arrivals, ms = [], []
     for trial, options in zip(ground.trials, wanted, strict=True):
         begin = time.perf_counter()

@@ -189,7 +189,7 @@ def follow_trial(
 def follow_all(motions: MotionSet, maps: MotionMaps, ground: Ground) -> list[tuple[FollowResult, float]]:
     """Return the result of the follower for each trial, and its time [ms]."""
     options = FollowOptions(goal_tolerance=TOLERANCE, budget=2_000)
-    follow_trial(motions, maps, ground, ground.trials[0], options)
+    follow_trial(motions, maps, ground, ground.trials[0], options)  # compiles kernels
     return [best_of(partial(follow_trial, motions, maps, ground, trial, options)) for trial in ground.trials]
 
 
@@ -204,7 +204,10 @@ def best_of(search: Callable[[], Any], passes: int = PASSES) -> tuple[Any, float
 
 
 def walked(graph: GraphArrays, found: FollowResult | SearchResult, goal: Floats) -> float:
-    """Return the length of the track up to where its last node is nearest to ``goal`` [m]."""
+    """Return the length of the track up to where its last node is nearest to ``goal`` (2,) [m].
+
+    Blend offsets between nodes count, as bodies move by them too.
+    """
     node = int(found.nodes[-1])
     rows = int(graph.node_track[node]) + np.arange(int(graph.node_frames[node]) + 1)
     track = compose(found.origins[-1], graph.tracks[rows])[:, :2]

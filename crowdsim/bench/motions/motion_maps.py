@@ -131,7 +131,7 @@ def _measure_standard(
     """Add rows and figures of the standard graph of a set's clips."""
     standard = load_standard(f"{features.name}, standard graph", captures, features)
     ground = make_ground(0, trials)
-    for count in sizes:
+    for count in sizes:  # what follows the loop is of the last, largest maps
         maps, row = _built(standard, count)
         found = follow_all(standard, maps, ground)
         rows.append(row | _summary(standard, ground, found))
@@ -182,6 +182,7 @@ def _measure_set(
 
 
 def _costs(row: dict[str, Any], name: str) -> dict[str, float]:
+    """Return the figures of a set that tell what its maps cost."""
     return {f"maps_mb_{name}": row["mb"], f"maps_s_{name}": row["build_s"], f"load_ms_{name}": row["load_ms"]}
 
 
@@ -191,9 +192,9 @@ def _built(
     """Return maps with ``entries`` entries, or of ``depth``, or as in runs if both are None; and their cost."""
     graph = motions.graph
     sizes = depth or {}
-    if entries is not None:
+    if entries is not None:  # depth and reach [m] so large that the number of entries alone ends a map
         sizes = {"depth": 64, "reach": 1e3, "max_entries": max(entries // len(graph.node_frames), 1)}
-    MotionMaps.build(graph, depth=1)
+    MotionMaps.build(graph, depth=1)  # compiles kernels
     begin = time.perf_counter()
     maps = MotionMaps.build(graph, **sizes)
     seconds = time.perf_counter() - begin
@@ -262,6 +263,7 @@ def _first_movement(motions: MotionSet, maps: MotionMaps, ground: Ground) -> flo
     behavior = len(motions.radii) - 1
 
     def answer(trial: Trial) -> FollowResult:
+        """Find a path between the ends of a trial, and a motion along it."""
         path = ground.meshes[0].find_path(trial.points[0], trial.points[-1], CLEARANCE)
         return follow_trial(motions, maps, ground, as_trial(np.array(path.points), behavior), options)
 

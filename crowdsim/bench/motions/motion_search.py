@@ -80,6 +80,7 @@ def measure(
                 rows.append(_row(name, number, place, search, found[search], _solved(alike)))
                 solved[search] += [found[search][i] for i in _solved([found[other] for other in _COMPARED])]
                 tried[search] += found[search]
+        # The branching factor counts edges as nodes, as the paper does.
         nodes, edges = len(graph.node_frames), len(graph.edge_target)
         figures |= {f"{name}_nodes": float(nodes), f"{name}_branching": (nodes + 2 * edges) / (nodes + edges)}
         figures |= {f"{name}_{key}": value for key, value in _figures(solved, tried).items()}
@@ -140,6 +141,7 @@ def _solved(searches: Sequence[list[tuple[SearchResult, float]]]) -> list[int]:
 
 
 def _environment(density: float, count: int, seed: int) -> _Environment:
+    """Return a room that obstacles cover by the share ``density``, with ``count`` queries."""
     ground = random_ground(ROOMS, density, count, seed)
     queries = [(points, make_channel(points, ROOMS.clearance)) for points in ground.paths]
     return _Environment(ground.obstacles, (ground.legs.arrays, ground.torso.arrays), queries)
@@ -192,6 +194,7 @@ def _row(
 
 
 def _means(found: list[tuple[SearchResult, float]]) -> dict[str, float]:
+    """Return means over results: length and distance left to the goal [m], work, and time [ms]; 0 without any."""
     table = [(r.length, r.gap, r.expansions, r.collision_tests, ms) for r, ms in found]
     keys = ("length", "left", "expansions", "collision_tests", "ms")
     return dict(zip(keys, np.mean(table, axis=0).tolist() if table else [0.0] * len(keys), strict=True))

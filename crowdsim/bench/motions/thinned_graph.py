@@ -18,6 +18,7 @@ def thinned(graph: GraphArrays, edges: int) -> GraphArrays:
     The edges with the largest range of rotation are kept, which are those with the smallest distance; the first of
     equals. Stop edges, which only the crowd uses, are removed.
     """
+    # The rank of an edge among those out of its node, the largest range of rotation first.
     count = len(graph.node_frames)
     source = np.repeat(np.arange(count), np.diff(graph.edge_start))
     order = np.lexsort((np.arange(len(source)), graph.edge_low - graph.edge_high, source))
@@ -28,7 +29,7 @@ def thinned(graph: GraphArrays, edges: int) -> GraphArrays:
     _, label = connected_components(joined, directed=True, connection="strong")
     nodes = label == np.argmax(np.bincount(label))
     kept &= nodes[source] & nodes[graph.edge_target]
-    number = np.cumsum(nodes) - 1
+    number = np.cumsum(nodes) - 1  # of the nodes that stay
     return graph._replace(
         **{name: getattr(graph, name)[nodes] for name in _OF_NODES},
         **{name: getattr(graph, name)[kept] for name in _OF_EDGES},

@@ -32,6 +32,7 @@ def read_laser_map(file: Path) -> LaserMap:
             raise ValueError("the image is no binary PGM")
         columns, rows = int(header[1]), int(header[2])
         shades = np.frombuffer(content, np.uint8, rows * columns, header.end()).reshape(rows, columns)
+        # As ROS' map_server reads maps: dark is occupied, unless they are negated; what is between is unknown.
         occupancy = shades / 255.0 if int(said["negate"]) else 1.0 - shades / 255.0
         cell = float(said["resolution"])
         x0, y0 = (float(number) for number in said["origin"].strip("[]").split(",")[:2])
@@ -40,7 +41,7 @@ def read_laser_map(file: Path) -> LaserMap:
         centers = np.stack(np.meshgrid(x, y), axis=-1)
         occupied = occupancy > float(said["occupied_thresh"])
         free = occupancy < float(said["free_thresh"])
-        pieces, _ = label(free)
+        pieces, _ = label(free)  # numbers of connected areas
         largest = np.bincount(pieces[free]).argmax() if free.any() else 0
         return LaserMap(centers[occupied], centers[free], centers[free & (pieces == largest)])
     except (OSError, ValueError, KeyError) as error:

@@ -53,7 +53,7 @@ class _Table:
     def add(self, where: BenchMap, what: str, seconds: Floats, **more: float) -> None:
         """Add a row for the times ``seconds`` (n,) of single queries [s], and figures; ``more`` are columns besides."""
         figures = {"median_us": float(np.median(seconds) * 1e6)}
-        if len(seconds) > PASSES:
+        if len(seconds) > PASSES:  # of so few calls there is no quantile
             figures["p95_us"] = float(np.quantile(seconds, 0.95) * 1e6)
         figures |= more
         row: dict[str, Any] = {"map": where.name, "what": what, "radius": where.radius}
@@ -95,6 +95,7 @@ def measure_paths(table: _Table, where: BenchMap, mesh: NavMesh, optimality: str
     starts, goals = (np.ascontiguousarray(where.queries[:, part]) for part in (slice(0, 2), slice(2, 4)))
 
     def find(first: int, last: int, workers: int = 1) -> Paths:
+        """Answer the queries from ``first`` to before ``last`` in a batch."""
         return mesh.find_paths(starts[first:last], goals[first:last], where.radius, optimality, workers)
 
     paths = find(0, len(starts))
@@ -117,6 +118,7 @@ def measure_random(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
     """Time many paths between random free places, and check all for violations."""
     rng = np.random.default_rng(1)
     x0, y0, x1, y1 = where.area.bounds
+    # Two places a query; not all that are drawn are free.
     places = rng.uniform((x0, y0), (x1, y1), (8 * _RANDOM, 2))
     starts, goals = places[mesh.clearances(places) > where.radius][: 2 * _RANDOM].reshape(-1, 2, 2).swapaxes(0, 1)
     for optimality in OPTIMALITIES:

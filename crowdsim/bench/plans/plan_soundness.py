@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 PLANNERS = ("layered", "greedy_literal")
 
 SECTIONS = 10_000
+"""Number of sections checked in all places together."""
 
 DEEP = 0.02
 """Depth to which a body may reach into an obstacle [m]."""
@@ -32,7 +33,7 @@ _EVERY = 10
 
 
 def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement:
-    """Check ``sections`` sections in each of the places of :mod:`crowdsim.bench.plans.planner_comparison`.
+    """Check ``sections`` sections, shared by the places of :mod:`crowdsim.bench.plans.planner_comparison`.
 
     A world that is not in the folder ``worlds`` is skipped. "stiff" is for every tenth path, with legs as on a straight
     path.
@@ -66,7 +67,7 @@ def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement
 
 
 def needs_of(ground: Ground) -> Requirements:
-    """Return the clearances that plans there keep."""
+    """Return the clearances that plans on a ground keep, with the margin for motions."""
     return Requirements.of(ground.behaviors, len(ground.meshes), TRACKING_MARGIN)
 
 
@@ -109,6 +110,7 @@ def worst_clearance(layers: Sequence[shapely.Geometry], need: Requirements, path
     for path in paths:
         for section in path.sections:
             line = section_line(path, section.start, section.end)
+            # A line that itself leaves the area counts as if it ran along the boundary.
             for layer, boundary, radius in zip(layers, boundaries, need.radii[section.behavior], strict=True):
                 reached = radius if not layer.covers(line) else radius - shapely.distance(boundary, line)
                 worst = max(worst, float(reached))

@@ -77,6 +77,7 @@ def measure(
             both = np.isfinite(costs["layered"]) & np.isfinite(costs["greedy_literal"])
             ratios.append(costs["layered"][both] / costs["greedy_literal"][both])
             figures[f"layered_over_greedy_cost_mean_{density}_{steps}"] = float(ratios[-1].mean())
+            # On the goals to which both plan.
             same = np.median(seconds["collision3d"]) / np.median(seconds["layered"][::_EVERY])
             figures[f"ratio_3d_over_layered_{density}_{steps}"] = float(same)
     figures["layered_over_greedy_cost_max"] = float(np.concatenate(ratios).max())
@@ -92,6 +93,7 @@ def measure(
 
 def cluttered_place(density: str) -> EnvironmentState:
     """Return the environment of the scenario ``clutter`` with this density, ready for all planners."""
+    # Whole bodies are prepared for collision3d only.
     scenario = load_scenario("clutter", [f"clutter.density={density}", "planner=collision3d"])
     return EnvironmentState(prepare(scenario))
 
@@ -144,6 +146,7 @@ def draw_times(times: Mapping[tuple[str, int, str], Floats]) -> Figure:
     panels = figure.subplots(1, len(densities), sharey=True, squeeze=False)[0]
     for axes, density in zip(panels, densities, strict=True):
         own = [(f"{name}\n{steps}", ms) for (place, steps, name), ms in times.items() if place == density]
+        # Boxes in the order of PLANNERS, and of steps within one.
         own.sort(key=lambda entry: [entry[0].startswith(name + "\n") for name in PLANNERS], reverse=True)
         axes.boxplot([ms for _, ms in own], tick_labels=[label for label, _ in own], flierprops={"markersize": 3.0})
         axes.set(title=f"{density} clutter", yscale="log")

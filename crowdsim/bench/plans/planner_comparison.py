@@ -141,6 +141,7 @@ def compare(ground: Ground, count: int, seed: int = 1) -> tuple[Floats, NDArray[
 
     Also return (n,) whether that answer uses the widest behavior alone.
     """
+    # Some queries have no answer: try three times as many as are wanted.
     costs, wide = [], []
     layered_planner, literal_planner = ground.planner(), ground.planner("greedy_literal")
     for ends in random_queries(ground, 3 * count, seed):

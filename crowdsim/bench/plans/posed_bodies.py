@@ -168,6 +168,7 @@ def posed_along(path: AnnotatedPath, motions: Motions, stiff: bool = False) -> P
     """Return bodies every :data:`SPACING` along a path; ``stiff`` keeps legs as on a straight path."""
     samples = path.sample(SPACING)
     arc, labels = samples.arc, samples.behavior.copy()
+    # Where the body turns, it is posed from the clip that turns; beside that it stays turned up to the section.
     parts = []
     turning = np.zeros(len(arc), np.bool_)
     for behavior, turn, begin, (low, high) in turns_along(path, motions):
@@ -176,11 +177,13 @@ def posed_along(path: AnnotatedPath, motions: Motions, stiff: bool = False) -> P
         turning[here] = True
         frames = np.searchsorted(turn.arc, arc[here] - begin).clip(0, len(turn.arc) - 1)
         parts.append(_posed(path, turn.body, frames, arc[here], turn.facing[frames], stiff))
+    # At both ends, bodies that face ahead stand as in the last behavior, with hanging arms.
     rest = path.length - arc
     upright = np.array([abs(walk.facing) < np.pi / 4.0 for walk in motions.walks])
     labels[upright[labels] & (np.minimum(arc, rest) < AT_REST)] = len(motions.walks) - 1
     for k, walk in enumerate(motions.walks):
         here = np.flatnonzero((labels == k) & ~turning)
+        # Distances in the clip: its steady part again and again, its own beginning and end at those of the path.
         low, high = walk.steady
         on = low + arc[here] % (high - low)
         on = np.where(arc[here] < ENDS, arc[here], on)
@@ -196,6 +199,7 @@ def turns_along(path: AnnotatedPath, motions: Motions) -> list[tuple[int, Turn, 
     Each is (turned behavior, turn, arc length at which it begins, range of arc lengths outside of its section over
     which the body stays turned) [m].
     """
+    # A turn lies in the middle of TURN_ROOM, the way that plans leave for it beside a section of a turned behavior.
     found = []
     for before, after in zip(path.sections[:-1], path.sections[1:], strict=True):
         if after.behavior in motions.turns:
@@ -212,7 +216,11 @@ def turns_along(path: AnnotatedPath, motions: Motions) -> list[tuple[int, Turn, 
 def _posed(
     path: AnnotatedPath, body: Capsules, frames: Integers, arc: Floats, facing: Floats, stiff: bool
 ) -> tuple[Floats, Floats, Floats]:
-    """Return a body in ``frames`` (s,) at arc lengths (s,) [m], with headings (s,) off the path [rad]."""
+    """Return a body in ``frames`` (s,) at arc lengths (s,) [m], with headings (s,) off the path [rad].
+
+    The result is places, reach and arc of :class:`Posed`. A capsule's axis is given by its ends, in the frame of the
+    body's track.
+    """
     ends = body.ends[frames]
     points = ends[:, :, 0, None] + _ON_AXIS[:, None] * (ends[:, :, 1] - ends[:, :, 0])[:, :, None]
     cos, sin = np.cos(facing)[:, None, None], np.sin(facing)[:, None, None]
@@ -242,6 +250,7 @@ class Obstacles:
     """Solids as upright prisms, those of triangles in slices, which answer how deep points are inside."""
 
     def __init__(self, solids: Sequence[AnySolid]) -> None:
+        # Of each solid: how many prisms it has, the number of the first among all, and their common height.
         solids = [solid for solid in solids if solid.top > LOWEST]
         prisms = [_prisms(solid) for solid in solids]
         self._counts = np.array([len(own) for own in prisms])
@@ -264,6 +273,8 @@ class Obstacles:
         low = np.maximum(np.floor((up - reach) / height), 0).astype(np.int64)
         high = np.minimum(np.floor((up + reach) / height), self._counts[solid] - 1).astype(np.int64)
         many = np.maximum(high - low + 1, 0)
+        # One row for each pair of a point and a prism, `level` prisms above the lowest of its solid; `above` is the
+        # height of the point above or below it, negative within.
         pair = np.repeat(np.arange(len(row)), many)
         level = low[pair] + np.arange(len(pair)) - np.repeat(np.cumsum(many) - many, many)
         above = np.maximum(level * height[pair] - up[pair], up[pair] - (level + 1) * height[pair])

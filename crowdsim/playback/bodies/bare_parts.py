@@ -1,4 +1,8 @@
-"""Parts of a body beside its clothes: head, hands and shoes."""
+"""Parts of a body beside its clothes: head, hands and shoes.
+
+Numbers in the code are lengths of an adult [m], times the body's ``scale``, and angles between directions. They give
+parts their shape and mean nothing else. X points ahead, Y to the left, Z up.
+"""
 
 from __future__ import annotations
 
@@ -25,20 +29,28 @@ X, Y, Z = np.eye(3)
 
 
 def sculpted_pose(skeleton: Skeleton) -> tuple[Floats, Floats]:
-    """Return positions (J, 3) and rotations (J, 4) of the joints around which bodies are modeled: the arms hang."""
+    """Return positions (J, 3) [m] and rotations (J, 4) of the joints around which bodies are modeled: the arms hang.
+
+    Both are in the world; rotations are quaternions (w, x, y, z).
+    """
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (1, skeleton.joint_count, 1))
     rest = skeleton.rest_positions()
     for side, sign in (("left", 1.0), ("right", -1.0)):
         shoulder = skeleton.joint(f"{side}_shoulder")
         way = unit(rest[skeleton.joint(f"{side}_elbow")] - rest[shoulder])
         hanging = unit([_AHEAD, sign * _OUTWARD, -1.0])
+        # The rotation from one unit vector to another is (1 + their dot product, their cross product), normalized.
         turns[0, shoulder] = unit(np.concatenate([[1.0 + way @ hanging], np.cross(way, hanging)]))
     positions, rotations = forward_kinematics(skeleton, np.zeros((1, 3)), turns)
     return positions[0], rotations[0]
 
 
 class BodyParts:
-    """Collects the parts of one body, and adds those that are bare."""
+    """Collects the parts of one body, and adds those that are bare.
+
+    ``sides`` is the number of corners of cross-sections; bodies of up to COARSE are coarse. A role is the name of a
+    joint that is the same in all skeletons, as ``left_wrist``.
+    """
 
     def __init__(self, skeleton: Skeleton, sides: int) -> None:
         self.skeleton = skeleton
@@ -140,6 +152,7 @@ class BodyParts:
             ear = center + 0.074 * sign * k * left - 0.008 * k * up - 0.012 * k * ahead
             shape = np.array([0.018 * ahead, 0.009 * left, 0.031 * up]) * k
             self.add(ellipsoid(ear, shape, 8), Tissue.SKIN, head)
+            # An eye, and the brow above it.
             for height, thick, half in ((0.010, 0.0055, 0.011), (0.031, 0.0038, 0.017)):
                 self.on_face(center, axes, (0.030 * sign * k, height * k), np.array([half, thick]) * k, head)
 
@@ -155,7 +168,7 @@ class BodyParts:
         self.add(Surface(skull.points + thick[:, None] * around, skull.triangles), Tissue.HAIR, head)
 
     def on_face(self, center: Floats, axes: Floats, place: tuple[float, float], half: Floats, head: int) -> None:
-        """Add an eye or a brow, flat on the front of a skull, which is an ellipsoid.
+        """Add an eye or a brow, flat on the front of a skull, which is an ellipsoid; both are as dark as hair.
 
         Parameters
         ----------
@@ -171,6 +184,7 @@ class BodyParts:
             Number of the joint that it moves with.
         """
         lengths = np.linalg.norm(axes, axis=1)
+        # `local` is the point on the unit sphere of the skull's half axes; `out` the normal of the ellipsoid there.
         aside, up = place[0] / lengths[1], place[1] / lengths[2]
         local = np.array([np.sqrt(1.0 - aside * aside - up * up), aside, up])
         out = unit((local / lengths) @ unit(axes))
@@ -192,7 +206,7 @@ class BodyParts:
             return
         palm = np.array([0.040 * wide, 0.017 * flat, 0.062 * along]) * k
         self.add(ellipsoid(wrist + 0.042 * k * along, palm, self.sides), Tissue.SKIN, hand)
-        inward = -1.0 if side == "left" else 1.0
+        inward = -1.0 if side == "left" else 1.0  # along Y: towards the body, so bend the fingers
         bent = unit(along + 0.28 * inward * Y + 0.10 * X)
         fingers = np.array([0.034 * unit(wide - (wide @ bent) * bent), 0.013 * np.cross(bent, wide), 0.058 * bent]) * k
         self.add(ellipsoid(wrist + 0.115 * k * along + 0.012 * k * inward * Y, fingers, self.sides), Tissue.SKIN, hand)
@@ -204,6 +218,7 @@ class BodyParts:
         k = self.scale
         ankle, ball = self.at(f"{side}_ankle"), self.at(f"{side}_toe")
         tip = self.end_of(f"{side}_toe")
+        # Feet of odd skeletons, whose ankle, ball and tip nearly coincide, get the least sizes of a shoe.
         reach = (ball - ankle) * [1.0, 1.0, 0.0]
         ahead = unit(reach) if np.linalg.norm(reach) > 0.02 * k else X
         heel_to_ball = max(float(np.dot(ball - ankle, ahead)), 0.08 * k)
@@ -224,9 +239,11 @@ class BodyParts:
                 [heel_to_ball + to_tip, 0.016 * k, 0.026 * k],
             ]
         )
+        # Rings stand on the sole; their half axes are to the left and up, in this order: left x up is ahead.
         half = rings[:, 2:3] / 2.0
         centers = np.array([ankle[0], ankle[1], sole]) + rings[:, :1] * ahead + half * Z
         surface = loft(centers, rings[:, 1:2] * np.cross(ahead, Z)[None] * -1.0, half * Z, self.sides, squareness=3.0)
+        # The share by which a point follows the toe: from 0 to 1 over a quarter of the way to the tip, around the ball.
         along = (surface.points - ankle) @ ahead
         share = np.clip((along - heel_to_ball) / (0.25 * to_tip) + 0.5, 0.0, 1.0)
         foot, toe = self.skeleton.joint(f"{side}_ankle"), self.skeleton.joint(f"{side}_toe")

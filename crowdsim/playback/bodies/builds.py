@@ -21,6 +21,7 @@ SHORTEST, TALLEST = 1.55, 1.9
 _ABOVE_HEAD = 0.23
 """Height of the top of the head above the joint of the head, of an adult [m]."""
 _BELOW_BALL = 0.028
+"""Thickness of a sole below the joint of the ball of the foot [m]."""
 
 
 def builds_of(count: int, skeleton: Skeleton) -> NDArray[np.float32]:

@@ -2,6 +2,10 @@
 
 Arms hang nearly all the time that people walk, so this is the pose in which shoulders must look right. Shirt with
 sleeves, and trousers, are parts that overlap; :mod:`~crowdsim.playback.bodies.skin_field` makes one skin of them.
+
+Numbers in the code are lengths of an adult [m], times the body's ``scale`` (``k``), and shares. They give parts their
+shape and mean nothing else. X points ahead, Y to the left, Z up. The two joints that each vertex follows are joints
+(V, 2) and weights (V, 2), the greater weight first.
 """
 
 from __future__ import annotations
@@ -82,6 +86,7 @@ class _Sculptor(BodyParts):
             self.foot(side)
         points, joints = np.concatenate(self.points), np.concatenate(self.joints)
         normals = np.concatenate(self.normals)[:, None]
+        # From the world into the frame of each joint.
         back = conjugate(self.turns[joints])
         return BodyMesh(
             triangles=np.concatenate(self.triangles),
@@ -94,7 +99,10 @@ class _Sculptor(BodyParts):
         )
 
     def trunk(self, rings: Floats) -> tuple[Trunk, Surface]:
-        """Return ``rings`` (K, 4) around the spine, see _SHIRT, as a distance and as a surface [m]."""
+        """Return ``rings`` (K, 4) around the spine, see _SHIRT, as a distance and as a surface [m].
+
+        Both have sections of a superellipse of exponent 2.3, a little fuller than an ellipse.
+        """
         k = self.scale
         hips = (self.at("left_hip") + self.at("right_hip")) / 2.0
         height = (self.at("left_shoulder") + self.at("right_shoulder")) / 2.0 - hips
@@ -108,6 +116,7 @@ class _Sculptor(BodyParts):
 
     def tube(self, points: Floats, radii: Floats) -> Surface:
         """Return a tube of ``radii`` (K,) along ``points`` (K, 3) [m], bent in planes that hold X, with round ends."""
+        # As `surfaces.limb`, but with a direction at each point: the mean of those of the pieces before and after it.
         ways = np.diff(points, axis=0)
         along = unit(np.concatenate([ways[:1], unit(ways[:-1]) + unit(ways[1:]), ways[-1:]]))
         bulge = np.radians([75.0, 45.0, 20.0] if self.sides > COARSE else [50.0])
@@ -183,17 +192,22 @@ class _Sculptor(BodyParts):
             # On the sleeve: below the armpit, nothing but the arm, then the forearm.
             down = (sleeve.points - shoulder) @ unit(elbow - shoulder)
             arm = np.maximum(self.at_shoulder(trunk[0], tube, sleeve.points), smoothstep(0.03 * k, 0.10 * k, down))
+            # `of` and `by` are the joints and weights of the sleeve.
             first, share = self.along_spine(sleeve.points)
             of, by = _follow(first, share, upper, arm)
             bent = smoothstep(-0.05 * k, 0.05 * k, (sleeve.points - elbow) @ unit(line[-1] - elbow))
             of, by = _follow(of, by, lower, bent)
             fuller = 0.75 - 0.3 * bent
             self.wear(skin, sleeve, Tissue.SHIRT, of, by, fuller)
+        # The fullness of the trunk by height; _GIRTH gives it by the shares of the rings.
         rings = np.interp(body.points[:, 2], trunk[0].heights, np.interp(_SHIRT[:, 0], *_GIRTH))
         self.wear(skin, body, Tissue.SHIRT, joints, weights, rings)
 
     def at_shoulder(self, trunk: Trunk, sleeve: Tube, points: Floats) -> Floats:
-        """Return by how much, 0 to 1, points near a shoulder follow the arm, the same on trunk and sleeve (V,)."""
+        """Return by how much, 0 to 1, points near a shoulder follow the arm, the same on trunk and sleeve (V,).
+
+        It is more the deeper a point is in the sleeve than in the trunk.
+        """
         return smoothstep(-0.05 * self.scale, 0.05 * self.scale, trunk(points) - sleeve(points))
 
     def trousers(self) -> None:
@@ -216,6 +230,7 @@ class _Sculptor(BodyParts):
             upper, lower = self.skeleton.joint(f"{side}_hip"), self.skeleton.joint(f"{side}_knee")
             knee = self.at(f"{side}_knee")
             joints, weights = _follow(joints, weights, upper, self.at_hip(side, body.points))
+            # `of` and `by` are the joints and weights of the leg.
             of, by = self.along_spine(leg.points)
             of, by = _follow(of, by, upper, self.at_hip(side, leg.points))
             bent = smoothstep(-0.06 * k, 0.06 * k, (leg.points - knee) @ unit(line[-1] - knee))
@@ -224,7 +239,10 @@ class _Sculptor(BodyParts):
         self.wear(skin, body, Tissue.TROUSERS, joints, weights, np.full(len(body.points), 0.8))
 
     def at_hip(self, side: str, points: Floats) -> Floats:
-        """Return by how much points follow the thigh of ``side`` (V,): more below the hip joint, less in the middle."""
+        """Return by how much points follow the thigh of ``side`` (V,): more below the hip joint, less in the middle.
+
+        Far below the joint all points of this leg follow it, also those up to 3 cm beyond the middle of the body.
+        """
         k, hip = self.scale, self.at(f"{side}_hip")
         sign = 1.0 if hip[1] > 0.0 else -1.0
         below = smoothstep(-0.07 * k, 0.09 * k, hip[2] - points[:, 2])
@@ -236,7 +254,8 @@ class _Sculptor(BodyParts):
     def along_spine(self, points: Floats) -> tuple[NDArray[np.int32], Floats]:
         """Return joints (V, 2) and weights (V, 2) by which points bend with the bones between hips and neck.
 
-        A point follows the two bones whose middles are next to it in height, with linear weights.
+        A point follows the two bones whose middles are next to it in height, with linear weights. A bone moves with its
+        lower joint; those without height, as between joints at one place, are left out.
         """
         chain = [self.skeleton.joint("neck")]
         while chain[-1] != self.skeleton.joint("hips") and chain[-1] >= 0:

@@ -19,6 +19,7 @@ Distance = Callable[[Floats], Floats]
 _STEP = 1e-4
 """Distance over which gradients are taken [m]."""
 _MOVES = 8
+"""Steps of Newton's method in which points move to the skin; distances are approximate, so one is not enough."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Trunk:
     power: float
 
     def __call__(self, points: Floats) -> Floats:
-        """Return signed distances (V,) of ``points`` (V, 3) [m], negative inside, from the last ring beyond an end."""
+        """Return signed distances (V,) of ``points`` (V, 3) [m], negative inside; beyond an end, from the last ring."""
         z = np.clip(points[:, 2], self.heights[0], self.heights[-1])
         center, depth, breadth = (
             np.interp(z, self.heights, values) for values in (self.centers[:, 0], self.half_depths, self.half_breadths)
@@ -78,6 +79,7 @@ class Skin:
 
     def distance(self, points: Floats) -> Floats:
         """Return signed distances (V,) of ``points`` (V, 3) from the skin [m], negative inside."""
+        # The soft minimum -b log(sum(exp(-d / b))); with the least taken out, no power overflows or vanishes.
         each = np.stack([part(points) for part in self.parts])
         least = each.min(axis=0)
         smooth: Floats = least - self.blend * np.log(np.exp((least - each) / self.blend).sum(axis=0))
@@ -89,7 +91,7 @@ class Skin:
         return unit(np.stack(ways, axis=1))
 
     def shrink(self, points: Floats, reach: float) -> tuple[Floats, Floats]:
-        """Return points (V, 3) moved to the skin, and by how much of 0 to 1 each of them lies on it (V,).
+        """Return points (V, 3) [m] moved towards the skin, and the share (V,) of the way that each moves, 0 to 1.
 
         Points deeper than ``reach`` [m] below the skin are inside another part: they stay there (0). Those down to half
         of that are moved all the way (1), those between by a share. ``points`` itself is not changed.

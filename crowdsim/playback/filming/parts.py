@@ -22,6 +22,7 @@ _SUPERSAMPLE = 1.5
 """Pixels drawn per pixel of the film, along each side; a higher factor is smoother and slower. Multisampling costs as
 much in software, and loses shadows and thin lines."""
 _GLOBAL_HEADER = 1 << 22
+"""FFmpeg's flag AV_CODEC_FLAG_GLOBAL_HEADER: MP4 holds an encoder's settings once per file, not in packets."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,10 @@ class Shooting:
 
 
 class Packet(NamedTuple):
-    """A piece of an encoded film; times are numbers of pictures from the beginning of the film."""
+    """A piece of an encoded film; times are numbers of pictures from the beginning of the film.
+
+    ``shown`` is when its picture is shown, ``decoded`` when it is decoded, and ``is_key`` whether it needs no others.
+    """
 
     data: bytes
     shown: int
@@ -62,7 +66,10 @@ def find_codec() -> str:
 
 
 def encoded_pictures(recording: Recording, shooting: Shooting, pictures: range) -> Iterator[list[Packet]]:
-    """Draw and encode pictures of a film; yield what each of them brought forth, and at last what was left."""
+    """Draw and encode pictures of a film; yield the packets that the encoder gives after each, and at last the rest.
+
+    ``pictures`` are their numbers in the film. An encoder looks ahead, so the first pictures may give no packet yet.
+    """
     encoder = _encoder(shooting)
     aspect = shooting.size[0] / shooting.size[1]
     begin = shooting.start + pictures.start / shooting.fps
@@ -114,17 +121,19 @@ class _Reduction:
         self._whole: Any = None
 
     def frame(self, rows: NDArray[np.uint8]) -> Any:
-        """Return the picture of rows (height, width, 4), the lowest first."""
+        """Return the picture, as the encoder takes it, of drawn rows (height, width, 4), the lowest first."""
         import av
 
         height, width, _ = rows.shape
         if self._whole is None:
             self._whole = av.VideoFrame(width, height, "rgba")
         plane = self._whole.planes[0]
+        # FFmpeg may pad rows: line_size is their length in bytes.
         memory = np.frombuffer(plane, np.uint8).reshape(height, plane.line_size)
         memory[:, : 4 * width] = rows[::-1].reshape(height, 4 * width)
         return self._whole.reformat(*self._size, format="yuv420p", interpolation="AREA")
 
 
 def _packets(encoded: list[Any], first: int) -> list[Packet]:
+    """Return PyAV's packets of a part whose first picture has the number ``first`` in the film."""
     return [Packet(bytes(each), first + each.pts, first + each.dts, bool(each.is_keyframe)) for each in encoded]

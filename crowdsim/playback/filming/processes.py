@@ -67,6 +67,7 @@ def draw_in_processes(
                 if present in working:
                     break
                 present += 1
+            # Each part sends one message more than it has pictures, the rest of its encoder.
             heard(min(done, sum(map(len, parts))))
     finally:
         for connection, (process, _) in at_work.items():
@@ -115,6 +116,7 @@ def _one_thread() -> Iterator[None]:
 
 
 def _end(process: SpawnProcess, connection: Connection) -> None:
+    """Close the connection, and wait for the end of a process that is done or was killed."""
     connection.close()
     process.join()
 
