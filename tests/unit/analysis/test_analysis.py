@@ -65,7 +65,7 @@ def test_passages_are_those_that_pedpy_finds_in_the_exported_file(analysis, expo
     np.testing.assert_allclose(table["time"], expected["frame"] / RATE)
     times = np.sort(expected["frame"].to_numpy() / RATE)
     assert found.values["across"]["flow"] == pytest.approx(31 / (times[-5] - times[4]))
-    assert found.values["across"]["flow_per_m"] == pytest.approx(32 / (times[-5] - times[4]) / 5.0)
+    assert found.values["across"]["flow_per_m"] == pytest.approx(31 / (times[-5] - times[4]) / 5.0)
 
 
 def test_lines_and_areas_count_within_their_times(analysis, tmp_path):
