@@ -77,11 +77,13 @@ class Choosing:
         self._playback = Playback.natural(0, plans.assets.frames_per_step)
         self._progress = Progress.of(plans.itineraries)
         self._scratch = Scratch.make()
+        self._rows: Rows
         self.reserving = Reserving(plans, self.surroundings, self._scratch)
 
     def choose(self, view: View) -> None:
         """Choose for all rows, in order; then let refused rows ask others to give way, the lowest rank first."""
         assets, graph = self.plans.assets, self.plans.assets.graph
+        self._rows = Rows.of(view)
         self.surroundings.begin()
         self._playback = Playback.natural(self.plans.step, assets.frames_per_step)
         # Rows whose node this step plays to its end: its rate is one ramp nearer to the wanted one (``next_rate``).
@@ -109,7 +111,7 @@ class Choosing:
             return []
         plans, scratch = self.plans, self._scratch
         refused: list[int] = []
-        assets, rows, obstacles = plans.assets, Rows.of(view), self.surroundings.of_any(view, self._playback)
+        assets, rows, obstacles = plans.assets, self._rows, self.surroundings.of_any(view, self._playback)
         everyone = self.surroundings.everyone(view)
         constant = plans.motions.table, self._progress, obstacles, everyone, scratch
         number = 0
@@ -124,7 +126,7 @@ class Choosing:
                 if not self._goes_on(view, row):
                     refused.append(row)
             elif wanted == MAKE_ROOM:
-                walker = self._walker(view, row)
+                walker = self._walker(row)
                 self._clear_ahead(view, row, self.surroundings.obstacles(view, walker))
                 if walker.leaves:
                     self._follow(view, row)
@@ -140,7 +142,7 @@ class Choosing:
         plans, asking = self.plans, self._giving_way.asking(view)
         # In vain, only rows that end their node, or have waited long, do more than try again later.
         acts = ending | self._have_waited(view, ASIDE_SECONDS)
-        rows, obstacles = Rows.of(view), self.surroundings.of_any(view, self._playback)
+        rows, obstacles = self._rows, self.surroundings.of_any(view, self._playback)
         everyone = self.surroundings.everyone(view)
         constant = plans.motions.table, self._progress, obstacles, everyone, self._scratch, self._playback, asking
         number = 0
@@ -178,7 +180,7 @@ class Choosing:
         """Choose for a row; return False if it has a plan but cannot go on along it."""
         agent, cursor = int(view.agent[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
-        walker = self._walker(view, row)
+        walker = self._walker(row)
         # Its node goes on after this step.
         if not walker.leaves:
             self._goes_ahead(view, walker, plan)
@@ -222,7 +224,7 @@ class Choosing:
             return
         obstacles, everyone = self.surroundings.obstacles(view, walker), self.surroundings.everyone(view)
         now = self._scratch, self._playback, walker.frame
-        if slow_down(self.plans.assets.graph, Rows.of(view), row, obstacles, everyone, *now):
+        if slow_down(self.plans.assets.graph, self._rows, row, obstacles, everyone, *now):
             view.timeline_digest[row] = timeline_digest(view.timeline[row])
 
     def _follow(self, view: View, row: int) -> None:
@@ -230,7 +232,7 @@ class Choosing:
         plan, following = self.plans.motions[int(view.agent[row])], int(view.cursor[row]) + 1
         view.state[row] = AgentState.MOVING
         view.blocked_since[row] = NONE
-        view.frame[row] = self._walker(view, row).frame
+        view.frame[row] = self._walker(row).frame
         take(view, row, int(plan.nodes[following]), plan.origins[following], plan.blend_offsets[following], following)
         self._giving_way.decided(view, row)
         self._followed(view, row, following)
@@ -271,13 +273,13 @@ class Choosing:
     def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
         """Reserve node ``following`` of the plan, and as many later ones as are needed to come to a stop."""
         rate = self.plans.motions.rate(int(view.agent[row]), following)
-        walker = self._walker(view, row, rate)
+        walker = self._walker(row, rate)
         self.reserving.find_ways(view, row, plan, following)
         obstacles = self.surroundings.with_ways(self.surroundings.obstacles(view, walker), self._scratch)
         found = self.reserving.reserve(view, walker, plan, following, obstacles)
         # As slowly as possible it may pass behind others that are in the way now.
         if found is None:
-            slower = self._walker(view, row, min(int(slowest(self._playback)), rate))
+            slower = self._walker(row, min(int(slowest(self._playback)), rate))
             found = self.reserving.reserve(view, slower, plan, following, obstacles)
         if found is None:
             return False
@@ -301,10 +303,10 @@ class Choosing:
             self.surroundings.neighbors(view),
         )
 
-    def _walker(self, view: View, row: int, rate: int | None = None) -> Walker:
+    def _walker(self, row: int, rate: int | None = None) -> Walker:
         """Return the walker of a row that plays its nodes at ``rate`` [ticks/step], by default that of its plan."""
-        wanted = int(self.plans.motions.table.rates[view.agent[row]]) if rate is None else rate
-        return Walker.of(self.plans.assets.graph, view, row, self._playback, wanted)
+        wanted = int(self.plans.motions.table.rates[self._rows.agent[row]]) if rate is None else rate
+        return Walker.of(self.plans.assets.graph, self._rows, row, self._playback, wanted)
 
     def _have_waited(self, view: View, seconds: float) -> NDArray[np.bool_]:
         """Return which rows (N,) were refused for ``seconds``; that begins anew when one looks for a way around."""
@@ -320,7 +322,7 @@ class Choosing:
         # No row steps aside while an event waits until its place is empty; and moves begin from idle nodes only.
         if self.plans.environment.waited_for or not self.plans.assets.graph.node_idle[view.node[row]]:
             return False
-        obstacles = self.surroundings.obstacles(view, self._walker(view, row))
+        obstacles = self.surroundings.obstacles(view, self._walker(row))
         near = self.surroundings.neighbors(view)
         if not self._giving_way.step_to_wall(view, row, obstacles, self._scratch.draft, near):
             return False

@@ -88,21 +88,20 @@ class Walker(NamedTuple):
     """True if its node ends in this step, or it can leave it."""
 
     @classmethod
-    def of(cls, graph: GraphArrays, view: View, row: int, natural: Playback, rate: int) -> Walker:
+    def of(cls, graph: GraphArrays, rows: Rows, row: int, natural: Playback, rate: int) -> Walker:
         """Return the walker of a row that approaches ``rate`` [ticks/step]; ``natural`` is at the natural rate."""
-        rows = Rows.of(view)
         frame, leaves = frame_of(graph, rows, row, natural)
         return cls(
             row,
-            int(view.agent[row]),
-            int(view.node[row]),
+            int(rows.agent[row]),
+            int(rows.node[row]),
             int(frame),
             Playback(*(int(value) for value in playback_of(graph, rows, row, natural, rate))),
-            view.origin[row],
-            view.blend_offset[row],
-            view.pose[row, :2],
-            float(view.body_radius[row]),
-            bool(view.stays[row]),
+            rows.origin[row],
+            rows.blend_offset[row],
+            rows.pose[row, :2],
+            float(rows.body_radius[row]),
+            bool(rows.stays[row]),
             bool(leaves),
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -133,28 +134,20 @@ class Chain(NamedTuple):
     end: Floats
 
 
-def make_guide(samples: Samples, facings: Floats, reach: float) -> Guide:
+def make_guide(samples: Samples, behaviors: int, turned: Iterable[int], reach: float) -> Guide:
     """Return the path as kernels read it.
 
-    ``facings`` (B, F) are those of `Character`, ``reach`` [m] is the `transition_reach` of `FollowOptions`.
+    ``turned`` are those of the ``behaviors`` that face more than 45 degrees off their motion; ``reach`` [m] is the
+    `transition_reach` of `FollowOptions`.
     """
     length = float(samples.arc[-1])
     pieces = len(samples.arc) - 1
-    allowed = _allowed(samples, facings, reach)
-    return Guide(samples.pose, samples.behavior, allowed, length, length / pieces, pieces / length)
-
-
-def _allowed(samples: Samples, facings: Floats, reach: float) -> NDArray[np.bool_]:
-    """Return where along the path each behavior may be used, (B, m).
-
-    A behavior that faces within 45 degrees of its motion may be used anywhere; any other (side-stepping) only within
-    ``reach`` [m] of a section planned for it or for a narrower one.
-    """
-    allowed = np.ones((len(facings), len(samples.arc)), np.bool_)
-    turned = ~(np.abs(facings) <= np.pi / 4.0).any(axis=1)
-    for b in np.flatnonzero(turned).tolist():
+    # A behavior may be used anywhere; a turned one (side-stepping) only near a section planned for it or for a narrower
+    # one.
+    allowed = np.ones((behaviors, len(samples.arc)), np.bool_)
+    for b in turned:
         near_planned(samples.arc, samples.behavior, b, reach, allowed[b])
-    return allowed
+    return Guide(samples.pose, samples.behavior, allowed, length, length / pieces, pieces / length)
 
 
 def make_workspace(

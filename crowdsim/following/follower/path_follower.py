@@ -119,6 +119,17 @@ class Character:
     facings: Floats
     reach: BodyReach | None = None
 
+    @cached_property
+    def behaviors(self) -> int:
+        """Return the number of behaviors that the graph needs."""
+        return int(self.graph.node_behavior.max(initial=0)) + 1
+
+    @cached_property
+    def turned(self) -> tuple[int, ...]:
+        """Return the behaviors that face more than 45 degrees off their motion."""
+        turned = ~(np.abs(self.facings) <= np.pi / 4.0).any(axis=1)
+        return tuple(np.flatnonzero(turned).tolist())
+
     @classmethod
     def of(cls, behaviors: Sequence[Behavior], graph: GraphArrays, maps: MotionMaps) -> Character:
         """Return the character that walks with ``behaviors``.
@@ -159,7 +170,7 @@ class PathFollower:
         options = options or FollowOptions()
         _check(character, samples, meshes, options)
         graph, maps, reach = character.graph, character.maps, character.reach
-        guide = make_guide(samples, character.facings, options.transition_reach)
+        guide = make_guide(samples, len(character.facings), character.turned, options.transition_reach)
         rules = Rules(
             radii=np.ascontiguousarray(character.radii, np.float64),
             facings=np.ascontiguousarray(character.facings, np.float64),
@@ -344,8 +355,7 @@ def search_path(
 
 def _check(character: Character, samples: Samples, meshes: tuple[Any, ...], options: FollowOptions) -> None:
     """Raise MotionError if shapes do not match or numbers are out of range."""
-    radii, facings, reach = character.radii, character.facings, character.reach
-    behaviors = int(character.graph.node_behavior.max(initial=0)) + 1
+    radii, facings, reach, behaviors = character.radii, character.facings, character.reach, character.behaviors
     if len(samples.arc) < 2 or not samples.arc[-1] > 0.0:
         raise MotionError("a path to follow needs at least two samples and a length above 0")
     if len(radii) < behaviors or len(facings) != len(radii) or radii.shape[1] != len(meshes):
