@@ -25,7 +25,8 @@ WIDE, HIGH = 7.2, 3.8
 def panels(figure: Figure, rows: int = 1, names_beside: bool = False) -> list[Axes]:
     """Return the axes of a figure of ``rows`` panels, one above the other.
 
-    With ``names_beside``, the layout makes room for words beside the vertical axis; else both axes show numbers.
+    With ``names_beside``, the figure's layout engine makes room for words beside the vertical axis; else both axes show
+    numbers.
     """
     tall = HIGH if rows == 1 else 2.7 * rows  # [inch]
     figure.set_size_inches(WIDE, tall)

@@ -88,7 +88,7 @@ def _reduce(x):
     """Split an angle into quarter turns (0 to 3) and a rest in [-pi/4, pi/4], as a double and what that leaves out."""
     turns = math.floor(x * _TWO_OVER_PI + 0.5)
     quarters = float(turns)
-    # Exact: a multiple of the last bit of x or of 2**-31, and small, as x is near quarters * pi / 2.
+    # Exact: a multiple of the last bit of x, and small, as x is near quarters * pi / 2.
     rest = x - quarters * _QUARTER_1
     # Cody and Waite's reduction: subtract the parts of pi / 2 one by one, and keep what each rounding leaves out.
     second = quarters * _QUARTER_2

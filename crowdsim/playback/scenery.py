@@ -108,8 +108,8 @@ def paths_ahead(paths: Sequence[PlannedPath], x: NDArray[Any], y: NDArray[Any]) 
         if len(path.points) < 2 or not np.isfinite(place).all():
             continue
         starts, ways = path.points[:-1], np.diff(path.points, axis=0)
-        lengths = np.maximum(np.sum(ways * ways, axis=1), 1e-12)
-        shares = np.clip(np.sum((place - starts) * ways, axis=1) / lengths, 0.0, 1.0)
+        lengths2 = np.maximum(np.sum(ways * ways, axis=1), 1e-12)
+        shares = np.clip(np.sum((place - starts) * ways, axis=1) / lengths2, 0.0, 1.0)
         nearest = starts + shares[:, None] * ways
         piece = int(np.sum((nearest - place) * (nearest - place), axis=1).argmin())
         points = np.concatenate([nearest[piece : piece + 1], path.points[piece + 1 :]])

@@ -99,6 +99,8 @@ def score_directions(mine, near, count, walls, rules, ahead, turn_cos, extra_tur
         Neighbors, of which the first ``count`` are valid.
     walls : tuple
         Walls of the legs' layer, walls of the torso's layers, radius of the legs [m].
+    rules : Rules
+        Constants of the model; ``inertia`` and ``left_bias`` are costs per meter of the horizon.
     ahead : (float, float)
         Unit vector of the desired direction.
     turn_cos, extra_turn : float

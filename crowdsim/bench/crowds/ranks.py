@@ -77,6 +77,15 @@ agents:
 """
 
 
+_FIGURES = ("run_ms", "work_ms", "step_ms", "exchange_ms", "sent_kb")
+"""Figures of a run, all of one step.
+
+``run`` is its time with its part of writing the recording, a mean; ``step`` its median without that; ``work`` the mean
+CPU time of the busiest process; ``exchange`` the median time of the exchange of ghosts; ``sent`` the kB of the process
+that sends most, a mean.
+"""
+
+
 def measure(count: int = COUNT, seconds: float = 12.0, rounds: int = 3) -> Measurement:
     """Run ``count`` agents for some simulated seconds on one and on two processes, ``rounds`` times in turn.
 
@@ -124,7 +133,7 @@ def measure(count: int = COUNT, seconds: float = 12.0, rounds: int = 3) -> Measu
     figures["step_speed_up_of_two"] = round(times[1]["step_ms"] / times[2]["step_ms"], 2)
     figures["speed_up_of_two"] = round(one / two, 2)
     figures["work_speed_up_of_two"] = round(times[1]["work_ms"] / times[2]["work_ms"], 2)
-    # With one process a step takes whole + divided, with two whole + divided / 2.
+    # run_ms, a step with its part of the writing, is whole + divided on one process, whole + divided / 2 on two.
     whole = max(2.0 * two - one, 0.0)
     # What each process does again grows with the whole crowd, what the regions share stays the same.
     unknown = {
@@ -146,9 +155,6 @@ def measure(count: int = COUNT, seconds: float = 12.0, rounds: int = 3) -> Measu
         figures,
         ("step_speed_up_of_two", "speed_up_of_two", "work_speed_up_of_two", "whole_ms", "runs_with_equal_states"),
     )
-
-
-_FIGURES = ("run_ms", "work_ms", "step_ms", "exchange_ms", "sent_kb")
 
 
 def _compare(mpiexec: str, folder: str, count: int, seconds: float) -> int:

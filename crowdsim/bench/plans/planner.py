@@ -51,6 +51,7 @@ def measure(
 ) -> Measurement:
     """Measure all planners on all places and distances; draw their times to ``picture``.
 
+    ``worlds`` is the folder of worlds for these, by default that of ``ground_of``.
     Then compare costs of ``queries`` plans in each of the places of :mod:`crowdsim.bench.plans.planner_comparison`.
     """
     rows: list[dict[str, Any]] = []

@@ -52,10 +52,10 @@ def value_at(samples, column, span, weights):
 
 @helper
 def time_of_value(samples, column, target, step, first, count, start):
-    """Return when a non-decreasing column first reaches ``target`` [s], and the span, both from sample ``first`` on.
+    """Return the time [s] at which a non-decreasing column first reaches ``target``, and the span.
 
-    Beyond the curve's values the time is that of its beginning or end. start: span at or before the result, to search
-    from.
+    Both count from sample ``first`` on. Beyond the curve's values the time is that of its beginning or end. start:
+    span, at least 1, at or before the result, to search from.
     """
     # Find the span at whose end (weights 1/6, 4/6, 1/6) the curve has reached the target.
     span = start

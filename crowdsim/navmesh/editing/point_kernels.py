@@ -53,7 +53,10 @@ def put_corner(m, w, x, y, hint):
 
 @helper
 def _take_out(m, w, v):
-    """Remove a point obstacle from vertex v; return 0, FULL or STUCK."""
+    """Remove a point obstacle from vertex v; return 0, FULL or STUCK.
+
+    FULL: ``pairs`` of the workshop has no room for another side. After FULL or STUCK the mesh is useless.
+    """
     m.vertices[v].vref -= 1
     # Nothing needs the vertex any longer: take it out at once. Otherwise the repair has to decide, as after an obstacle
     # with sides.
@@ -62,6 +65,7 @@ def _take_out(m, w, v):
     touch(w, v)
     progress = w.progress[0]
     progress.removal = SIDES
+    # No side lost its constraint, and pairs left from another edit do not count.
     progress.pairs = 0
     progress.gone = 0
     return 0

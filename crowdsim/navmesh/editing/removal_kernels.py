@@ -126,8 +126,8 @@ def _flip_spokes(m, w, v):
             and side(vertices, b, c, ax, ay) > 0.0
             and side(vertices, v, a, vertices[c].x, vertices[c].y) > 0.0
         ):
-            # Side a-c replaces the spoke: v loses a neighbor, and b now lies beyond. One corner of the new triangle (a,
-            # b, c) is touched, which is enough for the repair to find it; the other one goes with v.
+            # Side a-c replaces the spoke: v loses a neighbor, and b now lies beyond. c is a corner of both new
+            # triangles: to touch it is enough for the repair to find them.
             flip(sides, vertices, h)
             touch(w, c)
             _push(w, a, b)

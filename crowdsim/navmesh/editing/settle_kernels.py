@@ -174,8 +174,8 @@ def settle(m, w):
     """Bring refinement and corner clearances up to date around touched vertices; return 0, STUCK or FULL.
 
     A bottleneck is new only if the triangle at its wall is, or its vertex, or if something between them was removed. So
-    its vertex is at a changed triangle, or sees a removed side. After FULL, which asks for larger arrays, what is left
-    to do is in the workshop.
+    it is seen from a wall of a changed triangle, from a new vertex, or from a vertex next to or across what was
+    removed. After FULL, which asks for larger arrays, what is left to do is in the workshop.
     """
     sides = m.sides
     vertices = m.vertices
@@ -213,6 +213,7 @@ def settle(m, w):
         v = w.to_do[i].touched
         if is_spent(w):
             return STUCK
+        # Feet and crossings (vref 0) do not look: two walls are closest at a corner of one of them.
         looking = w.to_do[v].mark & LOOKING != 0 and vertices[v].vhe >= 0 and vertices[v].vref > 0
         if looking and v >= BOX_CORNERS:
             x = m.vertices[v].x
@@ -237,6 +238,7 @@ def settle(m, w):
     progress = w.progress[0]
     for i in range(progress.touched):
         v = w.to_do[i].touched
+        # A corner of the box may lack CHANGED, as `_touch_corners` skips it: once touched, it counts as changed.
         changed = w.to_do[v].mark & CHANGED != 0 or v < BOX_CORNERS
         w.to_do[v].mark &= ~(TOUCHED | KEPT | CHANGED)
         if vertices[v].vhe < 0 or not changed:

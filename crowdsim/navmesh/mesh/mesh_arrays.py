@@ -97,8 +97,8 @@ PROGRESS = np.dtype(
 
 head, waiting: first index and length of the ring buffer ``waiting``. touched, changed: lengths of these lists. uses:
 used records of the pool of uses. pairs, gone: lengths of the stack ``pairs`` and of ``gone``. full: 1 if the pool of
-uses was too small. rerouted: 1 if a crossing split the edges of other obstacles. removal: 1 if the edit removes an
-obstacle. vertex: vertex of the point that was edited. left: loop turns left before the edit counts as stuck.
+uses was too small. rerouted: 1 if a crossing split the edges of other obstacles. removal: what the edit removes: 0,
+SIDES or POINT. vertex: vertex of the point that was edited. left: loop turns left before the edit counts as stuck.
 """
 
 SIGHT = np.dtype(

@@ -85,7 +85,8 @@ def stand_at(m, x, y, least):
 def sees(m, t, x0, y0, x1, y1):
     """Return True if a point can go straight from (x0, y0), in the closure of free triangle t, to (x1, y1).
 
-    If the line meets a corner the answer is False: the tangent graph knows of those paths.
+    If the line passes through a corner, or starts at one and leaves t there, the answer is False: the tangent graph
+    knows of those paths. It may end at a corner.
     """
     sides = m.sides
     vertices = m.vertices
@@ -106,7 +107,7 @@ def sees(m, t, x0, y0, x1, y1):
                     out = h
         if inside:
             return True
-        # The line meets a corner, or a wall.
+        # The line passes through a corner, or meets a wall.
         if out < 0 or sides[out].constraints != 0:
             return False
         came = sides[out].twin

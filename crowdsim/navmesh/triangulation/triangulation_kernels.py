@@ -17,7 +17,7 @@ from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.work_kernels import STUCK, is_spent, touch_triangle
 
 FULL = -2
-"""Status: the arrays have no room for another vertex; build again in larger arrays."""
+"""Status: the arrays have no room for another vertex, or for another entry of a list; build again in larger arrays."""
 
 TOLERANCE = 1e-9
 """Share of a side by which the bounds of a search are widened against rounding.

@@ -71,7 +71,7 @@ def touch_triangle(sides, w, t):
 def note_changed(w, t, cell):
     """List triangle t, which changed or got another number, so that the edit can be undone.
 
-    cell: the cell of the hint grid that t is entered in. Triangles for which there is no room are counted only.
+    cell: the cell of the hint grid that holds its center. Triangles for which there is no room are counted only.
     """
     progress = w.progress[0]
     # Count on beyond the room, so that the overflow shows.

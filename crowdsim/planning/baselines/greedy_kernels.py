@@ -37,9 +37,9 @@ def _point_along(points, arc):
 def _add_conflicts(points, sections, away, places, count):
     """Append the new conflict points of a path to ``places`` (k, 2), filled up to ``count``; return both anew.
 
-    ``points`` (n, 2) is the path [m], ``sections`` (k, 3) its rows (behavior, start, end), 0 the narrowest behavior.
-    Conflict points lie every ``MIN_SECTION`` along the sections of the narrowest behavior, or along the whole path if
-    no behavior fits it, and farther than ``away`` meters from both ends.
+    ``points`` (n, 2) is the path [m], ``sections`` (k, 3) its rows (behavior, start, end [m]), 0 the narrowest
+    behavior. Conflict points lie every ``MIN_SECTION`` along the sections of the narrowest behavior, or along the whole
+    path if no behavior fits it, and farther than ``away`` meters from both ends.
     """
     last = points.shape[0] - 1
     for k in range(max(sections.shape[0], 1)):

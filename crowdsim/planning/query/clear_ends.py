@@ -52,9 +52,13 @@ def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np
 
 
 def _clear_end(meshes: Sequence[NavMesh], need: Requirements, point: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return ``point`` (2,), at which no upright behavior has its planned clearance, or a place near it that has it."""
+    """Return a place near ``point`` (2,) with planned clearance for the widest behavior possible, or the point.
+
+    No upright behavior has its planned clearance at the point itself; turned ones count, too.
+    """
     ring, offsets = _rings()
     places = point + offsets
+    # Clearance beyond this limit does not matter: it grows by at most REACH on the way to a place.
     clear = np.array([mesh.clearances(places, float(need.radii.max()) + REACH) for mesh in meshes]) + _ROUNDING
     # The widest behavior whose body fits here (place 0) and whose planned clearance exists nearby; of the nearest ring,
     # the place with the most room.

@@ -15,9 +15,10 @@ from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 def lower_bound(query: Query) -> float:
     """Return a cost below which no path joins ends[0] and ends[1], whatever its sections.
 
-    Let k be the worst behavior of a path. The path stays where k fits, so it is at least as long as the shortest path
-    there. And it has a section of k: two changes and the least length, or, at an end of the path, one change and the
-    way from there to where the preferred behavior stops fitting (`way_out`). The least sum over all k is the bound.
+    Let k be the narrowest behavior of a path. The path stays where k fits, so it is at least as long as the shortest
+    path there. If k is not the preferred behavior, it also pays for k (`least_extra`): all along; or in a section of
+    the least length, with two changes; or in one at an end, with one change, at least as long as the way from there to
+    where the preferred behavior stops fitting (`way_out`). The least sum over all k is the bound.
     """
     need = query.need
     preferred = float(need.costs[-1])
@@ -27,11 +28,12 @@ def lower_bound(query: Query) -> float:
         shortest = max(straight, _shortest(query, k))
         if math.isfinite(shortest):
             bounds.append(shortest * preferred + least_extra(query, k, shortest, way_out(query, k)))
+    # If no behavior has a path, only the straight line bounds the cost.
     return min(bounds, default=straight * preferred)
 
 
 def least_extra(query: Query, k: int, shortest: float, out: float) -> float:
-    """Return the least cost beyond length for paths of ``shortest`` meters or more whose worst behavior is ``k``.
+    """Return the least cost beyond length for paths of ``shortest`` meters or more whose narrowest behavior is ``k``.
 
     Three cases: the whole path is of k, or a section within it, or one at an end, which lasts at least ``out`` meters
     (see `way_out`). Lengths of sections are those of

@@ -296,7 +296,7 @@ def see_points(layers, hints, radii, around, points, spans, x, y, seen):
     """Find the ways from (x, y) [m] to the points on the sides of its triangle; return (seen, count).
 
     They are the first ``count`` rows of ``seen``, an array of :data:`ROAD_WAY` that grows; there are none if no
-    behavior fits at (x, y). Other parameters are as of `join_points`.
+    behavior fits at (x, y). ``hints`` are changed. Other parameters are as of `join_points`.
     """
     m = mesh_at(layers[0])
     sides = m.sides
@@ -305,8 +305,10 @@ def see_points(layers, hints, radii, around, points, spans, x, y, seen):
     level, _ = level_at(layers, hints, radii, x, y)
     if level < 0:
         return seen, count
+    # `level_at` has set the hints to the triangles that hold (x, y). ``roots`` keeps them, as the hints move on.
     t = hints[0]
     roots = hints.copy()
+    # Scratch: a sweep that needs more answers no, and `way_level` samples the way instead.
     stack = np.empty(64, SWEPT)
     for h in range(3 * t, 3 * t + 3):
         for k in range(spans[h].first, spans[h].last):

@@ -46,7 +46,10 @@ def room_at(layers, hints, radii, level, x, y):
 
 @helper
 def level_at(layers, hints, radii, x, y):
-    """Return the widest behavior that fits at (x, y), -1 if none, and the narrowest one's spare clearance there [m]."""
+    """Return the widest behavior that fits at (x, y), -1 if none, and the narrowest one's spare clearance there [m].
+
+    ``hints`` (m,) are set as by `room_at`.
+    """
     n = radii.shape[0]
     level = n - 1
     least = REACH

@@ -55,9 +55,9 @@ def add_agents(places, counts, left, bottom, cell, weights):
 def set_load(weights, gain, free, load, quiet):
     """Set the factor of the crowd on the cost of a meter: ``load`` = 1 + gain * max(0, density - free).
 
-    ``free`` is the density up to which it stays 1 [1/m2]. ``load`` is float32[rows, columns]; ``quiet`` (uint8[rows,
-    columns]) gets the number of cells to the next one with a factor above 1, in the maximum norm, 255 at most. Return
-    the number of cells with a factor above 1.
+    ``free`` is the density up to which it stays 1 [1/m2]; ``gain`` is in m2. ``load`` is float32[rows, columns];
+    ``quiet`` (uint8[rows, columns]) gets the number of cells to the next one with a factor above 1, in the maximum
+    norm, 255 at most. Return the number of cells with a factor above 1.
     """
     rows, columns = weights.shape
     dearer = 0

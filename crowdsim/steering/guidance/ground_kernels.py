@@ -216,10 +216,10 @@ def load_at(crowding, x, y):
 def line_cost(ground, crowding, px, py, qx, qy, most):
     """Return the cost of the straight line from p to q, with the widest behavior that fits at each point.
 
-    The cost is the integral of the behavior's cost per meter and the crowd's factor, plus ``ground.change`` for each
+    The cost is the integral of the behavior's cost per meter times the crowd's factor, plus ``ground.change`` for each
     change of behavior. It is infinite if there is a point at which no behavior fits, or if it exceeds ``most``. Near
-    walls the line is sampled at steps of PACE, so walls closer than half a step to its ends may be missed: the caller
-    must know that a behavior fits at both ends.
+    walls the line is tested in the middle of steps of PACE at most, so up to half a step at its ends may be too close
+    to a wall: the caller must know that a behavior fits at both ends.
     """
     top = len(ground.costs) - 1
     dx = qx - px

@@ -21,7 +21,10 @@ Goal: TypeAlias = BaseGeometry | ArrayLike
 """A region, or points (k, 2) [m]."""
 
 REFRESH_SECONDS = 4.0
-"""Least time between two renewals of the fields to one goal, divided by the number of goals [s]."""
+"""Least time in which each goal has its turn once, up to rounding to steps [s].
+
+The pause between two turns is this divided by the number of goals.
+"""
 
 BOXES_A_SECOND = 50_000
 """Boxes of renewed fields per simulated second, so that large places renew their fields less often."""
@@ -187,7 +190,7 @@ class Guidance:
     def goal_in_turn(self, step: int, steps_per_second: int) -> int | None:
         """Return the goal whose field it is time to renew in ``step``, None if it is not; goals take turns.
 
-        Before the first step all fields are new.
+        In step 0 all fields are new, so none is renewed.
         """
         boxes = self.ground.columns * self.ground.rows
         seconds = max(REFRESH_SECONDS / len(self.goals), boxes / BOXES_A_SECOND)
