@@ -42,12 +42,15 @@ def read_own(
 ) -> OwnBehaviors:
     """Make the behaviors ``files`` of their captures, on the skeleton of ``others``, which come from a library.
 
+    Without others, all take the skeleton of the first one. folders: where the captures of each are. bands: heights
+    (low, high) between which bodies are measured [m]; layers: their names in messages.
+
     Raises
     ------
     MotionError
         If captures cannot be read, or none of them walks ahead for a whole cycle of steps.
     BehaviorError
-        If none of the others walks ahead, so that nothing could lead over to an own one.
+        If there are others, but none walks ahead, so that nothing could lead over to an own one.
     """
     skeleton = next((clips.clips[0].skeleton for _, clips in others.values()), None)
     makers: dict[str, MotionMaker] = {}

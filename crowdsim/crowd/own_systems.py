@@ -145,17 +145,19 @@ class Systems:
     def add_column(self, name: str, dtype: DTypeLike, default: Any, shape: tuple[int, ...]) -> None:
         """Add a column; see :meth:`Extensible.add_column`."""
         if not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise ColumnError(f"{name!r} is no name of a column; take small letters, digits and _, a letter first")
+            raise ColumnError(
+                f"{name!r} is no name of a column; take up to 40 small letters, digits and _, a letter first"
+            )
         if name in _TAKEN or name in self.columns:
             raise ColumnError(f"there is a column '{name}' already; give another name")
         kind = np.dtype(dtype)
         if kind.kind not in "biuf":
             raise ColumnError(f"column '{name}' cannot hold {kind}; take numbers or bool")
         fill = np.asarray(default)
-        if fill.dtype.kind not in "biuf" or not np.array_equal(fill.astype(kind), fill, equal_nan=True):
+        if fill.dtype.kind not in "biuf" or not _holds(kind, fill):
             raise ColumnError(f"column '{name}' holds {kind}, which {default!r} is not")
         try:
-            values = np.full((self._count, *shape), fill, kind)
+            values = np.full((self._count, *shape), np.broadcast_to(fill, shape), kind)
         except ValueError as error:
             raise ColumnError(f"column '{name}': {error}") from None
         self.columns = MappingProxyType({**self.columns, name: _frozen(values)})
@@ -274,6 +276,14 @@ class Extensible:
 def name_of(system: System) -> str:
     """Return the name that a system is called by."""
     return str(getattr(system, "name", type(system).__name__))
+
+
+def _holds(kind: np.dtype[Any], fill: NDArray[Any]) -> bool:
+    """Return True if a column of ``kind`` can hold values: floating-point numbers rounded, all others as they are."""
+    if kind.kind == "f":
+        with np.errstate(over="ignore"):
+            return bool(np.array_equal(np.isfinite(fill.astype(kind)), np.isfinite(fill)))
+    return np.array_equal(fill.astype(kind), fill, equal_nan=True)
 
 
 def _frozen(values: NDArray[Any]) -> NDArray[Any]:

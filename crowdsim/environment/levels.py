@@ -80,7 +80,7 @@ def find_levels(
     """Find levels wide and large enough to walk on, lowest first; only parts ``within`` an outline if one is given.
 
     ``shapes`` (n,) are the outlines of horizontal surfaces, ``heights`` (n,) where they lie [m], ``owners`` (n,) the
-    numbers of the solids that they belong to.
+    numbers of the solids that they belong to, also of surfaces that give no level.
     """
     order = np.argsort(heights, kind="stable")
     shapes, heights, owners = shapes[order], heights[order], owners[order]

@@ -240,7 +240,7 @@ class Scene:
         low = [mesh for mesh in header.meshes if mesh.points[:, 2].max() <= TALL]
         tall = [mesh for mesh in header.meshes if mesh.points[:, 2].max() > TALL]
         self._add_shapes(meshes_mesh(low), meshes_mesh(tall), _LOW_SOLID, _TALL_SOLID, 0.2)
-        # Glass is drawn after the people behind it.
+        # What `keep_still` draws once, under all later pictures. Not glass: that is drawn after the people behind it.
         self._still = [actor for actor in self.plotter.renderer.GetViewProps() if actor.prop.opacity == 1.0]
 
     def _add_shadows(self) -> None:

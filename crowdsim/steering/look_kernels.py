@@ -112,7 +112,11 @@ def look_rows(rows, places, starts, frame, first, last, order, moved, rules, nea
 
 @helper
 def take_in(rows, me, near_rows, near):
-    """Copy the agents in ``near_rows[me]`` to ``near``, relative to the agent ``me``; return their number."""
+    """Copy the neighbors of agent ``me`` to ``near``, with places relative to it [m]; return their number.
+
+    Velocities and headings are copied as they are. rows: ROW[n] of row_kernels. near_rows: (n, MOST_NEAR), the rows of
+    the neighbors, -1 after the last. near: NEAR[MOST_NEAR] of direction_kernels.
+    """
     mine = rows[me]
     for n in range(MOST_NEAR):
         row = near_rows[me, n]

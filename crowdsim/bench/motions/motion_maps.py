@@ -222,7 +222,8 @@ def _summary(
 ) -> dict[str, Any]:
     """Return success over all trials, times, and lengths of motions relative to their paths.
 
-    Times are those of the trials ``compared``, by default all; lengths those of the solved ones among them.
+    found: result and time [ms] of each trial. compared: trials whose times and lengths count, all of them solved; by
+    default the times of all trials and the lengths of the solved ones.
     """
     good = [i for i, (result, _) in enumerate(found) if result.status == FOUND]
     timed, gone = (range(len(found)), good) if compared is None else (compared, compared)

@@ -251,7 +251,7 @@ def _seen(search, family, end, arc):
             search.memory[slot] = key
             break
         slot = (slot + 1) & mask
-    return False  # memory full: treat stages as new
+    return False  # newly entered, or the memory is full: then all count as new
 
 
 @helper

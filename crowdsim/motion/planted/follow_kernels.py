@@ -89,7 +89,7 @@ def _release(work, a, foot, node, frame, moved, share, count):
 
 @helper
 def _play(work, a, node, previous, begin, end, early, late, count):
-    """Note each foot that lands or lifts while a body plays frames ``begin`` to ``end`` of a node.
+    """Note each foot that lands or lifts while a body plays the frames of a node after ``begin``, up to ``end``.
 
     They are played at an even pace between the shares ``early`` and ``late`` of the step.
     """

@@ -120,7 +120,8 @@ class PlanBuilder:
         for side in (LEFT, RIGHT):
             lift = self.frame + 0.5 * gait.double_support
             self.step(side, final, lift, lift + gait.swing)
-        # The right foot lands flat here (see the stances of a plan), so no heel has to come down.
+        # The right foot lands flat here, so no heel has to come down; see ``_plants`` of
+        # :mod:`crowdsim.motion.synthesis.feet`.
         return self.stand(0.0)
 
     def start_turned_left(self, gait: Gait, turn: float) -> PlanBuilder:

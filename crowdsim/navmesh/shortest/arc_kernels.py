@@ -4,8 +4,9 @@ Arguments of all helpers: ``radius`` of the disc and ``least``, the clearance th
 angles are measured from the direction n, up to ``extent`` [rad]; ``sights``, ``found`` and ``spans`` are scratch: a
 stack of views, what is seen, and the intervals of angles that are taken. ``m`` is the mesh (MeshArrays) of
 :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records SIDE and VERTEX; n = (nx, ny) is a
-unit vector, c = (cx, cy) a corner and v a vertex relative to it, a and b the ends of a wall [m]; p is the place of a
-corner. The half-edges that leave a vertex are its spokes; two constrained ones bound a wedge of free ground.
+unit vector, c = (cx, cy) a direction of any length, v a vertex or its place (vx, vy), a and b the ends of a wall, p the
+place of a corner, all in mesh coordinates [m]. The half-edges that leave a vertex are its spokes; two constrained ones
+bound a wedge of free ground.
 """
 
 import math
@@ -118,7 +119,8 @@ def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
     """Insert the places around the corner v where the inside of wall ab is closer than ``least`` [m].
 
     A place is the center of a disc that touches v: at ``radius`` [m] from it, at an angle from the direction (nx, ny),
-    of which those from 0 to ``extent`` [rad] matter. Its intervals are inserted into ``spans``; return the new count.
+    of which those from 0 to ``extent`` [rad] matter. The intervals of these angles are inserted into ``spans``; return
+    the new count.
     """
     tx = b.x - a.x
     ty = b.y - a.y

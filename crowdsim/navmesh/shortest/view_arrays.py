@@ -88,6 +88,8 @@ def empty_view(vertices: int, triangles: int) -> View:
 
     The system provides memory only where it is written to.
     """
+    # Sights: each side that is crossed adds one at most. Seen: four times the usual two tangents a vertex; a look that
+    # finds more raises BoundExceeded. 8 and 64 are spare. An ellipse of zeros lets all places count.
     return View(
         np.empty(triangles + 8, SIGHT),
         np.empty(8 * vertices + 64, SEEN),

@@ -102,7 +102,7 @@ def _tighten_left(sight, aim, reach):
 
 @helper
 def set_ellipse(ellipse, x0, y0, x1, y1, length):
-    """Set the ellipse of ways of at most ``length`` from point 0 to point 1; all places for an infinite length."""
+    """Set the ellipse of ways of at most ``length`` [m] between two points; if it is infinite, all places count."""
     dx = x1 - x0
     dy = y1 - y0
     distance = math.sqrt(dx * dx + dy * dy)

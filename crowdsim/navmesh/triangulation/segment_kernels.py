@@ -290,7 +290,8 @@ def _load(m, w, along, way):
 def insert_segment(m, a, b, winding, use, w):
     """Constrain the way from vertex a to b, with ``winding`` and ``use`` on its half-edges; return 0, FULL or STUCK.
 
-    Vertices on the way, or close to it, split the segment. Constrained sides it meets are split at the crossing.
+    Their twins get minus ``winding``, and no use. Vertices on the way, or close to it, split the segment. Constrained
+    sides it meets are split at the crossing.
     winding, use: fields of half-edges, see :mod:`crowdsim.navmesh.mesh.mesh_arrays`. w: workshop of the edit.
     """
     sides = m.sides

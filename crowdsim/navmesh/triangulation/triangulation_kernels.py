@@ -96,9 +96,10 @@ def not_delaunay(sides, vertices, h, cell):
 
 @helper
 def _fill(sides, vertices, t, u, v, w):
-    """Set the corners of triangle t and clear the constraints of its second and third side, which are new.
+    """Set the corners u, v and w (a vertex here) of triangle t, and clear the constraints of its new sides.
 
-    The first side is an old one, which the caller has set already (:func:`take`).
+    These are its second and third side; the caller links their twins. The first side, u -> v, is an old one: the
+    caller has filled it by :func:`take`, or it stays as it was.
     """
     h = 3 * t
     for corner in (u, v, w):

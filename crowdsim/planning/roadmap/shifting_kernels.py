@@ -121,12 +121,14 @@ def price_places(layers, hints, radii, costs, stations, spread, prices):
     """Fill ``prices`` (stations, SHIFTS) with the cost per meter at each place; infinite if no behavior fits.
 
     layers, hints: meshes as of `layers_of`, and the triangles found last in each. radii (n, m) [m], costs (n,) per
-    meter: of the behaviors. stations, spread: as of :func:`choose_shifts`.
+    meter: of the behaviors. stations, spread: as of :func:`choose_shifts`. Of a station that stays, only its own place
+    is priced.
     """
     top = costs.size - 1
     for s in range(stations.size):
         station = stations[s]
-        # A station that stays has a single place, and any price is the same for all choices there.
+        # A station that stays has a single place. Its price only weighs the pieces to its neighbors; that of the widest
+        # behavior is taken, even in a narrow section that is too short to be shortened.
         if station.near == 0:
             prices[s, SHIFTS // 2] = costs[top]
             continue

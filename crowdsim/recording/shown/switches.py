@@ -35,9 +35,9 @@ class Switches(NamedTuple):
 
     def last(self, agents: Ints, step: int | Ints) -> Ints:
         """Return (n,) the row of the latest switch of each of ``agents`` shown by ``step``; NONE if there is none."""
-        # Agent and step in one sorted number, the step limited to stay within its agent; NONE in front is found if
-        # nothing else is.
-        most = int(self.shown.max(initial=0)) + 2
+        # Agent and step in one sorted number (most: more than any step shown), the step limited to stay within its
+        # agent; NONE in front is found if nothing else is.
+        most = int(self.shown.max(initial=0)) + 1
         numbers = np.append(NONE, self.agents * most + self.shown)
         found = np.searchsorted(numbers, agents * most + np.minimum(step, most - 1), side="right") - 1
         last: Ints = np.where(np.append(NONE, self.agents)[found] == agents, found - 1, NONE)

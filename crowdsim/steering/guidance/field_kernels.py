@@ -141,7 +141,8 @@ def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
 def _test_box(ground, crowding, points, field, state, box):
     """Find the cheapest path of a box over the final boxes around it: straight to their anchors, or to their own pins.
 
-    Return its cost, its anchor, and whether the widest behavior fits on the whole line to the anchor.
+    Return its cost, its anchor, and whether the widest behavior fits on the whole line to the anchor and no crowd is on
+    it; (inf, -1, False) if no line is free.
     """
     boxes = len(ground.widest)
     # Cost of a meter with the widest behavior, the least there is.

@@ -169,7 +169,7 @@ def update_walls(walls: Walls, segments: Floats, window: Bounds) -> Walls:
 def _lists(
     segments: Floats, left: float, bottom: float, columns: int, rows: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the lists of segments near cells: starts and lists."""
+    """Return the segments within WALL_REACH of each cell, row by row: starts (cells + 1,) and lists (k,)."""
     starts = np.zeros(columns * rows + 1, np.int64)
     count = list_walls(segments, left, bottom, columns, rows, starts, np.zeros(0, np.int64))
     lists = np.zeros(count, np.int64)

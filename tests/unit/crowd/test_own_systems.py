@@ -88,12 +88,19 @@ def test_columns_are_kept_by_number_and_stand_in_the_table(simulation):
         (("word", str), "cannot hold <U0"),
         (("some", int, 0.5), "holds int64, which 0.5 is not"),
         (("some", "uint8", -1), "holds uint8, which -1 is not"),
-        (("some", float, (1.0, 2.0), (3,)), "column 'some': could not broadcast"),
+        (("some", "float16", 1e6), "holds float16, which 1000000.0 is not"),
+        (("some", float, (1.0, 2.0), (3,)), "column 'some'.* broadcast"),
+        (("some", float, (1.0, 2.0)), "column 'some'.* broadcast"),
     ],
 )
 def test_columns_that_cannot_be(simulation, arguments, message):
     with pytest.raises(ColumnError, match=message):
         simulation.add_column(*arguments)
+
+
+def test_a_default_of_a_column_is_rounded_to_its_dtype(simulation):
+    simulation.add_column("share", np.float32, 0.1)
+    assert simulation.agents["share"].tolist() == [float(np.float32(0.1))] * len(simulation.agents)
 
 
 def changed(**attributes):

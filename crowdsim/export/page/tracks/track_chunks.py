@@ -284,7 +284,11 @@ class _Changes:
         self._parts: list[Ints] = []
 
     def take(self, rows: _Rows, first: int, span: slice) -> None:
-        """Record the changes in the steps ``span`` of ``rows``, the first of which is step ``first`` of the page."""
+        """Record the changes in the steps ``span`` of ``rows``, with values as of :class:`Events`.
+
+        first: step of the page at which ``span`` begins. Each part is (6, E): agent, step, node, previous, behavior,
+        state.
+        """
         state = rows.state[span].astype(np.int64)
         here = state != AgentState.ABSENT
         captured = here & (rows.node[span] >= 0)
@@ -299,6 +303,7 @@ class _Changes:
         before = np.concatenate([self._last[:, None], values[:, :-1]], axis=1)
         step, agent = np.nonzero((values != before).any(axis=0))
         self._parts.append(np.concatenate([[agent, step + first], values[:, step, agent]]))
+        # An empty span has no last step.
         self._last = values[:, -1] if values.shape[1] else self._last
 
     def events(self) -> tuple[Events, Ints]:

@@ -58,9 +58,9 @@ _MOST_ACROSS = 29
 _PACES, _WAYS = 16, 16
 """Classes of speeds, and of directions, as contexts of places."""
 _SPEEDS, _TURNS, _WANTED, _NEARS = 24, 21, 49, 8
-"""Contexts of headings and phases: classes of speeds, turns and wanted turns, and what the last three turns were."""
+"""Contexts of headings and phases: classes of speeds (1/16 m/s), turns, wanted turns; what the last 3 turns were."""
 _KINDS, _AWAYS = 7, 16
-"""Classes of phases: which rule applies, and how far the rear foot is left behind."""
+"""Classes of phases: which rule applies, and how far the rear foot is left behind (2 cm)."""
 
 # Where the models of each kind begin. Those of integers of any size: escapes, then what begins a run of steps.
 _FIRST_X, _FIRST_Y, _FIRST_TURN, _FIRST_FRAME, _FIRST_PHASE = WHOLE, 3 * WHOLE, 5 * WHOLE, 7 * WHOLE, 8 * WHOLE
