@@ -27,7 +27,7 @@ NARROW_ROOM = 0.6
 """A place is narrow if there is less room than this between a body and a wall [m]."""
 
 LEFT_ROOM = 0.05
-"""Room that a step leaves to the wall [m]; an agent closer to it finds no motion that leads on."""
+"""Least room that a step leaves to the wall [m]; an agent closer to it finds no motion that leads on."""
 
 WORTH = 0.1
 """A step to a wall must end at least this much closer to it [m]."""
@@ -58,7 +58,7 @@ FARTHER = 0.2
 def room_beside(obstacles, x, y):
     """Return the room between the widest body at (x, y) and the nearest wall of any layer [m], at most NARROW_ROOM.
 
-    It is negative if the widest body touches a wall there, or if (x, y) is not in free space.
+    It is negative if the widest body overlaps a wall there, or if (x, y) is not in free space.
     """
     room = NARROW_ROOM
     for k, mesh in enumerate(obstacles.layers):
@@ -75,8 +75,9 @@ def room_beside(obstacles, x, y):
 def look_beside(everyone, row, x, y, dx, dy, radius):
     """Return the largest overlap of a row's lane with those of others nearby, and the distance of the nearest [m].
 
-    A lane is the strip that a body covers if it moves along the unit vector (dx, dy). The row is at (x, y), its body
-    has ``radius`` [m]. The overlap is 0 if no lanes overlap; the distance is at most NEAR.
+    A lane is the strip that a body covers if it moves along the unit vector (dx, dy); at the goal that is (0, 0), and
+    lanes overlap by all of both radii. The row is at (x, y), its body has ``radius`` [m]. The overlap is 0 if no lanes
+    overlap; the distance is at most NEAR.
     """
     # Rows are found by where they are now, and count where their timelines end.
     low, high, first, last = cells_within(everyone.near, x, y, x, y, NEAR + everyone.near.spread[OF_TIMELINES])
@@ -99,7 +100,7 @@ def look_beside(everyone, row, x, y, dx, dy, radius):
 
 @kernel
 def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
-    """Let a standing row step to a wall, to the right if it can, or back along the wall; return True if it does.
+    """Let a standing row step to a wall, preferably to the right, or back along the wall; return True if it does.
 
     ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: the number of the move is left in
     ``trail.moves[0]``, and the row owns its timeline then. ``playback`` is at the natural rate.
@@ -157,7 +158,7 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
         radius = everyone.body_radius[row]
         if meets_anyone(row, trail.candidate, slot, forever, slot, radius, everyone):
             continue
-        # No steered body is its own (-1). Its end may be as close to the wall as the body allows (0.0).
+        # No steered body is its own (-1). The end of the move needs no more clearance than its way (0.0).
         if meets_body(-1, trail.candidate, obstacles.bodies) or not move_is_free(graph, obstacles, draft, nodes, 0.0):
             continue
         own(everyone, row, trail.candidate, slot, forever)

@@ -42,7 +42,7 @@ class Trail(NamedTuple):
     moves: NDArray[np.int32]
     """(D,) move that each tries."""
     costs: Floats
-    """(D, M) cost of each move of the row's idle node [s], infinite once it was tried."""
+    """(D, M) cost of each move of the row's idle node [s], infinite once it was tried, or if it is not allowed."""
     parent: NDArray[np.int32]
     """(D,) place of the row that asked each; -1 if the agent for which all give way asked it."""
     blame: NDArray[np.int64]

@@ -27,7 +27,7 @@ from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pos
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 DETOUR_COST = 1.0
-"""Cost of each meter that a move leads away from the goal [s/m]."""
+"""Cost of each meter that a move ends farther from the goal than it begins [s/m]; nearer ones gain as much."""
 
 IN_WAY_COST = 4.0
 """Cost of each meter that a move ends inside of the way ahead of the agent that asks [s/m]."""
@@ -39,7 +39,7 @@ PASSAGE_COST = 3.0
 """Cost of a stand in a narrow passage [s]."""
 
 WANTED = 3
-"""Number of continuations of a plan, each a node longer, for which others are asked to give way."""
+"""Largest number of continuations of a plan, the shortest first, for which others are asked to give way."""
 
 OFF_WALLS = 0.1
 """Clearance at the end of a move beyond that of the widest behavior, if there was as much before [m]: an agent too
@@ -50,7 +50,7 @@ _STRIDE = 6  # frames between two samples of the test against obstacles
 
 @kernel
 def lay_move(graph, moves, move, node, origin, chain):
-    """Write a move behind the idle ``node``, which started at ``origin`` (3,), into a chain; return its node count."""
+    """Write a move, behind the idle ``node`` that started at ``origin`` (3,), into a chain; return its node count."""
     chain.nodes[0] = node
     for axis in range(3):
         chain.origins[0, axis] = origin[axis]
@@ -71,7 +71,7 @@ def lay_move(graph, moves, move, node, origin, chain):
 
 @helper
 def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict, costs):
-    """Fill ``costs`` with the cost of each move [s]: duration, detour, and how far it ends inside of ways of others.
+    """Fill ``costs`` with the cost of each move [s], of its duration, detour, and end in ways or passages.
 
     ``node`` and ``origin`` (3,) are the idle node that is played and where it started; ``goal`` (2,) is where the row
     goes; ``width`` is the distance to a way that counts as inside [m]. ``strict``: moves that end in ``way``, that of
@@ -112,7 +112,7 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
     """Return True if a move keeps clear of the obstacles on all layers.
 
     A move asks for the clearance of the widest behavior, and at its end for ``off_walls`` [m] more; but for no more
-    than the agent has where it stands now, as it could not move at all otherwise; and always for the clearance of
+    than there is where its idle node began, as it could not move at all otherwise; and always for the clearance of
     the behavior that it plays. chain: nodes of the move with their origins (x, y, heading) and blend offsets, the first
     ``count`` of them; node 0 is the present one, at whose end the move begins.
     """
@@ -152,7 +152,7 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
 @helper
 def own(everyone, row, timeline, start, gone):
     """Let a row own a timeline from slot ``start`` on; keep its circle and the neighbor search up to date."""
-    reach = 0.0
+    reach = 0.0  # largest squared distance of a sample from the first one
     for k in range(len(timeline)):
         dx = timeline[k, 0] - timeline[0, 0]
         dy = timeline[k, 1] - timeline[0, 1]
@@ -195,9 +195,9 @@ def _put_back(everyone, row, trail, place):
 def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, count):
     """Append all rows that the timeline of ``me`` meets to the ``count`` rows of the trail.
 
-    ``pusher``, for which all give way, and the rows up to place ``level`` have their new timelines; the other rows of
-    the trail will move. slot, gone: slots at which the timeline begins, and from which ``me`` is gone. Return the
-    number of rows appended; -1 if a row cannot be asked; -2 - place if it meets the new timeline of the row there.
+    ``me`` is at place ``level`` of the trail, or is ``pusher``, for which all give way (-1); rows before it own their
+    new timelines. That of ``me`` is from ``slot`` to before ``gone``. Return the number of rows appended; -1 if one
+    cannot be asked; -2 - place if it meets the new timeline of the row there.
     """
     asked = 0
     other = -1
@@ -227,7 +227,7 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, a
     """Reserve a timeline for ``me`` if all rows in its way can give way; return how many do, -1 if they cannot.
 
     ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`; ``trail.rows`` give way by ``trail.moves``. Either
-    all of them own the timelines of their moves afterwards, or nothing changes.
+    all of them own the timelines of their moves afterwards, or no timeline changes; ``trail.tries`` are used up anyway.
     """
     standing, trail = asking.standing, asking.trail
     slot = playback.clock // playback.slot_frames
@@ -256,7 +256,8 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
 
     Depth-first search, one level per row. A row without a move jumps back to the last row that asked it or blocked it
     (conflict-directed backjumping: P. Prosser, Computational Intelligence 9(3), 1993); bit k of ``trail.blame`` stands
-    for the row at place k. ``strict``: the first row must leave the way of ``me``.
+    for the row at place k. ``strict``: the first row must leave the way of ``me``. Return the number of rows that move,
+    which own the timelines of their moves then; -1 if there is no solution, and all have their old ones.
     """
     moves, standing, trail = asking.moves, asking.standing, asking.trail
     forever = np.int64(FOREVER)
@@ -270,8 +271,7 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
     while level < count:
         row = trail.rows[level]
         node, origin = standing.node[row], standing.origin[row]
-        # A row reached for the first time since the last jump back: price all its moves, and blame the row that asked
-        # it.
+        # A row reached from the one before, not by a jump back: price all its moves, and blame the row that asked it.
         if fresh:
             width = everyone.body_radius[me] + everyone.body_radius[row]
             way, costs, must = standing.way[me], trail.costs[level], strict and level == 0
@@ -290,7 +290,7 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
             for undone in range(level - 1, max(back, 0) - 1, -1):
                 _put_back(everyone, trail.rows[undone], trail, undone)
                 count -= trail.asked[undone]
-            # No row to blame: no solution. Restore the levels below, too.
+            # No row to blame, or no tries left: no solution. Restore the levels below, too.
             if back < 0 or trail.tries[0] <= 0:
                 for undone in range(max(back, 0) - 1, -1, -1):
                     _put_back(everyone, trail.rows[undone], trail, undone)
@@ -374,13 +374,13 @@ def reserve_by_asking(
 ):
     """Find a continuation as ``reserve`` does, for which standing rows in the way may be asked to give way.
 
-    Return (nodes taken, gone slot, number of rows that give way); all of these own new timelines then. Without a
-    solution return 0 nodes, and nothing changes.
+    Return (nodes taken, gone slot, number of rows that give way); all of these, and the row, own new timelines then.
+    Without a solution return 0 nodes, and no row has another timeline.
     """
     forever = np.int64(FOREVER)
     tried = 0
     for tolerant in range(2):  # as in ``reserve``: stop in a narrow passage only if there is no other place to stand
-        stands = False  # True if it could stand outside of narrow passages, apart from other agents
+        stands = False  # True if, without other agents, it could stand outside of narrow passages, or leave
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available
             found = lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline)

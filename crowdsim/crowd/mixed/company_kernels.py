@@ -33,7 +33,7 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
     frame : (float, float, int, int)
         Left and bottom edge of the grid [m], columns and rows of cells.
     order : (n,) int32
-        Number of the agent of each row: its index in all outputs.
+        Index that each row had before they were sorted: that of its agent in all outputs.
     walls : (Walls, Walls)
         Walls for the legs and for the torso.
     lane : (float, float)
@@ -81,7 +81,7 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
                 if square < few * few:
                     count += 1
 
-                # Leave out others that do not come nearer, and those behind an agent that goes somewhere. (wx, wy) is
+                # Leave out others that hardly come nearer, and those behind an agent that goes somewhere. (wx, wy) is
                 # the velocity relative to the other one.
                 ahead = px * mine.ix + py * mine.iy
                 same_way = mine.ix * other.ix + mine.iy * other.iy > _SAME_WAY

@@ -104,7 +104,7 @@ class Levels:
         self._mean_speeds = self._speeds.copy()
 
     def keep_paces(self, natural_speed: float) -> None:
-        """Let auto agents with a prescribed speed steer for good if no captured motion has that speed.
+        """Let auto agents with a prescribed speed only steer as long as no captured motion has that speed.
 
         ``natural_speed`` is that of captured motion [m/s].
         """
@@ -158,7 +158,10 @@ class Levels:
         return np.asarray(hypot(places[:, 0] - x, places[:, 1] - y) <= self._favored.radius)
 
     def steer(self, agents: NDArray[np.int64], places: Floats, blocked: Floats) -> Bools:
-        """Return which of some captured agents should steer; they were refused for times ``blocked`` (k,) [s]."""
+        """Return which of some captured agents, at ``places`` (k, 2) [m], should steer.
+
+        They were refused for times ``blocked`` (k,) [s].
+        """
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
         refused = blocked >= np.where(self.confined[agents], QUEUES_FOR, BLOCKED_FOR)
         # No captured motion has the speed that it was given.

@@ -275,7 +275,7 @@ class MixedCrowd:
     def _has_no_way(self) -> NDArray[np.bool_]:
         """Return True (n,) for agents to whose goals no path was found; steered they would have to squeeze.
 
-        Those for which only no motion was found may enter steered, if they may steer.
+        Those for which only no motion was found may enter steered, if they may steer; if not, it is True, too.
         """
         lost = np.zeros(self.count, np.bool_)
         for agent, reason in self.captured.plans.unreachable.items():

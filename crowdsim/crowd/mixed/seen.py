@@ -68,7 +68,7 @@ def seen(
     rows["goal"] = np.where(stays, NO_GOAL, errands.goal(agents, itineraries.reached[agents]))
     rows["share"] = walkers.shares[agents]
     rows["id"] = agents
-    rows["turn"] = rows["held"] = -1.0
+    rows["turn"] = rows["held"] = -1.0  # not prescribed
     # Guidance only tells where they want to go: their motion leads them, also where no path is found.
     guidance.write(rows, np.full(len(agents), PLAIN, np.int32), lead_out=False)
     pace = hypot(rows["vx"], rows["vy"])
@@ -95,7 +95,7 @@ def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.in
     first = np.clip(now_slot(step) - view.timeline_start, 0, last)
     begins, ends = timeline[:, :-1], timeline[:, 1:]
     ahead = np.arange(last) >= first[:, None]
-    # Segments of length 0 are left out; the rests below take their place.
+    # From the segment that holds the present on. Those of length 0 are left out; the rests below take their place.
     pieces = ahead & (begins != ends).any(axis=2)
     walking, slots = np.nonzero(pieces)
     moving = np.concatenate([begins[walking, slots], ends[walking, slots]], axis=1)

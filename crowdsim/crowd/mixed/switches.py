@@ -168,7 +168,10 @@ class Switches:
         return bodies
 
     def _safe(self, rows: Ints, bodies: NDArray[np.void], count: int, others: Others) -> tuple[Ints, NDArray[np.void]]:
-        """Return those of some captured rows that touch no reserved segment of agents that stay captured."""
+        """Return those of some captured rows, with ``bodies``, that touch no reserved segment of others that stay.
+
+        ``count`` is the number of all captured rows, to which the segments of ``others`` belong.
+        """
         frame = frame_of(self._steered.place.bounds)
         ways = listed(others, frame, float((bodies["half"] + bodies["radius"]).max()) + CLEAR)
         # Timelines of rows that leave do not count. One that has to stay keeps its timeline, which others may touch in
@@ -266,7 +269,7 @@ class Switches:
         # No section of its way prescribes that it turns sideways (``turn`` is -1).
         rows = np.flatnonzero(calm & straight & rested & (state["turn"] <= 0.0))
         most = max(AT_LEAST, int(SHARE * (len(agents) + captured.world.count)))
-        # The agents that have waited longest come first.
+        # Those whose last request is longest ago come first.
         rows = rows[np.lexsort((agents[rows], self._tried[agents[rows]]))][:most]
         for row in rows.tolist():
             self._ask(view, row)

@@ -76,7 +76,7 @@ class MeasuredPlaces:
             self._places.pop(0)
             pace = hypot(*self._way(since, places).T) / SPEED_SECONDS
         else:
-            pace = np.full(len(places), np.nan)
+            pace = np.full(len(places), np.nan)  # no speed is known yet
         for number, shape in enumerate(self._shapes):
             inside, _ = self._share.ranks.together(pace[shapely.contains_xy(shape, places) & ~np.isnan(pace)])
             self._speeds[number].append(float(inside.mean()) if len(inside) else np.nan)

@@ -329,8 +329,8 @@ def _as_plan(
 ) -> MotionPlan:
     """Return a plan of ``played`` and what was found behind it.
 
-    ``kept`` nodes of what was found stay even if it is not worthwhile. Its first node is the departure, which is no
-    part of the plan.
+    ``kept`` nodes of what was found stay even if it is not worthwhile, none if _HIDDEN. The first node found is the
+    departure, which is no part of the plan.
     """
     origins = found.origins[1:]
     blend_offsets = np.empty(origins.shape)

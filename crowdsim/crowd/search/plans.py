@@ -135,9 +135,10 @@ class Plans:
         """Begin the slices of this step; ``played(agent)`` nodes of a plan will be played in any case."""
 
         def kept(agent: int, search: Ongoing) -> int | None:
+            """Return how many nodes that a search found are played in any case; None if it is of no use any more."""
             plan = self.motions.get(agent)
             if search.handed is None:
-                return 0
+                return 0  # nothing of it was handed out yet
             if plan is None or plan.nodes is not search.handed:
                 return None  # it has come to a stand, or follows another plan
             # Nodes before ``first`` were not found by this search.
@@ -146,7 +147,10 @@ class Plans:
         self.searches.submit(self.step, self.environment.revision, kept)
 
     def collect(self) -> list[Found]:
-        """Return the results of all slices that were begun in the step before."""
+        """Return the results of the slices that were begun in the step before, but for those of no use any more.
+
+        Searches that an edit made invalid are dropped. Routes found from a stand, and goals without a path, are noted.
+        """
         results = []
         for agent, search, found in self.searches.collect(self.step):
             plan = None if isinstance(found, PathNotFound) else found

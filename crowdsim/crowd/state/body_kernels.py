@@ -42,10 +42,10 @@ def _bent_gap(timeline, k, body):
 
 @kernel
 def meets_body(agent, timeline, bodies):
-    """Return True if an agent on a timeline comes within BODY_ROOM of a steered body, or touches it where it bends.
+    """Return True if an agent on a timeline comes within BODY_ROOM of a steered body, or touches one as it bends.
 
     ``timeline`` (K, 13) has the capsule at each sample: center, radius, and vector from center to end of the core [m].
-    ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; the body of ``agent`` itself does not count.
+    ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; that of ``agent`` does not count, -1: all do.
     The agent's capsule is replaced by the disc that contains it, so the test is conservative.
     """
     rows, starts, frame, broadest = bodies.rows, bodies.starts, bodies.frame, bodies.broadest

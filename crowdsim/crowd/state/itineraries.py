@@ -72,7 +72,7 @@ class Itineraries:
     ) -> Request:
         """Return the request for a motion from ``position`` (2,) [m] to an agent's goal, or ``ahead`` places later.
 
-        ``departure``: how the agent leaves what it does now; None if it stands.
+        ``departure``: the node that it plays, or will have played, there; None before it has entered.
         """
         reached = int(self.reached[agent]) + ahead
         return Request(

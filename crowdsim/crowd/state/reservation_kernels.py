@@ -10,7 +10,7 @@ meetings do not count; ``radius`` of the body at rest [m]; ``obstacles``, ``ever
 all rows), ``chain``, ``draft`` (a scratch chain) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`;
 ``frame``, the one of the present node from which a chain goes on. ``graph`` is the motion graph
 (:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``a`` and ``b`` are two timelines (K, 13), each with its own start
-and gone slots; ``me`` and ``row`` are rows, ``other`` is a timeline. The columns of a timeline are those of
+and gone slots; ``me`` and ``row`` are rows. The columns of a timeline are those of
 :data:`crowdsim.crowd.state.components.SAMPLE`.
 """
 
@@ -35,10 +35,10 @@ ELBOW_ROOM = 0.1
 """Gap between the discs of two agents at rest [m]."""
 
 BLOCKED = -1
-"""No timeline: its stop touches an obstacle."""
+"""No timeline: its stop touches an obstacle or is too long for a chain, or it comes near a movable about to appear."""
 
 NARROW = -3
-"""No timeline: it ends in a narrow passage."""
+"""No timeline: it ends in a narrow passage, but does not begin in one."""
 
 IN_WAY = -4
 """No timeline: it ends in the way ahead of an agent that goes first, or meets a steered body."""
@@ -69,16 +69,16 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
     end of time. What capsules and bends add to discs on straight pieces counts by an upper bound, so a near pass may
     count as a contact. ``at_rest`` is the sum of the radii of both bodies at rest [m]: if both stay for ever, their
     tracks end at least ``at_rest`` + ELBOW_ROOM apart, so that either can turn on the spot. ``present`` is True if both
-    are in the world, False if one has yet to enter it. If both are present and nearer already at ``first_slot``, they
-    may move as long as they do not come nearer still; otherwise they could never part.
+    are in the world, False if one has yet to enter it. If both are present and too near already at ``first_slot``, they
+    may come to rest as near, and overlap as much, as they do then; otherwise they could never part.
     """
     if first_slot >= a_gone or first_slot >= b_gone:
         return False
-    # Samples at the first slot; past its end a timeline stays at its last sample.
+    # Samples at the first slot; before its begin and past its end a timeline stays at its first and last sample.
     ia = min(max(first_slot - a_start, 0), len(a) - 1)
     ib = min(max(first_slot - b_start, 0), len(b) - 1)
     apart = at_rest + ELBOW_ROOM
-    overlap = 0.0
+    overlap = 0.0  # least gap allowed
     # Two that are too near already only have to stay as far apart as they are.
     if present:
         apart = min(apart, hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1]) - ROUNDING)
@@ -169,7 +169,7 @@ def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
 
 @helper
 def _within_reach(center, other, first, last, reach):
-    """Return True if a sample of a timeline from ``first`` to ``last`` is within ``reach`` [m] of ``center``."""
+    """Return True if a sample of ``other`` (K, 13) from ``first`` to ``last`` is within ``reach`` [m] of ``center``."""
     for k in range(first, last + 1):
         dx = other[k, 0] - center[0]
         dy = other[k, 1] - center[1]
@@ -180,10 +180,10 @@ def _within_reach(center, other, first, last, reach):
 
 @kernel
 def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
-    """Return True if the disc of a node's behavior keeps clear of all layers along the whole node, at any time.
+    """Return True if the disc of a node's behavior keeps clear of obstacles on all layers along the node, at any time.
 
     ``origin`` and ``blend_offset`` (3,) place the node in the world; ``hints`` (layers,) are the triangles found last
-    on each layer, -1 for none.
+    on each layer, -1 for none, and are updated.
     """
     frames = np.int64(graph.node_frames[node])
     node = np.int64(node)
@@ -214,16 +214,16 @@ def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
 
 @helper
 def stays_free(graph, mesh, node, first, last, origin, blend_offset, need, room, hint):
-    """Return True if a disc keeps clear of one layer between two frames of a node, at both of which it does.
+    """Return True if a disc that keeps clear of one layer's obstacles at frame ``last`` does so from ``first`` on.
 
     ``mesh`` is that of the layer, ``hint`` the triangle to look in first; ``origin`` (3,) and ``blend_offset`` (3,) are
-    where the node begins and what fades along it, as in a chain.
-    ``room`` is the sum of the clearances at both beyond the radius ``need`` of the disc [m]. Only if the track is
-    longer than that it can come to an obstacle in between: then its straight motion from frame to frame is tested.
+    where the node begins and what fades along it, as in a chain. ``room`` is the sum of the clearances at both beyond
+    the radius ``need`` of the disc [m], of which one not measured is 0; infinite if there is nothing in between. Only
+    if the track is longer than that it can come to an obstacle: then its straight motion from frame to frame is tested.
     """
     ox, oy, oh = origin[0], origin[1], origin[2]
     dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
-    # Nothing was tested before the frame.
+    # The first frame of a test has none before it.
     if room == math.inf:
         return True
     x, y, _ = track_pose(graph, node, first, ox, oy, oh, dx, dy, dh)
@@ -266,7 +266,7 @@ def append_stop(graph, chain, count):
 
 @kernel
 def comes_near(timeline, segments, distance):
-    """Return True if a timeline (K, 13) comes nearer than ``distance`` to one of ``segments`` (M, 4) [m]."""
+    """Return True if the track of a timeline comes nearer than ``distance`` to one of ``segments`` (M, 4) [m]."""
     square = distance * distance
     for k in range(len(timeline) - 1):
         ax, ay, bx, by = timeline[k, 0], timeline[k, 1], timeline[k + 1, 0], timeline[k + 1, 1]
@@ -291,8 +291,8 @@ def _copy_chain(chain, to):
 def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline):
     """Sample the present node of a chain and ``taken`` next ones, then the stop unless the agent ``leaves`` the world.
 
-    ``timeline`` (K, 13) is filled. Return the first slot at or after the end of these nodes, or why they are not
-    allowed: BLOCKED, TOO_LONG, NARROW (not if ``tolerant``) or IN_WAY.
+    ``timeline`` (K, 13) and ``draft`` are overwritten. Return the first slot at or after the end of the last of these
+    nodes, or why they are not allowed: BLOCKED, TOO_LONG, NARROW (not if ``tolerant``) or IN_WAY.
     """
     _copy_chain(chain, draft)
     count = taken + 1
@@ -343,19 +343,19 @@ def _fixed_until(graph, chain, taken, frame, playback, most):
 
 @kernel
 def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, first, available, ends_plan, timeline):
-    """Find the shortest continuation that ends standing, touches no obstacle and meets no timeline.
+    """Find the shortest continuation that ends standing, or gone, touches no obstacle and meets no timeline.
 
     Entry 0 of ``chain`` is the present node, entries 1 to ``available`` are the next nodes of the plan, of which at
     least ``first`` are taken. ``draft`` is scratch of the same size. ``ends_plan``: the agent leaves the world
     after the last of them. ``obstacles`` and ``everyone`` (all rows) are those of
-    :mod:`crowdsim.crowd.state.timelines`. Return (number of nodes taken, gone slot), with 0 nodes if there is none; the
-    timeline is left in ``timeline`` (K, 13).
+    :mod:`crowdsim.crowd.state.timelines`. Return (number of nodes taken, gone slot), with 0 nodes if there is none; its
+    timeline (or the last that was tried) is left in ``timeline`` (K, 13). Row -1 has yet to enter the world.
     """
     forever = np.int64(FOREVER)
     start = playback.clock // playback.slot_frames
     # Stops in narrow passages are allowed only if the plan offers no other place to stand at all.
     for tolerant in range(2):
-        stands = False  # True if it could stand outside of narrow passages, apart from other agents
+        stands = False  # True if, without other agents, it could stand outside of narrow passages, or leave
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available
             found = lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline)

@@ -29,7 +29,8 @@ _DISCS = 4
 def _set_sample(out, k, x, y, heading, breadth):
     """Write track and body to sample ``k`` of ``out`` (K, 13): the core lies across the direction that the body faces.
 
-    ``breadth`` (2,) is the radius of the capsule and half the length of its core [m]; heading: [rad].
+    ``breadth`` (2,) is the radius of the capsule and half the length of its core [m]; heading: [rad]. Bends are set to
+    0.
     """
     out[k, 0] = x
     out[k, 1] = y
@@ -55,7 +56,7 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
     ``breadths`` (B, 2) and ``playback`` are those of :mod:`crowdsim.crowd.state.timelines`. ``out`` (K, 13) is filled
     from the present slot on. The first sample has the present body, and is placed so that linear interpolation gives
     the present position now. After the end of the chain the samples stay there. Return the first slot at or after the
-    end, or -1 if the chain takes more slots than ``out`` has.
+    end, or -1 if ``out`` has no sample at that slot.
     """
     ended = sample_places(graph, chain, count, breadths, frame, playback, out)
     if ended >= 0:
@@ -65,14 +66,14 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
 
 @helper
 def sample_places(graph, chain, count, breadths, frame, playback, out):
-    """Sample as :func:`sample_chain` does, with the same result, but leave the bends at 0: they take as long again."""
+    """Sample and return as :func:`sample_chain` does, but leave the bends at 0: they take as long again."""
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     clock, slot_frames = playback.clock, playback.slot_frames
     k = 0
     begin = np.int64(0)  # ticks of the chain up to the current node
     slot = clock // slot_frames
     first = np.int64(frame) * FRAME_TICKS
-    played = first + playback.part  # ticks of the chain at the slot
+    played = first + playback.part  # ticks of the chain at sample k; the first is taken now
     for c in range(count):
         node = nodes[c]
         ticks = np.int64(graph.node_frames[node]) * FRAME_TICKS
@@ -113,7 +114,7 @@ def sample_places(graph, chain, count, breadths, frame, playback, out):
 def sway_behind(graph, node, half):
     """Return how far a body comes off the end of a node while it stands there, in an idle node that may follow [m].
 
-    ``half`` is the half length of its core [m].
+    ``half`` is the half length of its core [m], whose ends move on arcs. It is 0 if no idle node may follow.
     """
     most = 0.0
     for edge in range(graph.edge_start[node], graph.edge_start[node + 1]):
@@ -131,7 +132,7 @@ def measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
     """Write to each sample of ``out`` how the body comes off its straight motion to the next one, at any frame.
 
     ``out`` was filled by :func:`sample_places`. ``ended`` is the first slot at or after the end of the chain, behind
-    which nothing moves.
+    which it only sways.
     """
     clock, slot_frames = playback.clock, playback.slot_frames
     start = clock // slot_frames
@@ -223,7 +224,7 @@ def _write_bends(offs, slot_frames, k, out):
 
 @helper
 def _has_core(out, k):
-    """Return True if the body at sample ``k`` is a capsule; else the segment beside it is as broad as a disc."""
+    """Return True if the body at sample ``k`` is a capsule, not a disc."""
     return out[k, CORE] != 0.0 or out[k, CORE + 1] != 0.0
 
 
@@ -248,9 +249,10 @@ def body_of(a, i, j):
 
 @helper
 def moving_gap(a, i, j, b, k, m):
-    """Return the least gap of two bodies [m] while they move from sample ``i`` to ``j`` and from ``k`` to ``m``.
+    """Return the least gap of two bodies [m] while they move straight from sample ``i`` to ``j`` and ``k`` to ``m``.
 
-    A capsule is replaced by three discs. A segment is as broad as the broader of its ends.
+    It is negative if they overlap. A capsule is replaced by three discs. A segment is as broad as the broader of its
+    ends.
     """
     my_radius, my_discs = body_of(a, i, j)
     its_radius, its_discs = body_of(b, k, m)
@@ -279,7 +281,7 @@ def moving_gap(a, i, j, b, k, m):
 def _at_quarter(a, i, j, quarter, p, axis):
     """Return a coordinate of a point of a core after ``quarter`` quarters of its way from sample ``i`` to ``j`` [m].
 
-    ``p`` is the place on the core, -1 and 1 at its ends; ``axis`` is 0 for x, 1 for y. A body that is past the end of
+    ``p`` is the place on the core, -1 and 1 at its ends; ``axis`` is 0 for x, 1 for y. A body outside of the time of
     its timeline (``i`` is ``j``) does not bend.
     """
     share = 0.25 * quarter
@@ -292,7 +294,10 @@ def _at_quarter(a, i, j, quarter, p, axis):
 
 @helper
 def beside_discs(a, i, j, pieces):
-    """Return how far a capsule reaches beyond discs along its core, ``pieces`` to either side of the middle [m]."""
+    """Return how far a capsule reaches beyond discs along its core [m], ``pieces`` to either side of the middle.
+
+    The body moves from sample ``i`` to ``j``; it is 0 unless that is a capsule at both.
+    """
     radius, is_capsule = body_of(a, i, j)
     if not is_capsule:
         return 0.0

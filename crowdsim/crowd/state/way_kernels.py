@@ -21,7 +21,7 @@ FOREVER = 9223372036854775807
 def nearest_of_way(way, x, y):
     """Return the distance from (x, y) to a polyline (P, 2), and the direction (any length) of its nearest segment.
 
-    For a row without a way (nan), it is infinite.
+    For a row without a way (nan), they are infinite and (0, 0).
     """
     least = math.inf
     ux = uy = 0.0
@@ -82,8 +82,8 @@ def stops_in_way(timeline, ways, width):
 def lay_way(origins, following, pose, meters, out):
     """Fill ``out`` (P, 2) with the way from ``pose`` through the origins (n, 3) of nodes ``following`` and later.
 
-    The way ends with the first node more than ``meters`` ahead, with the last node, or when ``out`` is full. Return the
-    largest distance from its begin [m].
+    Only x and y [m] of poses are read. The way ends with the first node more than ``meters`` ahead, with the last node,
+    or when ``out`` is full; without nodes it is one point. Return the largest distance from its begin [m].
     """
     out[0, 0], out[0, 1] = pose[0], pose[1]
     farthest = 0.0
@@ -111,8 +111,8 @@ def lay_way(origins, following, pose, meters, out):
 def rank_behind(row, ways, ranks, width, reach, near):
     """Return the rank right behind the lowest of those that walk ahead of ``row`` on its way, FOREVER if none.
 
-    Rows count if they are at most ``reach`` ahead [m], at most ``width`` beside the way [m], and go the same way.
-    ``near`` are the rows by cells.
+    Rows count if their ways begin ahead, nearer than ``reach`` to the begin of this way [m] and nearer than ``width``
+    to the way [m], and go the same way. ``near`` are the rows by cells.
     """
     best = FOREVER
     way = ways[row]

@@ -72,7 +72,7 @@ class Entering:
         wanted: NDArray[np.bool_] | None = None,
         others: Others = NOBODY_ELSE,
     ) -> None:
-        """Ask the world for the agents that enter in this step.
+        """Ask the world for the agents that enter in this step, and note that and where they do.
 
         ``wanted`` (n,): which agents may enter; all if None. None enters on a reserved segment of ``others``.
         """

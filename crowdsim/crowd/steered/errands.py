@@ -274,7 +274,7 @@ class Errands:
         view.row["goal"][walks] = view.goal[walks]
 
     def _take_places(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
-        """Lead agents to their spots; those that are there, or come no nearer, turn and count as standing."""
+        """Lead agents to their spots; those that are there, or give up, turn next."""
         # ``go_step`` is the last step of taking their spot, then that of turning.
         group = self._itinerary[view.agent[rows]]
         distance = self._lead(view, rows)
@@ -333,12 +333,12 @@ class Errands:
         return np.asarray(off)
 
     def _asked(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
-        """Return the prescribed headings at the places after ``reached`` [rad], nan for any."""
+        """Return the prescribed headings (k,) at the places after ``reached`` (k,) others [rad], nan for any."""
         group = self._itinerary[view.agent[rows]]
         return np.asarray(self._headings[group, reached % self._places[group]])
 
     def _spots(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
-        """Return the spots of rows at the places after ``reached``, (k, 2) [m]."""
+        """Return the spots (k, 2) of rows at the places after ``reached`` (k,) others [m]."""
         agents = view.agent[rows]
         return np.asarray(self._own_spots[agents, reached % self._places[self._itinerary[agents]]])
 

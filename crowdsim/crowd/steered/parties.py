@@ -169,7 +169,7 @@ class Parties:
         # Slow down linearly with the lead.
         share = 1.0 - np.clip((lead - SLOWS_AT) / (WAITS_AT - SLOWS_AT), 0.0, 1.0)
         # At less than half its speed it counts as waiting. Count the time waited, faster if a stuck agent is beside; it
-        # counts down while walking.
+        # counts down while walking, and is 0 again without a lead.
         waits = (share < 0.5) & ~self._goes_on[agents]
         holds_up = waits.copy()
         holds_up[waits] = self._hold_up(view, rows[waits])

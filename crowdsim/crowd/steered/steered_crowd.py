@@ -250,9 +250,9 @@ class SteeredCrowd:
         self.boundary.wrap(view)
 
     def meet(self, gone: NDArray[np.int64]) -> Ghosts:
-        """Exchange agents with the neighbors, and measure the gaps that the step before left.
+        """Exchange agents with the neighbors, and measure the gaps that the step before left; return the ghosts.
 
-        ``gone`` (k,) are the ids of those who leave in this step.
+        ``gone`` (k,) are the ids of those who leave in this step. In a run of one process, nothing is done here.
         """
         if self.ranks.size == 1:
             return NO_GHOSTS

@@ -210,7 +210,10 @@ class SteeredPlace:
         state["gx"][rows], state["gy"][rows] = (away[go] / length[go][:, None]).T
 
     def refresh(self, step: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Renew the field to one of the goals in the present crowd, if it is time."""
+        """Renew the field to one of the goals in the present crowd, if it is time.
+
+        ``state`` (ROW[n]) are the agents; ``following`` (n,), the fields that they follow, is updated.
+        """
         if self._ranks.size == 1:
             self.guidance.refresh_in_turn(step, self._steps_per_second, state, following)
             return

@@ -33,14 +33,14 @@ ALL_DONE = -1
 """Returned by :func:`go_on` and :func:`ask_in_turn` if no row is left."""
 
 OTHERWISE = 0
-"""Left to the caller: of :func:`go_on`, a row that needs other work than reserving and following its plan; of
-:func:`ask_in_turn`, a row to which others give way, which are to set out."""
+"""Left to the caller: of :func:`go_on`, a row that needs other work than reserving and following its plan, or that may
+not reserve in a kernel; of :func:`ask_in_turn`, those that give way to a row, if any, which are to set out."""
 
 MAKE_ROOM = 1
 """The row has reserved but not gone on yet: a standing agent is in its way ahead."""
 
 STAYS_REFUSED = 2
-"""No others can give way to the row, which rests or steps aside."""
+"""No others can give way to the row: its caller lets it rest, step aside, or wait on."""
 
 _MOVING = int(AgentState.MOVING)
 EXTENDED, REFUSED, BEHIND = 0, 1, 2
@@ -58,7 +58,7 @@ def walks_through(table, progress, agent):
 def note_standing(graph, rows, scratch):
     """Note in ``scratch.may_move``, once a step, which rows stand and may be asked to give way.
 
-    It is done when a row may ask for the first time, and holds for all later ones.
+    It is done when a row may ask for the first time; from then on, rows that decide are struck out.
     """
     if not scratch.noted[0]:
         scratch.noted[0] = True
@@ -155,8 +155,8 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
 def ask_in_turn(graph, rows, refused, begin, acts, table, progress, obstacles, everyone, scratch, playback, asking):
     """Let ``refused`` rows ask others to give way, one after the other, from number ``begin`` of them on.
 
-    ``acts`` (N,): rows that rest or step aside if nobody can give way; others try again in a later step. ``asking`` is
-    a :class:`crowdsim.crowd.giving_way.asking.Asking`; the other arguments are those of :func:`go_on`.
+    ``acts`` (N,): rows that may rest or step aside if no others give way; the rest try again in a later step.
+    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`; the other arguments are those of :func:`go_on`.
 
     Return the index in ``refused`` of the first row that does more than try in vain, what the caller has to do
     (OTHERWISE if the row has reserved the next node of its plan, and enters it; else STAYS_REFUSED), and how many rows
@@ -170,6 +170,7 @@ def ask_in_turn(graph, rows, refused, begin, acts, table, progress, obstacles, e
             continue
         frame, _ = frame_of(graph, rows, row, playback)
         count = -1
+        # Others are not asked while a movable is about to appear.
         if not scratch.reserves_otherwise:
             # Its share of the tries of this step; what is not used is for the next ones.
             trail.tries[0] = min(left[0], TRIES)

@@ -198,7 +198,7 @@ class Choosing:
                     self._follow(view, row)
                     return True
                 return False
-            # The plan is over. It drops the plan, to search another one, if it missed its goal or has another goal.
+            # The plan is over. It drops the plan, to search another one, if it missed its goal or goes on to the next.
             if plan.arrives and not self.plans.itineraries.accepts(agent, self._end(view, row)):
                 self._abandon(view, row, agent)
             elif plan.arrives:
@@ -271,7 +271,10 @@ class Choosing:
             self._stand(view, row, agent)
 
     def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
-        """Reserve node ``following`` of the plan, and as many later ones as are needed to come to a stop."""
+        """Reserve node ``following`` of the plan, and as many later ones as are needed to come to a stop, if possible.
+
+        Return True if it is.
+        """
         rate = self.plans.motions.rate(int(view.agent[row]), following)
         walker = self._walker(row, rate)
         self.reserving.find_ways(view, row, plan, following)

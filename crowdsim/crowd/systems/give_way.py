@@ -41,7 +41,7 @@ class GivingWay:
         self._scratch = Scratch.make()
 
     def begin(self, scratch: Scratch) -> None:
-        """Begin a step; ``scratch.may_move`` says which rows may be asked to give way."""
+        """Begin a step; ``scratch.may_move`` will say which rows may be asked to give way."""
         self._left[0] = TRIES_A_STEP
         self._scratch = scratch
 

@@ -173,7 +173,7 @@ class Scratch(NamedTuple):
         )
 
     def begin(self, count: int, reserves_otherwise: bool) -> Scratch:
-        """Begin a step with ``count`` rows."""
+        """Return the scratch for a step with ``count`` rows; arrays that fit are kept, and no row is noted."""
         self.noted[0] = False
         self.counts[:] = 0
         if len(self.may_move) == count:

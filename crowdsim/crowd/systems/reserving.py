@@ -36,7 +36,7 @@ class Reserving:
     def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
         """Reserve the beginning of the plan of an agent that enters the world in the middle of a node.
 
-        Return the columns of its reservation; None if there is no room.
+        Return the columns of its reservation; None if there is no room, or its plan has no node.
         """
         plan = self.plans.motions[walker.agent]
         obstacles = self.surroundings.obstacles(view, walker)
@@ -49,7 +49,10 @@ class Reserving:
     def reserve(
         self, view: View, walker: Walker, plan: MotionPlan, following: int, obstacles: Obstacles
     ) -> dict[str, Any] | None:
-        """Return the columns of a reservation from a walker's pose to node ``following`` and a stop, if possible."""
+        """Return the columns of a reservation from a walker's pose through node ``following`` to a stop.
+
+        None without one. Its timeline is scratch, which the next reservation overwrites.
+        """
         assets = self.plans.assets
         available = min(plan.count - following, LOOKAHEAD)
         chain, timeline = self._scratch.chain, self._scratch.timeline
@@ -81,7 +84,10 @@ class Reserving:
         }
 
     def find_ways(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
-        """Publish the way ahead along a plan, and gather the ways of rows that go first."""
+        """Publish the way ahead along a plan from node ``following`` on, and gather the ways of rows that go first.
+
+        A row that follows another one closely takes over its rank.
+        """
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
         near, scratch = self.surroundings.neighbors(view), self._scratch
         view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near))

@@ -70,7 +70,7 @@ def frame_of(graph, rows, row, playback):
     """
     length = np.int64(graph.node_frames[rows.node[row]])
     frame = np.int64(rows.frame[row])
-    # Ticks since the begin of the frame after this step: those played already, and those that this step plays.
+    # Ticks from the begin of the present frame to the end of this step: those played already, and those of this step.
     ticks = rows.part[row] + next_rate(rows.rate[row], rows.wanted_rate[row], playback.ramp)
     # This step plays the node to its end.
     if frame + ticks // FRAME_TICKS >= length:
@@ -82,8 +82,8 @@ def frame_of(graph, rows, row, playback):
 def playback_of(graph, rows, row, playback, wanted):
     """Return the playback of a row from now on, at a rate that approaches ``wanted`` [ticks/step].
 
-    A standing row starts at that rate, as no movement shows a sudden change, and at a whole frame. Clock and ramp are
-    those of ``playback``.
+    A standing row starts at that rate, as no movement shows a sudden change, and at a whole frame. All else is
+    that of ``playback``.
     """
     stands = graph.node_idle[rows.node[row]]
     return Playback(
@@ -116,7 +116,7 @@ def own(obstacles, rows, row, ways):
     """Return the obstacles of a row's body, from those of a body with a radius of 1 m.
 
     ``ways`` (W, P, 2) are those of others that its stops keep free [m]. There are no outlines ``kept_free`` here, as
-    kernels do not reserve beside any (``reserves_otherwise``), so ``distance`` does not matter.
+    kernels do not reserve beside any (``Scratch.reserves_otherwise``), so ``distance`` does not matter.
     """
     radius = rows.body_radius[row]
     return Obstacles(
@@ -164,8 +164,8 @@ def prepare(graph, rows, row, table, progress, obstacles, everyone, scratch):
     """Publish the way ahead of a row, and lay its present node and the next ones of its plan into ``scratch.chain``.
 
     ``obstacles`` are those of a body with a radius of 1 m. Sets the way and the rank of the row. Return the obstacles
-    of its own body, with the ways of others that it keeps free; the number of nodes laid; and True if it leaves the
-    world at the end of the last one.
+    of its own body, with the ways of others that it keeps free; the number of next nodes laid; and True if it leaves
+    the world at the end of the last one.
     """
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
@@ -211,12 +211,13 @@ def own_nodes(rows, row, table, taken, timeline, gone, playback, everyone):
 
 @helper
 def reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, playback, frame):
-    """Reserve the next nodes of a row's plan, as few as end in a stand; return True on success.
+    """Reserve the next nodes of a row's plan, as few as end in a stand or out of the world; return True on success.
 
     Arguments are those of :func:`~crowdsim.crowd.systems.choose_kernels.go_on`; ``frame`` is that of the present node
     from which the row goes on.
 
-    If it cannot at its natural rate, it tries the slowest one: then it need not stop behind others that walk ahead.
+    If it cannot at the rate of its next node, it tries the slowest one: then it need not stop behind others that walk
+    ahead.
     Its way and rank are set in any case; its timeline, rates and ``reserved`` (last reserved node) on success only.
     """
     shared = graph, rows, row, table, progress, obstacles, everyone, scratch

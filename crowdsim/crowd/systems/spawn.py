@@ -88,7 +88,10 @@ class Spawning:
         slot: int,
         bodies: StandingBodies,
     ) -> bool:
-        """Return True if a position is free of all agents in the world and of those that enter in this step."""
+        """Return True if a position (2,) [m] is free of agents, steered ``bodies`` and movables about to appear.
+
+        Agents are ``everyone`` in the world, and those that enter in this step, at the positions ``taken``.
+        """
         radius = self.assets.personal_radius
         waited_for = self.plans.environment.waited_for
         if waited_for and shapely.distance(Point(position), waited_for).min() < radius + KEPT_OFF:
@@ -106,7 +109,7 @@ class Spawning:
         self.refused.pop(agent, None)
 
     def _ask(self, agent: int) -> None:
-        """Request a motion for an agent without one, unless a search is under way or has failed."""
+        """Request a motion for an agent without one, unless a search is under way, or would fail as before."""
         plans = self.plans
         if agent in self.requested:
             if plans.searches.is_under_way(agent):
@@ -119,7 +122,7 @@ class Spawning:
         self._request(agent)
 
     def _request(self, agent: int) -> None:
-        """Request the motion to the first goal that is not at the start."""
+        """Request the motion to the first goal that is not at the start, or to the last one."""
         self.requested[agent] = self.plans.step
         itineraries = self.plans.itineraries
         for _ in self.cast.goals[agent]:
