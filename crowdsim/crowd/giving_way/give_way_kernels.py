@@ -6,8 +6,8 @@ Arguments of all helpers: ``graph`` (GraphArrays); ``obstacles``, ``everyone`` (
 :mod:`crowdsim.crowd.state.timelines`; ``asking`` with ``moves`` of :mod:`crowdsim.crowd.giving_way.asking`. A slot is
 the number of a sample since the run began, ``gone`` that from which the row takes no room. ``frame`` is that from which
 a row goes on; ``chain``, ``first``, ``available``, ``ends_plan`` and ``timeline`` those of
-:func:`~crowdsim.crowd.state.reservation_kernels.reserve`. ``ways``, ``ranks``, ``may_move`` and ``pose`` are columns of
-all rows.
+:func:`~crowdsim.crowd.state.reservation_kernels.reserve`. ``ways`` [m], ``ranks``, ``pose``
+and ``may_move`` (True: it stands and has not decided yet) are columns of all rows.
 """
 
 import math

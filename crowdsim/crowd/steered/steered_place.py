@@ -210,13 +210,15 @@ class SteeredPlace:
         state["gx"][rows], state["gy"][rows] = (away[go] / length[go][:, None]).T
 
     def refresh(self, step: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Renew the field to one of the goals in the present crowd, if it is time.
+        """Renew the field to the goal whose turn it is in the present crowd, if it is time; agents may change to it.
 
-        ``state`` (ROW[n]) are the agents; ``following`` (n,), the fields that they follow, is updated.
+        ``state`` (ROW[n]) are the agents of this process; ``following`` (n,), the numbers of the fields that they
+        follow, is updated.
         """
         if self._ranks.size == 1:
             self.guidance.refresh_in_turn(step, self._steps_per_second, state, following)
             return
+        # The same answer in all processes, as it depends on the step alone: no exchange in vain.
         if self.guidance.goal_in_turn(step, self._steps_per_second) is None:
             return
         # All processes renew the same field, in the crowd of all of them.
