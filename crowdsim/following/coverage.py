@@ -89,9 +89,13 @@ def measure_coverage(
     workers: number of threads; the result is the same for any number.
     progress: called with the number of table cells done and of all cells.
 
+    Returns
+    -------
+    Turns from the sharpest to the left over the straight to the sharpest to the right; clearances as given.
+
     Raises
     ------
-    MotionError: if a number is not positive.
+    MotionError: if there are no radii or clearances, or a number is not positive.
     """
     if not radii or not clearances or min(*radii, *clearances) <= 0.0 or workers < 1:
         raise MotionError(

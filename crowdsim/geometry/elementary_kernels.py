@@ -284,7 +284,7 @@ def _product(a, b):
 
 @helper
 def power(x, y):
-    """Return x to the power of y, for x >= 0: exp(y ln x) with the logarithm in two doubles."""
+    """Return x to the power of y, nan for x < 0 unless y is 0: exp(y ln x) with the logarithm in two doubles."""
     # Special cases as in C.
     if y == 0.0 or x == 1.0:
         return 1.0

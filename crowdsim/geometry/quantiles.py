@@ -1,6 +1,6 @@
 """Quantiles of distributions, with elementary functions that give the same bits on any processor.
 
-All take probabilities, (n,) float64 in the open interval (0, 1), and return (n,) float64 values.
+Functions named quantile take probabilities, (n,) float64 in the open interval (0, 1), and return (n,) float64 values.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def weibull_quantile(probability: Floats, shape: float, scale: float) -> Floats:
 def gamma_quantile(probability: Floats, shape: float, scale: float) -> Floats:
     """Return quantiles (n,) at ``probability`` (n,) of a gamma distribution, in the unit of ``scale``.
 
-    By bisection of the logarithm, down to the precision of doubles.
+    By bisection of the logarithm, to 1e-13 of the value.
     """
     # Bounds of the logarithm for scale 1: exp(-750) is 0 in float64, and the upper one is far beyond the mean
     # ``shape``.

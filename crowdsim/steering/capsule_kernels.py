@@ -24,7 +24,7 @@ def core_to_core(px, py, ux, uy, a, wx, wy, b):
 
     Segment-segment distance after Ericson, Real-Time Collision Detection (2005), section 5.1.9. ``(px, py)`` leads from
     the first center to the second; ``(ux, uy)`` and ``(wx, wy)`` are the unit vectors of the cores, ``a`` and ``b``
-    their half lengths [m]. The vector has length 0 if the cores cross.
+    their half lengths [m]. The length is 0 but for rounding if the cores cross.
     """
     # Points of the cores: s u with |s| <= a on the first, p + t w with |t| <= b on the second.
     between = ux * wx + uy * wy

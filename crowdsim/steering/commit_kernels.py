@@ -45,7 +45,8 @@ _NO_PROGRESS = 0.15
 slow agents as stuck, too."""
 
 MOST_LINES = 128
-"""Capacity of the list of half planes of an agent. An agent with more neighbors and walls in reach stands still."""
+"""Capacity of the list of half planes of an agent. With more neighbors, walls and reserved segments in reach it stands
+still."""
 
 
 @helper
@@ -85,8 +86,8 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
     Returns
     -------
     int
-        Number of half planes; -1 if there are more than k, or if the core of the agent crosses that of a neighbor.
-        Bodies that overlap without that may move apart, but not nearer.
+        Number of half planes; -1 if there are more than k, or if the distance between the core of the agent and that of
+        a neighbor is exactly 0. Bodies that overlap with a greater one may move apart, but not nearer.
     """
     rows, places, starts, frame = crowd
     mine = rows[me]
@@ -116,7 +117,7 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
             dx, dy, distance = core_to_core(px, py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
             room = 0.5 * (distance - mine.radius - other.radius) - MARGIN
             if room < most:
-                # Crossing cores have no separating line.
+                # Cores at distance 0 have no separating line.
                 if count == len(lines) or distance == 0.0:
                     return -1
                 set_line(lines[count], dx / distance, dy / distance, room)
@@ -147,13 +148,13 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
     Returns
     -------
     int
-        Number of half planes now; -1 if there are more than k, if the core cuts a wall, or if the step could reach
-        beyond :data:`WALL_REACH`, the distance up to which the lists are complete.
+        Number of half planes now; -1 if there are more than k, if the distance from the core to a wall is exactly 0,
+        or if the step could reach beyond :data:`WALL_REACH`, the distance up to which the lists are complete.
     """
     column = math.floor((x - walls.left) / WALL_CELL)
     row = math.floor((y - walls.bottom) / WALL_CELL)
-    # The grid reaches WALL_REACH and two cells beyond all walls (build_walls), 1.8 m: more than a body and its step. So
-    # no wall is near a body outside of it.
+    # The grid reaches two cells or more beyond all walls (build_walls, update_walls), 1 m: more than a body and its
+    # step. So no wall is near a body outside of it.
     if count < 0 or not (0 <= column < walls.columns and 0 <= row < walls.rows):
         return count
     # The lists are complete only up to WALL_REACH: a body that could reach farther stands still.
@@ -176,7 +177,7 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
         # A wall stands still: the whole gap is the agent's.
         room = distance - radius - MARGIN
         if room < most:
-            # The core cuts the wall, or there are too many lines.
+            # The core is on the wall, or there are too many lines.
             if count == len(lines) or distance == 0.0:
                 return -1
             set_line(lines[count], dx / distance, dy / distance, room)
@@ -186,9 +187,11 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
 
 @helper
 def add_ways(ways, frame, mine, most, lines, count):
-    """Add a half plane for each reserved segment that an agent could meet; return as :func:`add_walls` does.
+    """Add a half plane for each reserved segment that an agent could meet; return the number of half planes now.
 
-    ``ways`` holds the reserved segments by cells of ``frame``, ``mine`` is the row of the agent.
+    Return -1 if ``count`` is, if there are more than k, or if the distance from the core to a segment is exactly 0.
+    ``ways`` (ListedWays) holds the reserved segments by cells of ``frame``, ``mine`` (ROW) is the agent; ``most``,
+    ``lines`` (k, 4) and ``count`` are as for :func:`add_walls`.
     """
     column, row = cell_of(frame, mine.x, mine.y)
     cell = row * frame[FRAME_COLUMNS] + column
@@ -280,7 +283,7 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
     Returns
     -------
     int
-        Number of agents that stood still: more than MOST_LINES, a core across something, or WALL_REACH exceeded.
+        Number of agents that stood still: more than MOST_LINES, a core on something, or WALL_REACH exceeded.
     """
     rows = crowd[0]
     legs, torso, leg_radius = walls
@@ -297,8 +300,8 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         turn = want.turn
         half = want.half
 
-        # Upper bound of the growth of the body's support in this step: way, turn of the core (length times angle) and
-        # stretch. Bodies farther away than that cannot be met, so they need no half plane.
+        # Upper bound of the growth of the body's support in this step: way, turn of the core (half length times angle)
+        # and stretch. Bodies farther away than that cannot be met, so they need no half plane.
         growth = max(mine.half, half) * abs(turn) + max(0.0, half - mine.half)
         most = math.sqrt(dx * dx + dy * dy) + growth
         count = add_neighbors(crowd, me, most, broadest, order, len(state), lines)

@@ -43,9 +43,9 @@ WANTED = np.dtype(
 
 @helper
 def hear_opposing(rows, mine, near, count, walls, rules):
-    """Return the agent's awareness of opposing traffic, 0 to 1: seen by itself, or handed on by agents ahead.
+    """Return the agent's awareness of opposing traffic, 0 to 1: what it sees, hears from agents ahead, or remembers.
 
-    Agents behind walls count for neither: an agent in a narrow ring does not meet those on its other side.
+    Agents behind walls are neither seen nor heard: an agent in a narrow ring does not meet those on its other side.
     """
     # Awareness fades within two seconds.
     news = max(mine.opposed - 0.5 * rules.step, 0.0)
@@ -76,14 +76,15 @@ def hear_opposing(rows, mine, near, count, walls, rules):
 def yield_to_opposing(rows, mine, near, count, walls, rules, want):
     """Step out of the way of an opposing agent that is stuck, if this agent blocks it; return True if it does.
 
-    Of several, the one with the highest rank counts. Agents of one goal do not yield to each other like this (that
-    would ruin the flow at a door); :func:`let_merge` orders them. Those without a goal, which stay, do: the agent that
-    one of them yields to has to come through the others, too.
+    Set velocity, intent, rank, facing and shoulders of ``want`` then. Of several, the one with the highest rank counts.
+    Agents of one goal do not yield to each other like this (that would ruin the flow at a door); :func:`let_merge`
+    orders them. Those without a goal, which stay, do: the agent that one of them yields to has to come through the
+    others, too.
     """
     goes = mine.gx != 0.0 or mine.gy != 0.0
     # The rank is about the time stuck [s], or a lasting one above any time (rank_of): yield only to agents that have
-    # been stuck for ``yield_after`` and have a higher rank than this one. The own rank of an agent that stays does not
-    # count, as it needs no way.
+    # been stuck for ``yield_after`` and have a higher rank than this one, in the last step and in this one (either may
+    # be inherited). The own rank of an agent that stays does not count, as it needs no way.
     highest = max(mine.rank, want.rank, rules.yield_after) if goes else rules.yield_after
     first = -1
     for n in range(count):
@@ -123,8 +124,8 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
 def let_merge(rows, mine, near, count, rules, want):
     """Back away from agents of the same goal that go first, are stuck, and are hindered by this agent.
 
-    Return True if there are any, unless the directions away from them cancel out. The lower key (distance to the goal,
-    ties broken) goes first.
+    Return True if there are any, unless the directions away from them cancel out; then velocity, intent, key, facing
+    and shoulders of ``want`` are set. The lower key (distance to the goal, ties broken) goes first.
     """
     awayx = 0.0
     awayy = 0.0
@@ -170,9 +171,9 @@ def let_merge(rows, mine, near, count, rules, want):
 def walks_in_file(rows, mine, near, count, walls, rules, opposed):
     """Return True if the agent follows another one through a lane too narrow for two side by side.
 
-    The lane must have begun ``rules.lane`` [m] behind the agent. An agent that meets opposing traffic (``opposed`` > 0)
-    or is stuck does not keep in file. (gx, gy) and (ix, iy) are unit vectors of guidance and intent, (px, py) leads
-    from the agent to a neighbor [m].
+    The lane must reach back ``rules.lane`` [m] or more behind the agent. An agent that meets opposing traffic
+    (``opposed`` > 0) or is stuck does not keep in file. (gx, gy) and (ix, iy) are unit vectors of guidance and intent,
+    (px, py) leads from the agent to a neighbor [m].
     """
     if opposed > 0.0 or mine.stuck > rules.file_patience:
         return False
@@ -236,7 +237,7 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
         # Start at once when the leader starts; its speed counts less in a small gap.
         leading = max(0.0, seen.vx * ux + seen.vy * uy)
         speed = min(speed, allowed + rules.leader * leading * min(1.0, max(gap, 0.0) / rules.leader_gap))
-        # An agent close ahead that walks the same way and goes first is one to wait for.
+        # An agent close ahead that walks the same way is one to wait for; of the same goal, only if it goes first.
         if gap < 0.4 and other.ix * mine.gx + other.iy * mine.gy > 0.3 and (not own_way or other.key < mine.key):
             led = True
     # The time gap alone would stop touching agents for ever. Contact is harmless, as the commit lets bodies slide: a
@@ -305,7 +306,7 @@ def follow_way(rows, mine, near, count, walls, rules, want):
 
 @helper
 def limit_change(mine, rules, want):
-    """Limit the change of velocity to human accelerations, and the change of the core's length per step."""
+    """Replace the velocity of ``want`` by what human accelerations allow, and set the half length of its core."""
     # Relax towards the wanted velocity: dv = (v_wanted - v) dt / tau, clamped to the largest acceleration.
     ax = (want.vx - mine.vx) * rules.step / rules.relaxation
     ay = (want.vy - mine.vy) * rules.step / rules.relaxation
@@ -324,20 +325,21 @@ def limit_change(mine, rules, want):
 
 @helper
 def face(mine, rules, want):
-    """Set the turn of the body in this step: towards its velocity, or its guidance if it hardly moves.
+    """Set the turn of the body in this step: towards the facing of ``want``, its velocity unless a rule set another.
 
-    Turned shoulders take the side that needs the smaller turn.
+    If that velocity is small, the facing becomes the guidance. Turned shoulders take the side that needs the smaller
+    turn.
     """
     most = rules.turn_rate * rules.step
-    # Below 0.25 m/s the direction of the velocity is noise: face along guidance, and turn slowly unless the shoulders
-    # are to be turned.
+    # Facings set by rules are unit vectors. Below 0.25 m/s the direction of the velocity is noise: face along guidance,
+    # and turn slowly unless the shoulders are to be turned.
     if want.facing_x * want.facing_x + want.facing_y * want.facing_y < 0.0625:
         want.facing_x = mine.gx
         want.facing_y = mine.gy
         if want.turn_sin == 0.0:
             most *= 0.3
     want.turn = 0.0
-    # An agent that stays keeps its heading.
+    # An agent that stays where it is keeps its heading.
     if want.facing_x == 0.0 and want.facing_y == 0.0:
         return
     fx = want.facing_x
@@ -356,9 +358,9 @@ def decide_rows(rows, near_rows, first, last, order, moved, walls, rules, wanted
     """Decide what the agents of rows ``first`` to ``last`` (exclusive) want in this step.
 
     ``rows`` (ROW[n]) are the sorted agents; ``near_rows`` (n, MOST_NEAR) int32 the rows of their neighbors, -1 after
-    the last; ``order`` (int32[n]) the agent number of each row, of which those from ``moved`` on do not move; ``walls``
-    those of the legs' layer, those of the torso's layers and the radius of the legs [m]. ``wanted`` (WANTED[n]) gets
-    the decisions.
+    the last; ``order`` (int32[n]) the agent number of each row; agents from number ``moved`` on decide nothing;
+    ``walls`` those of the legs' layer, those of the torso's layers and the radius of the legs [m]. ``wanted``
+    (WANTED[n]) gets the decisions.
     """
     near = np.empty(MOST_NEAR, NEAR)
     for me in range(first, last):

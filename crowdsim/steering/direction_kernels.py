@@ -60,7 +60,7 @@ def free_way(near, count, ux, uy, speed, width, floor, horizon):
 
     It walks along the unit vector ``(ux, uy)`` at ``speed`` [m/s]; neighbors keep their velocities, and each is as
     broad as its body is across the relative velocity. Return ``horizon`` if it meets none within that distance. The
-    search stops as soon as the distance is at most ``floor``, and returns any such value.
+    search stops as soon as the distance is at most ``floor``; the true one may then be less than that returned.
     """
     way = horizon
     for n in range(count):
@@ -106,7 +106,7 @@ def score_directions(mine, near, count, walls, rules, ahead, turn_cos, extra_tur
     turn_cos, extra_turn : float
         Cosine of the turn of the shoulders, and what it costs [m2].
     best : (float, float, float, float)
-        Score so far [m2], unit vector of the direction, free distance [m]; returned in the same form.
+        Lowest score so far [m2], unit vector of its direction, free distance [m]; returned in the same form.
     """
     legs, torso, leg_radius = walls
     score, best_x, best_y, best_way = best

@@ -54,7 +54,7 @@ def look_rows(rows, places, starts, frame, first, last, order, moved, rules, nea
     order : (n,) int32
         Agent number of each row.
     moved : int
-        Number of agents that move; those with higher numbers are seen, but do not look.
+        Number of agents that move; agents from that number on are seen, but do not look.
     rules : Rules
         Constants of the model.
     near : (n, MOST_NEAR) int32
@@ -112,7 +112,7 @@ def look_rows(rows, places, starts, frame, first, last, order, moved, rules, nea
 
 @helper
 def take_in(rows, me, near_rows, near):
-    """Copy the neighbors of agent ``me`` to ``near``, with places relative to it [m]; return their number.
+    """Copy the neighbors of row ``me`` to ``near``, with places relative to it [m]; return their number.
 
     Velocities and headings are copied as they are. rows: ROW[n] of row_kernels. near_rows: (n, MOST_NEAR), the rows of
     the neighbors, -1 after the last. near: NEAR[MOST_NEAR] of direction_kernels.

@@ -108,8 +108,9 @@ class Steering:
     ) -> None:
         """Step agents of ``state`` in place.
 
-        Before the first step no agent may touch another one, a wall or a reserved segment; then none ever does. An
-        agent that cannot be moved safely, because too much is near or its core crosses something, stands still.
+        Before the first step no agent may touch another one, a wall or a reserved segment, nor a new wall or segment
+        before any other; then none ever does. An agent that cannot be moved safely, because too much is near or its
+        core touches something, stands still.
 
         Parameters
         ----------
@@ -121,7 +122,7 @@ class Steering:
             Number of agents that are moved, the first ones; all if None. The others are copies, which only are seen.
         numbers : (n,) int64, optional
             Numbers by which agents of one cell are ordered, all different; their order in ``state`` if None. The result
-            depends on the order of near agents in its last bits.
+            depends on the order of near agents in its last bits. With them there must be no ``others``.
 
         Raises
         ------
@@ -154,9 +155,10 @@ class Steering:
         bounds: tuple[float, float, float, float] | None = None,
         numbers: NDArray[np.int64] | None = None,
     ) -> SortedCrowd:
-        """Sort the agents by cells that cover their extent, or ``bounds`` (left, bottom, right, top) [m].
+        """Sort the agents of ``state`` (ROW[n]) by cells that cover their extent, or ``bounds``, and allocate the rest.
 
-        Within a cell they are sorted by ``numbers`` (n,), by default by their order in ``state``.
+        ``bounds`` are left, bottom, right and top [m]; agents beyond them go to the border cells. Within a cell they
+        are sorted by ``numbers`` (n,), by default by their order in ``state``. ``near`` and ``wanted`` are not set yet.
 
         Raises
         ------

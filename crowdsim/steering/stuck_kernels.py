@@ -113,7 +113,7 @@ def rank_of(mine, walls):
 
     Times of agents in a jam hardly differ, and an agent that moves on is no longer the one that is stuck longest: the
     right of way would change to and fro. The lasting one depends on the agent alone, and stays until it has made
-    progress for half the time that it was stuck beyond JAMMED_AFTER, or is out of the narrow place. The agent's
+    progress for half of the time by which ``stuck`` exceeds JAMMED_AFTER, or is out of the narrow place. The agent's
     ``share``, in [0, 1), sets the lasting one and breaks ties between times.
     """
     return LASTING + RANK_RANGE * mine.share if is_jammed(mine, walls) else mine.stuck + 0.001 * mine.share
@@ -139,12 +139,12 @@ def handed_on(rank):
 
 @helper
 def push_on(rows, mine, near, count, walls, reach, rank):
-    """Return ``rank``, or the highest lasting one of agents of the same goal that press on from behind.
+    """Return ``rank``, or the highest lasting one that agents of the same goal who press on from behind hand on to it.
 
-    Those are within ``reach`` [m], go the same way (less than 73 degrees off), and would walk into this agent: it is
-    ahead of them, beside their line by less than half of both breadths. One that is itself ahead of this agent does not
-    press it; two such agents would hand a rank to and fro. Agents without a goal (``goal`` < 0) have no way in common.
-    ``rows`` (ROW[n]) are all agents.
+    Those are in sight within ``reach`` [m], go the same way (less than 73 degrees off), and would walk into this agent:
+    it is ahead of them, beside their line by less than the sum of both half breadths. One that is itself ahead of this
+    agent does not press it; two such agents would hand a rank to and fro. Agents without a goal (``goal``
+    < 0) have no way in common. ``rows`` (ROW[n]) are all agents.
     """
     for n in range(count):
         seen = near[n]
@@ -225,7 +225,7 @@ def press_or_step_back(mine, near, count, walls, wedged, opposed, speed, ux, uy)
     """Return the velocity of an agent that walks along (ux, uy) at ``speed`` [m/s], unless it is time to step back.
 
     A jammed one that meets opposing traffic (``opposed`` > 0) steps back against its guidance at the beginning of each
-    CYCLE, so that others come free; a ``wedged`` one from the wall, if nobody hinders it.
+    CYCLE, so that others come free; a ``wedged`` one against (ux, uy), at the times of :func:`steps_back`.
     """
     is_time = STUCK_MOST - CYCLE <= mine.stuck < STUCK_MOST - CYCLE + STEPS_BACK_FOR
     if opposed > 0.0 and is_time and is_jammed(mine, walls):

@@ -15,7 +15,7 @@ from crowdsim.jit import helper
 from crowdsim.steering.wall_kernels import wall_room
 
 HALVINGS = 5
-"""Number of times that an infeasible turn is halved before the agent keeps its heading."""
+"""Number of turns that are tried, each half of the one before, before the agent keeps its heading."""
 
 _STILL = 1e-3
 """Displacement [m] and turn [rad] in a step below which an agent stands still."""

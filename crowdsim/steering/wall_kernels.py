@@ -29,7 +29,8 @@ SPACING = 0.1
 
 _TOLERANCE = 0.04
 """Tolerance of a way ahead [m]: distances are rounded, and walls bend between the points of the grid. A way ends
-where half of it is left beyond the width to keep; if less is left at its begin, half of it nearer than there."""
+where half of it is left beyond the width to keep; if less is left at its begin, half of it nearer than the smaller of
+that width and the distance there."""
 
 LANE_SPARE = 0.05
 """Amount by which a lane must be narrower than two agents side by side [m], as distances are rounded."""
@@ -70,7 +71,7 @@ def list_walls(segments, left, bottom, columns, rows_up, starts, lists):
     columns, rows_up : int
         Number of cells.
     starts : (columns * rows_up + 1,) int64
-        Gets the index in ``lists`` at which each cell begins.
+        Gets the index in ``lists`` at which each cell begins, once the lists are filled.
     lists : (k,) int64
         Empty, or gets the segment numbers.
 
@@ -114,8 +115,8 @@ def measure_distances(segments, starts, lists, left, bottom, columns, distances)
         Corner of both grids [m].
     columns : int
         Columns of cells.
-    distances : (rows, columns) uint8
-        Gets the distances; points are :data:`SPACING` apart.
+    distances : (height, width) uint8
+        Gets the distances in units of :data:`UNIT`, :data:`FARTHEST` at most; points are :data:`SPACING` apart.
     """
     height, width = distances.shape
     exact = np.full((height, width), FARTHEST)
@@ -183,7 +184,8 @@ def is_lane(walls, x, y, ux, uy, width):
     """Return True if walls on both sides of ``(ux, uy)`` leave less than ``width`` - LANE_SPARE [m].
 
     Test by a disc of diameter ``width``: it is moved off the nearest wall until it touches that one, and must then
-    overlap the wall on the other side.
+    overlap the wall on the other side. A single wall across the way counts, too, if it is nearer than half of ``width``
+    less LANE_SPARE.
     """
     # Overlap of the disc with the nearest wall; without any, the lane is wide enough.
     off = 0.5 * width - distance_at(walls, x, y)
@@ -257,7 +259,8 @@ def free_ahead(walls, x, y, ux, uy, width, farthest):
 def is_in_sight(walls, x, y, px, py):
     """Return True if no wall comes between ``(x, y)`` and the point at the offset ``(px, py)`` from it [m].
 
-    Sphere tracing, as in :func:`free_ahead`. A line that passes a wall within :data:`_SIGHT_ENDS` counts as blocked.
+    Sphere tracing, as in :func:`free_ahead`. A line that passes a wall within :data:`_SIGHT_ENDS` counts as blocked,
+    and so does one that needs :data:`_SIGHT_STRIDES` strides or more.
     """
     length = math.sqrt(px * px + py * py)
     way = 0.0

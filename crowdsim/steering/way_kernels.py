@@ -25,7 +25,7 @@ def list_ways(segments, frame, reach, starts, lists):
     reach : float
         Distance from the swept disc up to which a segment is listed [m].
     starts : (columns * rows + 1,) int64
-        Gets the index in ``lists`` at which each cell begins.
+        Gets the index in ``lists`` at which each cell begins, once the lists are filled.
     lists : (k,) int64
         Empty, or gets the segment numbers.
 

@@ -1,7 +1,7 @@
 """Exact arrival: turn the last transitions of a motion so that it ends at the goal (2011 paper, section 6).
 
-The motion that a search has found is bent as a planar chain, whose joints are the planted feet at its transitions, and
-tested as the search tests its branches.
+The motion that a search has found is bent as a planar chain, whose joints are the planted feet at its transitions. Its
+distance from the path, discs and joints are tested as the search tests those of its branches.
 
 Arguments of all helpers: ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``guide``,
 ``rules``, ``search``, ``laid`` and ``chain`` are those of :mod:`crowdsim.following.follower.follow_workspace`;
@@ -143,7 +143,7 @@ def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, withi
     Returns
     -------
     (bent, arc): number of nodes at the end that were laid anew, rows of ``laid`` from 0 on, and the arc length beside
-    their end. (0, 0.0) if no bent motion arrives and is free.
+    their end. (0, 0.0) if no bent motion arrives and is free, or if there are less than two transitions.
     """
     hints = np.full(len(layers), np.int64(NONE))
     last = guide.pose.shape[0] - 1

@@ -218,9 +218,9 @@ def _reaches(graph, guide, rules, laid, entry, nearest):
 
 @helper
 def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
-    """Decide if an entry placed after ``arc`` may be taken and if it reaches the goal, and add its cost to ``area``.
+    """Decide if an entry placed after ``arc`` may be taken and if it reaches the goal; add its cost to ``area`` [m2].
 
-    The result is left in ``laid.fit``, ``laid.reached`` and ``laid.area`` [m2].
+    Write fit, reached, wide, strayed, arc, area and off of its row of ``laid``, and free: nothing is tested yet.
     """
     node = laid.node[entry]
     x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
@@ -267,9 +267,9 @@ def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
 def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, stage_arc, serial):
     """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; return how many to take.
 
-    The number is less than ``depth`` if an entry reaches the goal before, and 0 if an entry is unfit: it ends far off
-    the path, goes back, faces a wrong way, passes the goal, or its behavior is not allowed here. Without a root (-1) an
-    entry is a node, laid at the stage's end pose itself.
+    The number is less than ``depth`` if an entry reaches the goal before, and 0 if one up to there is unfit: it ends
+    far off the path, goes back, faces a wrong way, passes the goal, its behavior is not allowed here, or a test of this
+    stage has found it blocked. Without a root (-1) an entry is a node, laid at the stage's end pose itself.
 
     ``laid.area`` sums the area between branch and path (equation 5 of the 2012 paper, with equal shares of each node's
     length), plus the costs of nodes, time and behaviors other than planned, in the same unit.
@@ -300,7 +300,8 @@ def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, jo
     """Return True if the body's disc is free on one layer along a laid branch; else mark the first blocked node unfit.
 
     A node of a wider behavior than planned needs the whole planned clearance (radius + margin), as the plan is narrow
-    for lack of that space. ``depth`` is the number of nodes; ``hints`` are the triangles found last on each layer.
+    for lack of that space. ``depth`` is the number of nodes; ``hints`` are the triangles found last on each layer
+    (updated).
     ``stage_end`` (3,) is the pose before the branch. ``joined``: the branch follows the stage's end with a blend
     offset, which fades out over a node's first frames. ``laid.free`` keeps what was found, as branches share nodes.
     """

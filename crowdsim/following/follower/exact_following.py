@@ -39,9 +39,9 @@ def follow_exactly(
 ) -> tuple[FollowResult, float]:
     """Follow a path to a stand within ``arrival`` meters of its end, by turning the last transitions.
 
-    Of the solutions within the tolerance of ``options`` (10 cm by default), take the first that can be bent. If none
-    can, searches with other tolerances, a wider range of headings and other numbers of branches follow until one
-    succeeds. Arguments as of :func:`follow_path`.
+    Of the solutions within the tolerance of ``options`` (10 cm by default), take the first that ends there, or can be
+    bent to it. If none can, searches with other tolerances, a wider range of headings and other numbers of branches
+    follow until one succeeds. Arguments as of :func:`follow_path`.
 
     Returns
     -------

@@ -28,7 +28,7 @@ GOAL_FIRST = 1e6
 """Subtracted from the score of branches that reach the goal: they come first."""
 
 FOUND, OUT_OF_BUDGET, BLOCKED, PAST_KEPT = range(4)
-"""How a search ends."""
+"""How a search ends: at the goal; budget spent; no stage left; or what is left would change a node that must stay."""
 
 NODE = 0
 COUNT = 1
@@ -133,8 +133,8 @@ def _facing_bins(rules, along):
 def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
     """List the entries of the map in and around the cells that the path crosses from ``arc`` on; return their number.
 
-    Query points lie two cells apart, up to the map's average length. ``search.listed`` keeps the entries with the best
-    estimated scores: those before extra rotations, with a triangle over the gap at the end as the area.
+    Query points lie two cells apart, up to just beyond the map's average length. ``search.listed`` keeps the entries
+    with the best estimated scores: those before extra rotations, with a triangle over the gap at the end as the area.
     """
     base, stop = maps.first[root], maps.first[root + 1]
     points = int(maps.average[root] / _QUERY_STEP) + 1
@@ -188,8 +188,8 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
     """Score the candidates of stage ``top`` into its list; return their number.
 
     Candidates are the best branches ``along`` the path and, if ``singles``, all other direct successors, which help
-    where the path leaves the map's cells. Without a root every node may be the first. The score is equation 5 of the
-    2012 paper, with the track of the last node, too, as all children of a node start alike.
+    where the path leaves the map's cells. Without a root every node that is not idle may be the first. The score is
+    equation 5 of the 2012 paper, with the track of the last node, too, as all children of a node start alike.
     """
     root, serial = search.stage[top, NODE], search.stage[top, SERIAL]
     origin, end, arc = search.stage_origin[top], search.stage_end[top], search.stage_arc[top]

@@ -45,7 +45,7 @@ Floats = NDArray[np.float64]
 
 
 class FollowStatus(IntEnum):
-    """Result of a search along a path. PAST_KEPT: all that is left would change nodes that must stay."""
+    """Result of a search along a path. BLOCKED: nothing is left. PAST_KEPT: what is left would change kept nodes."""
 
     FOUND = FOUND
     OUT_OF_BUDGET = OUT_OF_BUDGET
@@ -216,8 +216,8 @@ class PathFollower:
     def arrive(self, within: float, heading_tolerance: float | None = None) -> FollowResult | None:
         """Turn the last transitions of the latest solution so that it ends at the end of the path; None if that fails.
 
-        What is bent is tested as the search tests. Only for searches that end standing; others pass the end on their
-        way.
+        Distance from the path, discs and joints of what is bent are tested as the search tests them. Only for searches
+        that end standing; others pass the end on their way.
 
         Parameters
         ----------

@@ -39,10 +39,12 @@ def path_point(guide, arc):
 
 @helper
 def project(guide, x, y, low, high):
-    """Return the arc length of the path's point nearest to (x, y), between ``low`` and ``high``, and its distance [m].
+    """Return the arc length of the path's point nearest to (x, y), from ``low`` to ``high``, and its distance [m].
 
-    The first of several nearest points wins. Pieces that cannot be nearer than the best are skipped, as consecutive
-    samples are at most a step apart.
+    Whole pieces between samples are searched, so it may be up to a step outside of ``low`` and ``high``; on the first
+    and the last piece, which continue straight, it may be below 0 or above the path's length. The first of several
+    nearest points wins. Pieces that cannot be nearer than the best are skipped, as consecutive samples are at most a
+    step apart.
     """
     pose = guide.pose
     per_meter = guide.per_meter

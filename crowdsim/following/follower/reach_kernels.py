@@ -77,7 +77,7 @@ def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, 
 
     Else mark the first node that leaves unfit for the stage. ``depth``, ``stage_end``, ``stage_arc`` and ``joined`` are
     those of :mod:`crowdsim.following.follower.branch_kernels`; tested nodes are marked in the last column of
-    ``laid.free``. A motion that need not end standing ends where it passes the goal.
+    ``laid.free``. A motion that need not end standing, nor with a heading, ends where it passes the goal.
     """
     column = laid.free.shape[1] - 1
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]

@@ -63,6 +63,8 @@ _BEYOND = 1e-6
 def _node_is_free(space, rules, node, x, y, heading, dx, dy, dh, goal):
     """Return True if ``node`` from (x, y, heading) on is free, and the least distance of its track to the goal [m].
 
+    If it is not free, the distance is that of the part before.
+
     (dx, dy, dh) is the blend offset: the end of the node before less this origin.
     """
     probes, counters, hints = space.probes, space.counters, space.hints
@@ -170,8 +172,9 @@ def _link(graph, tree, chain, j, row, edge):
 def _bend_branch(graph, space, rules, goal, row, edge, x, y, heading, tree, chain, out):
     """Bend the branch through ``row`` and ``edge``, which ends at (x, y, heading), to the goal.
 
-    Return the number of nodes of the bent branch, which is left in ``out``; 0 if none arrives and is free. First the
-    last two joints are bent, then twice as many each time, so that most of the branch stays as it was found free.
+    Return the number of nodes of the bent branch, which is left in ``out``; 0 if none arrives and is free, or if it has
+    less than two transitions. First the last two joints are bent, then twice as many each time, so that most of the
+    branch stays as it was found free.
     """
     # One joint per transition of the branch.
     joints = np.int64(0)
@@ -273,7 +276,8 @@ def _put_first(graph, rules, start, start_node, goal, tree):
 def _lay(graph, space, rules, start, start_node, goal, tree, item, row):
     """Lay the search node of queue row ``item`` in ``row`` of the tree.
 
-    Return False if it is closed or not free, and the least distance of its track to the goal [m].
+    Return False if it is closed or not free, and the least distance of its track to the goal [m], infinite if the track
+    was not tested.
     """
     parent = np.int64(tree.waiting[item, PARENT])
     edge = np.int64(tree.waiting[item, EDGE])
@@ -317,7 +321,7 @@ def _is_goal(rules, goal, heading, gap):
 
 @kernel
 def search(graph, space, rules, start, start_node, goal, tree, chain, out):
-    """Search the shortest motion to the goal.
+    """Search a short motion to the goal: nodes are tried in the order of f, and may be bent to it.
 
     Parameters
     ----------
@@ -361,7 +365,7 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
                     return FOUND, length, expanded
             if _is_goal(rules, goal, heading, min(gap, nearest) if rules.on_the_way else gap):
                 return FOUND, _list_branch(tree, out, row), expanded
-        # Push its successors. One that is no longer than a solution must be is bent to the goal at once.
+        # Push its successors but idle ones. One that is no longer than a solution must be is bent to the goal at once.
         for e in range(np.int64(graph.edge_start[node]), np.int64(graph.edge_start[node + 1])):
             target = np.int64(graph.edge_target[e])
             if graph.node_idle[target]:

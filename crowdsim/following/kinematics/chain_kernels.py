@@ -101,7 +101,10 @@ def _leap(joint, limit, turn, count, ex, ey, eh, px, py, ph, lever, real):
 
 @helper
 def _sweep(joint, limit, turn, count, ex, ey, eh, goal, lever):
-    """Turn each joint, base first, toward the goal within its limits (cyclic coordinate descent); return the end."""
+    """Turn each joint, base first, toward the goal within its limits; return the end's pose.
+
+    Cyclic coordinate descent. ``joint`` and ``turn`` are updated.
+    """
     aimed = not math.isnan(goal[2])
     # Motion of the chain beyond the joints so far: p -> (c x - s y + tx, s x + c y + ty).
     c, s, tx, ty = 1.0, 0.0, 0.0, 0.0

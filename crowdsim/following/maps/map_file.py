@@ -102,7 +102,9 @@ def _checksum(column: NDArray[Any]) -> int:
 
 
 def load_maps(file: Path) -> MotionMaps:
-    """Return maps whose arrays lie in the file, mapped into memory; raise MotionError if it holds none of this version.
+    """Return maps whose arrays lie in the file, mapped into memory; raise MotionError if that cannot be done.
+
+    The file may be of another kind or version, or damaged.
 
     What is written to the arrays does not reach the file.
     """

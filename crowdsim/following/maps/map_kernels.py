@@ -116,7 +116,7 @@ def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edg
     """Grow the maps of the nodes ``begin`` to ``end - 1`` by Dijkstra's search; return the number of their entries.
 
     All children of an entry start where its node ends, at one cost: the queue holds the parents, by the cost at which
-    their children start, and all children of a parent are entered together.
+    their children start, and all children of a parent are entered together. Idle nodes are left out, but for roots.
 
     Parameters
     ----------

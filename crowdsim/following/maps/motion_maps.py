@@ -54,7 +54,7 @@ class MapArrays(NamedTuple):
     average: (N,) float64, mean length of a map's branches [m] (2012 paper, equation 2), blend offsets weighted.
     family: (N,) int32, equal for nodes with the same successors.
     ends_as: (N, B) bool, True if a node is of a behavior or has a successor of it.
-    leads_to: (N,) int32, behavior of most successors.
+    leads_to: (N,) int32, behavior of most successors; the least number of several, 0 without successors.
     late: (N,) float64, how much longer a node takes than its behavior takes on average for the way that it moves [s].
     outline_first: (N + 1,) int64, rows of ``outline`` for each node.
     outline: (S, 3) float64, x, y and arc length of points along each node's track, its end included, at most a cell
@@ -206,7 +206,7 @@ class MotionMaps:
 def _grow(
     graph: GraphArrays, begin: int, end: int, depth: int, reach: float, capacity: int
 ) -> tuple[NDArray[Any], ...]:
-    """Return the maps of the nodes ``begin`` to ``end``: sizes, averages, and columns of :class:`MapArrays`.
+    """Return the maps of nodes ``begin`` to ``end`` (exclusive): sizes, averages, and columns of :class:`MapArrays`.
 
     The columns are key, order, parent, edge, node, level and ahead.
     """
@@ -268,7 +268,7 @@ def _delays(graph: GraphArrays) -> NDArray[np.float64]:
 
 
 def _outlines(graph: GraphArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return each node's track resampled by arc length; a node that turns in place gives its end alone.
+    """Return each node's track resampled by arc length; a track no longer than a cell gives its end alone.
 
     Two arrays as ``outline_first`` and ``outline`` of :class:`MapArrays`.
     """

@@ -90,7 +90,8 @@ def ask(ground, points, field, state, asks, slots):
     Parameters
     ----------
     ground, points, field : Ground, (k, 2) float64, Field
-        The place, points of the goal [m] and the solved field.
+        The place, with clearances from which on behaviors are prescribed as ``radii``; points of the goal [m]; and the
+        solved field.
     state : (boxes,) uint8
         States of the boxes after :func:`solve`.
     asks : (boxes,) int8

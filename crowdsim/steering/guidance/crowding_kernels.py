@@ -26,7 +26,7 @@ CHAIN = 4096
 def add_agents(places, counts, left, bottom, cell, weights):
     """Add the agents at ``places`` (float64[n, 2] [m]) to the density ``weights`` (int64[rows, columns]).
 
-    Each adds as much as ``counts`` (float64[n]) agents. The unit is GRAIN / m2. Epanechnikov kernel of radius R:
+    Each adds as much as ``counts`` (float64[n]) agents. Epanechnikov kernel of radius R:
     2 / (pi R^2) (1 - d^2 / R^2), whose integral is one agent. ``left`` and ``bottom`` are the corner of the grid,
     ``cell`` is the side of a cell [m].
     """
@@ -118,7 +118,8 @@ def price_of(ground, crowding, field, box, prices, chain):
 
     The path goes from the pin of the box to that of its anchor, on to the anchor of that one, and so to the goal: a
     point of the goal, or a box that is its own anchor. The cost is infinite if there are more than CHAIN anchors.
-    ``prices`` (float64[boxes]) holds the costs found so far, negative if unknown. ``chain`` (int64[CHAIN]) is scratch.
+    ``prices`` (float64[boxes]) holds the costs found so far, negative if unknown, and gets those found here. ``chain``
+    (int64[CHAIN]) is scratch.
     """
     boxes = len(ground.widest)
     # Follow the anchors up to one whose cost is known, or to the goal.

@@ -208,8 +208,9 @@ def update_ground(
 ) -> Ground:
     """Return the ground after walls changed within ``window`` (left, bottom, right, top) [m].
 
-    The result equals that of :func:`build_ground`. The old ground is not changed. Fields of the old ground do not hold
-    for the new one.
+    ``segments`` are all walls after the change; other arguments as of :func:`build_ground`, and as the ground was built
+    with. The result equals that of :func:`build_ground` on the same boxes. The old ground is not changed. Fields of the
+    old ground do not hold for the new one.
     """
     every, layers, kinds = _merged(segments, need)
     starts, lists, far = _near(every, ground.reach, ground.frame)

@@ -57,7 +57,7 @@ def list_segments(segments, reach, frame, starts, lists):
     frame : (float, float, int, int)
         Left and bottom edge of the boxes [m], columns and rows of boxes.
     starts : (boxes + 1,) int32
-        Gets the index in ``lists`` at which each box begins.
+        Gets the index in ``lists`` at which each box begins, once the lists are filled.
     lists : (k,) int32
         Empty, or gets the segment numbers.
 
@@ -94,8 +94,9 @@ def list_segments(segments, reach, frame, starts, lists):
 def bound_distances(segments, starts, lists, reach, frame, far):
     """Fill ``far`` (uint8[rows, columns]) with lower bounds of the distances from box centers to the nearest segment.
 
-    Below ``reach`` (that of :func:`list_segments`) they are exact but for rounding down. Beyond, two sweeps of a
-    chamfer transform (Borgefors 1986) whose steps are scaled so that it never exceeds the Euclidean distance.
+    Distances in the lists (below ``reach``, that of :func:`list_segments`) are exact at first. Then two sweeps of a
+    chamfer transform (Borgefors 1986) hand all on, with steps scaled so that they never exceed the Euclidean distance;
+    they may lower exact ones, too, by up to 8 %.
     """
     left, bottom, columns, rows = frame
     # Chamfer distances exceed Euclidean ones by up to 1 / cos(22.5 degrees): scale the steps by that cosine.
@@ -217,9 +218,9 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
     """Return the cost of the straight line from p to q, with the widest behavior that fits at each point.
 
     The cost is the integral of the behavior's cost per meter times the crowd's factor, plus ``ground.change`` for each
-    change of behavior. It is infinite if there is a point at which no behavior fits, or if it exceeds ``most``. Near
-    walls the line is tested in the middle of steps of PACE at most, so up to half a step at its ends may be too close
-    to a wall: the caller must know that a behavior fits at both ends.
+    change of behavior. It is infinite if a tested point is outside of the boxes or no behavior fits there, or if the
+    cost exceeds ``most``. Near walls the line is tested in the middle of steps of PACE at most, so up to half a step at
+    its ends may be too close to a wall: the caller must know that a behavior fits at both ends.
     """
     top = len(ground.costs) - 1
     dx = qx - px

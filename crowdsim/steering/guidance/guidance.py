@@ -163,9 +163,9 @@ class Guidance:
         self._fields[index : index + 1] = [field]
 
     def lengths(self, goal: int, places: ArrayLike) -> NDArray[np.float64]:
-        """Return the lengths (k,) of the paths from positions, float64[k, 2], to a goal in the empty place [m].
+        """Return the lengths (k,) of the paths from positions, float64[k, 2], to a goal by its first field [m].
 
-        They are infinite without a path.
+        That is the field of the empty place, unless :meth:`rebuild` got a crowd. They are infinite without a path.
         """
         fields = self._fields[goal]
         return ways(self.ground, fields[min(fields)], places).length
@@ -225,7 +225,8 @@ class Guidance:
         Returns
         -------
         int
-            Number of agents that change to the new field.
+            Number of agents that change to the new field. It is 0 without a crowd: then none is solved, and all follow
+            the first field again.
         """
         places = np.column_stack((state["x"], state["y"]))
         # Agents of other goals that are long stuck stay in the way for long. The time stuck of jammed ones cycles, so
@@ -272,7 +273,7 @@ class Guidance:
         return changed
 
     def write(self, state: NDArray[Any], following: NDArray[np.int32], *, lead_out: bool = True) -> int:
-        """Write gx, gy, togo, turn and held of all agents to their rows; return the number of agents without a path.
+        """Write gx, gy, togo, turn and held of all agents with a goal to their rows; return how many have no path.
 
         Agents without a path, such as those who were pushed into a gap between chairs, squeeze through gaps in which
         bodies just fit, unless ``lead_out`` is False.

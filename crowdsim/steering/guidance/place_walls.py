@@ -105,7 +105,7 @@ class PlaceWalls:
         Returns
         -------
         Bounds or None
-            Bounds of what changed [m], None if nothing did.
+            Bounds of the old and the new outlines together [m]; None if both are empty.
         """
         before = self._things.pop(thing, ())
         after = () if outlines is None else self._of(outlines)
@@ -130,10 +130,10 @@ class PlaceWalls:
 
 
 def update_walls(walls: Walls, segments: Floats, window: Bounds) -> Walls:
-    """Return the walls of ``segments``; the result equals that of :func:`build_walls`.
+    """Return the walls of ``segments`` on the grid of ``walls``; equal to :func:`build_walls` if that makes this grid.
 
-    Only distances that can have changed are measured anew. If segments reach beyond the grid of the old walls, all is
-    built anew.
+    Only distances that can have changed are measured anew. If segments reach beyond the grid of the old walls, or there
+    are none before or after, all is built anew.
 
     Parameters
     ----------

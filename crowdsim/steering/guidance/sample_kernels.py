@@ -67,7 +67,7 @@ def near_length(ground, px, py, qx, qy):
     """Return the weighted and the plain length of the first LOOK meters of the line from p to q [m].
 
     Points at which no behavior fits count TOO_NARROW times: an agent may be there, but should leave. The weighted
-    length is infinite if the line leads through a wall.
+    length is infinite if the line leads through a wall or out of the boxes.
     """
     dx = qx - px
     dy = qy - py
@@ -103,7 +103,7 @@ def near_length(ground, px, py, qx, qy):
 
 @helper
 def is_clear(ground, px, py, qx, qy):
-    """Return True if the line from p to q keeps CLEAR off all walls; its last PACE is not tested."""
+    """Return True if the line from p to q keeps CLEAR off all walls, tested at steps of PACE near them, not at q."""
     dx = qx - px
     dy = qy - py
     length = math.sqrt(dx * dx + dy * dy)
@@ -233,8 +233,9 @@ def look_around(ground, nobody, field, box, x, y):
 def head_for(ground, nobody, field, box, x, y):
     """Return the target of all agents in the part of a box around (x, y), the cost from its middle, and the middle [m].
 
-    The first agent in a part looks it up; it depends on the part alone, so it does not matter which agent is first. The
-    target is -1 and the cost infinite if no line is free.
+    The first agent in a part looks it up and stores it in ``field.heads`` and ``field.costs``; it depends on the part
+    alone, so it does not matter which agent is first. The target is -1 and the cost infinite if no line is free. The
+    box must have a slot.
     """
     row = box // ground.columns
     column = box - row * ground.columns
@@ -277,7 +278,8 @@ def first_head(ground, nobody, field, box, x, y):
 def way_at(ground, nobody, field, x, y):
     """Return what a field gives at a position: unit vector of the path, cost, length to go [m] and behavior.
 
-    The vector is (0, 0) in the goal, and if there is no path; then cost and length are infinite.
+    The vector is (0, 0) in the goal, exactly at a target, and without a path. Cost and length are infinite without a
+    path. In the goal and without a path the behavior is the widest.
     """
     top = len(ground.costs) - 1
     box = box_at(ground, x, y)
@@ -307,7 +309,7 @@ def way_at(ground, nobody, field, x, y):
 def end_of_way(ground, nobody, field, x, y):
     """Return x and y [m] of the point at which the path from the position (x, y) enters the goal.
 
-    Return the position itself if it is in the goal, and nan, nan if there is no path.
+    Return the position itself if its box counts as in the goal, and nan, nan if there is no path.
     """
     box = box_at(ground, x, y)
     if box < 0:
