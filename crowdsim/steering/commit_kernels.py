@@ -30,6 +30,9 @@ from crowdsim.steering.turn_kernels import fitting_turn, stands_still, turn_wedg
 from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
 from crowdsim.steering.way_kernels import gap_to_way
 
+CROSSING = 1e-9
+"""Distance between two cores, or a core and a segment, below which they cross: rounding leaves some 1e-16 [m]."""
+
 MARGIN = 1e-6
 """Part of each gap that no step uses [m]: above the rounding error of a step, below what is visible.
 
@@ -87,7 +90,7 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
     -------
     int
         Number of half planes; -1 if there are more than k, or if the distance between the core of the agent and that of
-        a neighbor is exactly 0. Bodies that overlap with a greater one may move apart, but not nearer.
+        a neighbor is below :data:`CROSSING`. Bodies that overlap with a greater one may move apart, but not nearer.
     """
     rows, places, starts, frame = crowd
     mine = rows[me]
@@ -117,8 +120,8 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
             dx, dy, distance = core_to_core(px, py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
             room = 0.5 * (distance - mine.radius - other.radius) - MARGIN
             if room < most:
-                # Cores at distance 0 have no separating line.
-                if count == len(lines) or distance == 0.0:
+                # Cores that cross have no separating line.
+                if count == len(lines) or distance < CROSSING:
                     return -1
                 set_line(lines[count], dx / distance, dy / distance, room)
                 count += 1
@@ -148,7 +151,7 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
     Returns
     -------
     int
-        Number of half planes now; -1 if there are more than k, if the distance from the core to a wall is exactly 0,
+        Number of half planes now; -1 if there are more than k, if the core is nearer to a wall than :data:`CROSSING`,
         or if the step could reach beyond :data:`WALL_REACH`, the distance up to which the lists are complete.
     """
     column = math.floor((x - walls.left) / WALL_CELL)
@@ -178,7 +181,7 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
         room = distance - radius - MARGIN
         if room < most:
             # The core is on the wall, or there are too many lines.
-            if count == len(lines) or distance == 0.0:
+            if count == len(lines) or distance < CROSSING:
                 return -1
             set_line(lines[count], dx / distance, dy / distance, room)
             count += 1
@@ -189,7 +192,7 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
 def add_ways(ways, frame, mine, most, lines, count):
     """Add a half plane for each reserved segment that an agent could meet; return the number of half planes now.
 
-    Return -1 if ``count`` is, if there are more than k, or if the distance from the core to a segment is exactly 0.
+    Return -1 if ``count`` is, if there are more than k, or if the core is nearer to a segment than :data:`CROSSING`.
     ``ways`` (ListedWays) holds the reserved segments by cells of ``frame``, ``mine`` (ROW) is the agent; ``most``,
     ``lines`` (k, 4) and ``count`` are as for :func:`add_walls`.
     """
@@ -204,7 +207,7 @@ def add_ways(ways, frame, mine, most, lines, count):
         room = gap - MARGIN
         # It could meet the disc in this step. Give up if the core is on the segment, or there are too many lines.
         if room < most:
-            if count == len(lines) or distance == 0.0:
+            if count == len(lines) or distance < CROSSING:
                 return -1
             set_line(lines[count], dx / distance, dy / distance, room)
             count += 1

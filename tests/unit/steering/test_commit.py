@@ -145,6 +145,24 @@ def test_who_cuts_a_wall_or_could_reach_beyond_what_is_listed_stands():
     assert steering.crowded == 2
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_whose_core_crosses_a_wall_or_another_core_stands(seed):
+    """Rounding leaves a distance that is hardly ever 0, of a direction that means nothing."""
+    rng = np.random.default_rng(seed)
+    angles = rng.uniform(0.0, 2.0 * math.pi, 3)
+    angles[1] = angles[0] + rng.uniform(1.0, 2.0)
+    state = agents(np.array([[0.0, 0.0], [0.01, 0.02], [5.0, 0.0]]), angles, np.arange(3), rng)
+    along = np.array([-state["hy"][2], state["hx"][2]])
+    across = np.array([along[0] + 0.3 * along[1], along[1] - 0.3 * along[0]])
+    middle = np.array([5.0, 0.0]) + 0.05 * along
+    wall = build_walls(np.array([(*(middle - across), *(middle + across))]))
+    with Steering(build_walls([]), wall, leg_radius=0.1) as steering:
+        steering.step(state)
+    assert state["x"].tolist() == [0.0, 0.01, 5.0]
+    assert state["y"].tolist() == [0.0, 0.02, 0.0]
+    assert steering.crowded == 3
+
+
 def test_who_is_walled_in_stands():
     rng = np.random.default_rng(1)
     box = np.array([(-0.2, -0.3, 0.2, -0.3), (0.2, -0.3, 0.2, 0.3), (0.2, 0.3, -0.2, 0.3), (-0.2, 0.3, -0.2, -0.3)])
