@@ -30,7 +30,7 @@ def draw_clutter(
 ) -> tuple[Solid, ...]:
     """Draw obstacles that lie in ``region``, do not overlap, and cover the share ``density`` of its area.
 
-    They are boxes, cylinders and convex polygons in equal parts, one third each as high as seats, tables and cupboards.
+    Each draw is a box, a cylinder or a convex polygon, as high as a seat, a table or a cupboard, with equal chances.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def draw_clutter(
 def _endless_solids(
     name: str, region: Polygon | MultiPolygon, sizes: tuple[float, float], generator: np.random.Generator
 ) -> Iterator[Solid]:
-    """Draw solids endlessly, anywhere in the bounds of the region."""
+    """Draw solids endlessly, around places in the bounds of the region; arguments as of :func:`draw_clutter`."""
     low_x, low_y, high_x, high_y = region.bounds
     while True:
         x, y = generator.uniform((low_x, low_y), (high_x, high_y))
@@ -146,7 +146,10 @@ def open_ways(
 def _barring(
     solids: Sequence[Solid], free: Polygon | MultiPolygon, regions: Sequence[Polygon], radius: float
 ) -> set[int]:
-    """Return the indices of the fewest solids that, one behind the other, separate two rooms that the regions meet."""
+    """Return the indices of the fewest solids that, one behind the other, separate two rooms that the regions meet.
+
+    Return none if the regions meet fewer than two rooms: parts of the free floor for the middle of the disc.
+    """
     outlines = np.array([solid.footprint for solid in solids], dtype=object)
     rooms = shapely.get_parts(buffered(shapely.difference(free, shapely.union_all(outlines)), -radius))
     met = [number for number, room in enumerate(rooms) if any(room.intersects(region) for region in regions)]

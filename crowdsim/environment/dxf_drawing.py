@@ -115,7 +115,7 @@ def _document(file: Path) -> Any:
 
 
 def _meters(file: Path, document: Any, units: str | None, report: list[str]) -> float:
-    """Return the meters of a unit of the drawing, and report the source."""
+    """Return the meters of a unit of the drawing and report the source unless it is ``units``; or raise PlaceError."""
     if units is not None:
         return meters_per_unit(units)
     code = document.header.get("$INSUNITS", 0)
@@ -168,7 +168,7 @@ def _shape(entity: Any, meters: float) -> tuple[str, BaseGeometry | None]:
 
 
 def _points(curve: Any, meters: float) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return the points (n, 2) of a curve [m], without repeated ones."""
+    """Return the points (n, 2) of a curve [m], without those that repeat the one before."""
     points = np.array([(point.x, point.y) for point in curve.flattening(SAGITTA / meters)], np.float64) * meters
     # To a micrometer, as ezdxf uses sines of the C library, whose last bits differ between processors.
     points = np.round(points, 6)

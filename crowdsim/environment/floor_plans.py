@@ -113,7 +113,7 @@ def read_floor_plan(
 
 
 def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
-    """Read the floor from a .wkt file."""
+    """Read the floor from a .wkt file, or from its ``content``; a unit of it is ``meters`` long."""
     require_regular(file, PlaceError, _MOST_TEXT)
     try:
         text = (file.read_bytes() if content is None else content).decode("utf-8-sig").strip()
@@ -183,7 +183,7 @@ def _doubts(file: Path, shape: BaseGeometry) -> list[str]:
 def _built(
     file: Path, drawing: Drawing, floor_layer: str | None, thickness: float, bottom: float, top: float
 ) -> FloorPlan:
-    """Build solids and a floor from a drawing."""
+    """Build solids and a floor from a drawing, as :func:`read_floor_plan` says."""
     report = list(drawing.report)
     filled: list[tuple[str, BaseGeometry]] = [(layer, area) for layer, area in drawing.areas if layer != floor_layer]
     outlines: list[tuple[str, Polygon]] = []
@@ -198,6 +198,7 @@ def _built(
             outline = polygons_only(shapely.make_valid(Polygon(chain))) if chain.is_closed else MultiPolygon()
             if outline.area > MIN_EXTENT * MIN_EXTENT:
                 outlines += [(layer, part) for part in outline.geoms]
+            # Open lines on the floor's layer enclose no floor, and are no walls.
             elif layer != floor_layer:
                 open_lines.append((layer, chain))
     floors += [outline for layer, outline in outlines if layer == floor_layer]

@@ -109,7 +109,7 @@ def place_on_floor(
     PlaceError
         If the floor or its height cannot be found, or there are two walkable heights over one point.
     GeometryError
-        If the given floor is no polygon with an area.
+        If the given floor is no polygon with an area, or the height is not finite.
     """
     found: DerivedFloor | None = None
     if height is not None and not math.isfinite(height):
@@ -175,8 +175,8 @@ def derive_floor(
     Raises
     ------
     PlaceError
-        If there is no part, no level floor at ``height``, or if two heights over one point both offer standing room, on
-        :data:`LEAST_LEVEL` or more.
+        If there is no part, no level floor at ``height``, or if ``height`` is not given and two heights over one point
+        both offer standing room, on :data:`LEAST_LEVEL` or more.
     """
     if not solids:
         raise PlaceError("floor: there are no parts to find a floor from; give a floor")
@@ -236,7 +236,7 @@ def _large(levels: Sequence[Level], hull: BaseGeometry) -> list[Level]:
 
 
 def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: list[str]) -> BaseGeometry:
-    """Return the ground inside the outlines of all parts, or inside their hull if these enclose little."""
+    """Return the ground inside the outlines of all parts, or ``hull`` if that is less than half of it; report it."""
     outlines = shapely.union_all([solid.footprint for solid in solids])
     # Grow the outlines until doors close, fill what is inside, and shrink it again by as much.
     closed = polygons_only(buffered(outlines, _DOOR, join_style="mitre"))
@@ -254,7 +254,7 @@ def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: lis
 
 
 def _standing(solids: Sequence[AnySolid], ground: BaseGeometry, report: list[str]) -> Level:
-    """Return ``ground`` as a level, at the height on which most parts stand."""
+    """Return ``ground`` as a level, at the height on which most parts stand, and report that."""
     bottoms = np.array([solid.bottom for solid in solids])
     steps, counts = np.unique(np.round(bottoms / SAME_LEVEL), return_counts=True)
     height = rounded_height(np.median(bottoms[np.round(bottoms / SAME_LEVEL) == steps[counts.argmax()]]))

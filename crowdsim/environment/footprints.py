@@ -83,7 +83,7 @@ def footprints_of(
     """Return the footprint (n,) of each solid in a band that all of them meet.
 
     Places have many copies of one chair: the footprint of the first one is moved to the others. ``progress`` is called
-    with the number of solids that are done.
+    with the number of solids that are done, if there is more than one block of triangles.
     """
     originals, of, moved = _copies(solids)
     blocks = list(_blocks([solids[number] for number in originals]))
@@ -166,7 +166,7 @@ def _block(solids: Sequence[Triangles], low: float, high: float) -> Shapes:
 
 
 def _inside(solid: Triangles, low: float, high: float) -> Shapes:
-    """Return what the sections of a solid enclose in a band."""
+    """Return the areas (k,) that sections of a solid enclose in a band, one for each section that is needed."""
     # Cuts just above (True) or below a height, so that they are in the open band. A solid that is not closed is cut at
     # bottom, middle and top of its part; for closed ones see `MeshSolid.closed`.
     lowest, highest = max(low, solid.bottom), min(high, solid.top)

@@ -100,12 +100,12 @@ def clearance_layers(
     bands
         The layers to make.
     progress
-        Called as ``progress(done, all)`` if there are thousands of triangles; a solid counts once for each layer.
+        Called as ``progress(done, all)`` if there are more than some 20 000 triangles; a solid counts once a layer.
 
     Returns
     -------
     tuple of ClearanceLayer
-        Lowest first; of two that start at the same height the higher one first.
+        Lowest first; of two that start at the same height, the one that reaches higher first.
 
     Raises
     ------

@@ -54,7 +54,7 @@ Surfaces = tuple[NDArray[np.object_], NDArray[np.float64], NDArray[np.int64]]
 
 
 def level_surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
-    """Find level surfaces that face up or, with ``both``, up or down."""
+    """Find level triangles that face up or, with ``both``, up or down, and the tops of prisms."""
     shapes: list[NDArray[np.object_]] = []
     heights, owners = [], []
     for number, solid in enumerate(solids):
@@ -113,7 +113,10 @@ def _wide(area: BaseGeometry) -> BaseGeometry:
 
 
 def one_storey(levels: list[Level], solids: Sequence[AnySolid], report: list[str]) -> list[Level]:
-    """Return ``levels`` without ceilings seen from above; raise PlaceError if there are two levels over one point."""
+    """Return ``levels``, lowest first, without ceilings seen from above, which are reported.
+
+    Raise PlaceError if two over one point offer standing room, and the upper one is no ceiling.
+    """
     kept: list[Level] = []
     for level in levels:
         # Closer levels leave no headroom, so people cannot stand on the lower one below the other.

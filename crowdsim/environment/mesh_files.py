@@ -134,7 +134,10 @@ def _content(file: Path) -> bytes:
 
 
 def _up_axis(name: str, content: bytes, ending: str, up: str | None, report: list[str]) -> str:
-    """Return the axis that points up, and report the source."""
+    """Return the axis that points up, "y" or "z", and report the source unless it is ``up``.
+
+    Raise PlaceError if the file says x. ``name`` is that of the file, for messages.
+    """
     if up is not None:
         return up
     if ending == ".dae":
@@ -151,7 +154,10 @@ def _up_axis(name: str, content: bytes, ending: str, up: str | None, report: lis
 
 
 def _meters(name: str, content: bytes, ending: str, units: str | None, report: list[str]) -> float:
-    """Return the meters of a unit of the file, and report the source."""
+    """Return the meters of a unit of the file, and report the source unless it is ``units``.
+
+    Raise PlaceError if the file gives no number above 0. ``name`` is that of the file, for messages.
+    """
     if units is not None:
         return meters_per_unit(units)
     if ending == ".dae":
@@ -170,7 +176,7 @@ def _meters(name: str, content: bytes, ending: str, units: str | None, report: l
 
 
 def _placement(axis: str, scale: float, rotation: float, position: tuple[float, float, float]) -> Floats:
-    """Return the (4, 4) matrix from the file's coordinates to the place."""
+    """Return the (4, 4) matrix from the file's coordinates to the place; ``scale`` is in meters for each unit."""
     c, s = planar.rotation(rotation)
     turned = np.array([[c, -s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     turned[:3, :3] *= scale
@@ -184,7 +190,10 @@ def _product(a: Floats, b: Floats) -> Floats:
 
 
 def _parts(file: Path, content: bytes, ending: str, report: list[str]) -> Iterator[tuple[str, Floats, Any]]:
-    """Yield name, matrix (4, 4) and mesh of each part that has surfaces."""
+    """Yield name, matrix (4, 4) and mesh (trimesh) of each part that has surfaces; report the others at the end.
+
+    The matrix leads from the part to the file's coordinates.
+    """
     scene = _loaded(file, content, ending)
     try:
         # By name, as the order of a scene graph is that of hash tables.
@@ -213,7 +222,7 @@ def _parts(file: Path, content: bytes, ending: str, report: list[str]) -> Iterat
 
 
 def _loaded(file: Path, content: bytes, ending: str) -> Any:
-    """Return the trimesh scene of the bytes of a file."""
+    """Return the trimesh scene of the bytes of a file, or raise PlaceError; ``file`` is for messages only."""
     import trimesh
 
     if ending == ".dae":
@@ -246,7 +255,7 @@ def _said(error: Exception) -> str:
 
 
 def _unique(name: str, names: dict[str, int]) -> str:
-    """Return ``name``, with a number appended from the second time on."""
+    """Return ``name``, with a number appended from the second time on; count it in ``names``."""
     names[name] = names.get(name, 0) + 1
     return name if names[name] == 1 else _unique(f"{name}_{names[name]}", names)
 
@@ -276,7 +285,7 @@ def _volume(matrix: Floats) -> float:
 
 
 def _without_far_parts(solids: list[MeshSolid], report: list[str]) -> list[MeshSolid]:
-    """Return ``solids`` without those more than :data:`FAR` away from the group that holds most of them."""
+    """Return ``solids`` without those more than :data:`FAR` away from the group that holds most; report these."""
     low = np.array([solid.corners.min(axis=(0, 1)) for solid in solids])
     high = np.array([solid.corners.max(axis=(0, 1)) for solid in solids])
     # Parts with gaps of at most FAR are a group. Of very many parts not every pair is compared, but each with their

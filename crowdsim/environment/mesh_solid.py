@@ -86,7 +86,7 @@ class MeshSolid:
 
     @cached_property
     def closed(self) -> bool:
-        """Return True if the mesh is closed: each edge is used equally often in both directions, around some volume.
+        """Return True if the mesh is closed: each edge is used equally often both ways, and faces look outwards.
 
         Then one section is enough. If a vertical line enters or leaves the solid inside the band, there is a triangle.
         Otherwise it is inside at all heights of the band, which the solid then spans, or at none.
@@ -119,7 +119,7 @@ class MeshSolid:
     def footprint_in(self, low: float, high: float) -> BaseGeometry:
         """Return the area of the floor under the parts of the solid strictly between ``low`` and ``high`` [m].
 
-        It is the area under a triangle's part in the band (a strip of :data:`STRIP` if the triangle stands upright),
+        It is the area under a triangle's part in the band (a strip, 5 mm wide, if the triangle stands upright),
         and what :func:`crowdsim.environment.sections.enclosed` finds inside the sections at bottom, middle and top of
         the solid's part in the band. For a closed solid at most one section is needed, and the footprint is exact. It
         is empty if nothing lies in the band.
@@ -127,7 +127,10 @@ class MeshSolid:
         return footprints_between([self], low, high)[0]
 
     def section(self, height: float) -> BaseGeometry:
-        """Return the cut by the plane at ``height`` [m]: enclosed areas, and strips of :data:`STRIP` elsewhere."""
+        """Return the cut by the plane infinitesimally above ``height`` [m]: enclosed areas, and strips elsewhere.
+
+        For the width of strips see :data:`crowdsim.environment.footprints.STRIP`.
+        """
         segments = section_segments(self.corners, height, above=True)
         return with_strips(objects([enclosed(segments)]), segments, np.zeros(len(segments), np.int64))[0]
 

@@ -43,7 +43,7 @@ def meets(region: Polygon | Point, area: Polygon | MultiPolygon) -> bool:
 
 
 class _Sampler:
-    """Uniform draws from the part of a region that lies in ``room``."""
+    """Uniform draws from the part of a region that lies in ``room``; of a point, the point in any case."""
 
     def __init__(self, region: Polygon | Point, room: MultiPolygon, generator: np.random.Generator) -> None:
         self.generator = generator
@@ -104,7 +104,11 @@ def pieces_of(area: MultiPolygon) -> list[MultiPolygon]:
 def draw_spots(
     region: Polygon | Point, room: MultiPolygon, crowds: Sequence[Spots | None], generator: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Draw a spot of a region in ``room`` for each of ``crowds``, away from the spots in it; stop if one is full."""
+    """Draw a spot of a region in ``room`` for each of ``crowds``, away from the spots in it.
+
+    Stop at the first that is full, so there may be fewer spots [m]. Spots are taken from their crowds; where there is
+    no crowd (None) any draw will do.
+    """
     placed: list[tuple[float, float]] = []
     draws = _Sampler(region, room, generator).draws()
     for crowd in crowds:
@@ -144,8 +148,8 @@ def scatter_spots(
     Returns
     -------
     (m, 2) float64
-        The spots [m]; m is below ``count`` if :data:`_TRIES` draws in a row, or 300 for each spot in all, found no
-        place.
+        The spots [m]; m is below ``count`` if :data:`_TRIES` draws in a row found no place, or if about 300 draws for
+        each spot and :data:`_TRIES` more were not enough.
     """
     sampler = _Sampler(region, room, generator)
     if distance == 0.0:
@@ -177,7 +181,7 @@ def scatter_parties(
     """Draw spots like :func:`scatter_spots`, but in parties: each ``together`` spots in a row lie beside each other.
 
     ``distance`` [m] must be above 0. The spots of a party lie in a disc of which they, as discs of that diameter, fill
-    less than a quarter.
+    less than a quarter. There are fewer than ``count`` if :data:`_TRIES` draws in a row find no room for a party.
     """
     if together == 1 or isinstance(region, Point):
         return scatter_spots(region, room, count, distance, taken, generator)
@@ -228,9 +232,10 @@ def _party_around(
 
 
 def gathered(spots: NDArray[np.float64], together: int) -> NDArray[np.float64]:
-    """Order the spots (n, 2) so that each ``together`` in a row lie beside each other.
+    """Order the spots (n, 2) in parties of spots beside each other.
 
-    Each party takes the first spot that is left, and the nearest ones that are left among the few around it.
+    Each party takes the first spot that is left, and up to ``together`` - 1 of the nearest ones that are left among the
+    few around it; there may be fewer.
     """
     around = cKDTree(spots).query(spots, k=min(len(spots), 4 * together + 8))[1].reshape(len(spots), -1)
     left = np.ones(len(spots), np.bool_)

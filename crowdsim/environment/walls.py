@@ -114,7 +114,7 @@ def wall(
 
 
 def _line(points: Sequence[tuple[float, float]], what: str) -> LineString:
-    """Return the line without repeated points; a LinearRing if it is closed."""
+    """Return the line without repeated points; a LinearRing if it ends where it began, after three corners or more."""
     array = np.asarray(points, np.float64).reshape(-1, 2)
     if not np.isfinite(array).all():
         raise GeometryError(f"{what}: its line has a coordinate that is not a finite number")
@@ -138,7 +138,10 @@ def _cut(line: LineString, opening: Opening, thickness: float) -> BaseGeometry:
 
 
 def _check_openings(ordered: Sequence[Opening], length: float, what: str) -> None:
-    """Raise GeometryError if an opening reaches past an end of the wall or into another."""
+    """Raise GeometryError if an opening reaches past an end of the wall, ``length`` [m] long, or into another.
+
+    ``ordered`` openings come in their order along the wall, which ``what`` names. A nanometer is left for rounding.
+    """
     end = 0.0
     for opening in ordered:
         first, last = opening.at - 0.5 * opening.width, opening.at + 0.5 * opening.width

@@ -249,7 +249,7 @@ class NavMesh(MeshQueries):
         Raises
         ------
         GeometryError
-            If ``geometry`` is something else, empty or not finite, or a polygon without area.
+            If ``geometry`` is something else, empty, not finite, a polygon without area, or cannot be put in.
         """
         obstacles = self._edited()
         try:

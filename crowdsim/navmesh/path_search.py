@@ -108,7 +108,8 @@ class PathSearch:
 
         A clearance of ``least`` (n,) is enough [m].
 
-        All arrays are C-contiguous. ``clearance`` gives the clearance of a point for messages of errors.
+        All arrays are C-contiguous. ``optimality`` is "best" or "fast". ``clearance`` gives that of a point for error
+        messages.
         """
         count = len(starts)
         status, lengths = np.empty(count, np.int8), np.empty(count)
@@ -131,7 +132,7 @@ class PathSearch:
         return out
 
     def are_apart(self, starts: Floats, goals: Floats, radius: float, least: float) -> NDArray[np.bool_]:
-        """Return (n,) True if no way leads from a start to its goal (n, 2), for discs that are free at both.
+        """Return (n,) True if no way leads from a start to its goal (n, 2), and the disc is free at both.
 
         The labels of components show that at once; a search would have to look everywhere.
         """
@@ -140,7 +141,7 @@ class PathSearch:
         return apart
 
     def _find_joined(self, batch: Batch, workers: int | None, find: Callable[[Batch, int | None], Floats]) -> Floats:
-        """Let ``find`` search those of the batch that may have a path; return the points of all."""
+        """Let ``find`` search those of the batch that may have a path; fill in all results, and return their points."""
         apart = np.zeros(len(batch.radii), np.bool_)
         for radius in np.unique(batch.radii).tolist():
             rows = np.flatnonzero(batch.radii == radius)
@@ -156,7 +157,7 @@ class PathSearch:
         return np.concatenate(pieces)
 
     def _find_fast(self, batch: Batch, workers: int | None) -> Floats:
-        """Find fast paths; return the points of all."""
+        """Find fast paths and fill in the results of the batch; return the points (k, 2) of all."""
         points = self._search(batch, workers)
         tangled = np.flatnonzero(batch.status == path_kernels.TANGLED)
         beeline = hypot(*(batch.goals - batch.starts).T)
@@ -182,7 +183,7 @@ class PathSearch:
         return np.concatenate(pieces)
 
     def _search(self, batch: Batch, workers: int | None) -> Floats:
-        """Find one fast path per query; return the points (k, 2) of all. Some have the status TANGLED."""
+        """Find one fast path per query and fill in the results; return the points (k, 2). Some may be TANGLED."""
         regions = self.regions()
 
         def work(first: int, last: int) -> Floats:
@@ -194,7 +195,7 @@ class PathSearch:
         return _in_parts(work, len(batch.starts), workers)
 
     def _find_best(self, batch: Batch, workers: int | None) -> Floats:
-        """Find shortest paths; return the points of all."""
+        """Find shortest paths and fill in the results of the batch; return the points (k, 2) of all."""
         distinct = np.unique(batch.radii)
         if len(distinct) == 0:
             return np.empty((0, 2))

@@ -59,7 +59,10 @@ class _Shapes:
         self.added, self.corners = place[used[added]], place[used[~added]]
 
     def sectors(self) -> tuple[Floats, Floats]:
-        """Return a sector (k, m, 2) for each corner that can be turned around, in its triangle, and its width (k,)."""
+        """Return a sector (k, 10, 2) for each corner that can be turned around, and its width (k,) [m].
+
+        A sector is a polygon: the corner, and nine points of an arc inside its triangle.
+        """
         before, after = (np.roll(self.free, shift, axis=1) - self.free for shift in (1, -1))
         shorter = np.minimum(np.hypot(*np.moveaxis(before, -1, 0)), np.hypot(*np.moveaxis(after, -1, 0)))
         base = np.hypot(*np.moveaxis(after - before, -1, 0))

@@ -156,8 +156,9 @@ class MeshQueries(ABC):
         Returns
         -------
         (x, y) or None
-            The place [m]: the point itself if that is free, in the sense of :meth:`is_free`; otherwise one with a
-            clearance of exactly ``radius`` less half the tolerance. None if there is none within ``limit``.
+            The place [m]: the point itself if that is free, in the sense of :meth:`is_free`; otherwise one whose
+            clearance is ``radius`` less half the tolerance, or half the tolerance if that is more. None if there is
+            none within ``limit``.
 
         Raises
         ------

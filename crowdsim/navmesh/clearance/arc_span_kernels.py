@@ -109,9 +109,9 @@ def add_line_roots(arc, nx, ny, at, lo, hi, roots, count):
 
 @helper
 def side_roots(arc, ax, ay, bx, by, radius, lo, hi, roots):
-    """Fill ``roots`` with the angles in (lo, hi) where the arc is ``radius`` from segment ab.
+    """Fill ``roots`` with the angles in (lo, hi) where the arc meets the circles around, or lines beside, segment ab.
 
-    Return their count. The segment may be a point, a = b.
+    Return their count. All where the arc is ``radius`` from the segment, which may be a point, are among them.
     """
     count = _add_circle_roots(arc, ax, ay, radius, lo, hi, roots, np.int64(0))
     ex = bx - ax

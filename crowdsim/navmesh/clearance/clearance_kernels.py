@@ -21,11 +21,12 @@ from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 @helper
 def disc_clearance(m, x, y, limit, hint):
-    """Return the distance from (x, y) to the nearest obstacle, at most ``limit`` [m], and its triangle (or -1).
+    """Return the distance from (x, y) to the nearest obstacle, at most ``limit`` [m], and the triangle of (x, y).
 
-    The distance is -1.0 if (x, y) is not in free space. The triangle is a good ``hint`` for the next point nearby. The
-    walk needs no stack. It finds its way back by this rule: of the sides of a triangle, only the one it was entered by
-    has the point on its outer side and the foot of the point inside its length.
+    The distance is -1.0 if (x, y) is not in free space, or if rounding keeps the walk from its end. The triangle is -1
+    outside of the box; otherwise it is a good ``hint`` for the next point nearby. The walk needs no stack. It finds its
+    way back by this rule: of the sides of a triangle, only the one it was entered by has the point on its outer side
+    and the foot of the point inside its length.
     """
     sides = m.sides
     vertices = m.vertices
@@ -98,9 +99,9 @@ def disc_clearance(m, x, y, limit, hint):
 
 @helper
 def _inner_distance2(x0, y0, x1, y1, a, b):
-    """Return the squared distance from segment 0-1 to side ab if the nearest place is inside of the side, else inf.
+    """Return the squared distance from segment 0-1 to the inside of side ab [m2]; inf if no place inside is nearest.
 
-    a, b: records VERTEX. The result is in square meters.
+    a, b: records VERTEX. If an end of the side is nearer to the segment, the result may be greater than that distance.
     """
     ux = b.x - a.x
     uy = b.y - a.y
@@ -129,9 +130,9 @@ def _inner_distance2(x0, y0, x1, y1, a, b):
 def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     """Return the obstacle feature nearest to the segment (x0, y0) -> (x1, y1): (distance, triangle, vertex, half-edge).
 
-    The distance is at most ``limit`` [m], without a feature then, and -1.0 if the segment starts outside of free space.
-    The triangle holds the start. The feature is a vertex or the inside of a constrained half-edge; the other number is
-    -1.
+    The distance is at most ``limit`` [m], without a feature then, and -1.0 if the segment starts outside of free space,
+    or after rounding errors. The triangle holds the start, -1 outside of the box. The feature is a vertex or the inside
+    of a constrained half-edge; the other number is -1.
 
     The ends of a side are measured before the side, so only its inside counts after that. Otherwise a side that faces
     away from the segment would measure the same as its end, or less by rounding, and the walk would circle around a
@@ -196,7 +197,7 @@ def capsule_clearance(m, x0, y0, x1, y1, limit, hint):
     """Return the distance from the segment to the nearest obstacle, at most ``limit`` [m], and a triangle.
 
     The triangle holds the start; it is -1 if there is none. The distance is -1.0 if the segment starts outside of free
-    space, and 0.0 if it crosses an obstacle later.
+    space, or after rounding errors, and 0.0 if it crosses an obstacle later.
     """
     distance, triangle, _, _ = capsule_nearest(m, x0, y0, x1, y1, limit, hint)
     return distance, triangle

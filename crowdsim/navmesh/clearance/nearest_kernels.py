@@ -107,7 +107,7 @@ def _try_meetings(m, t, px, py, one, other, radius, tolerance, best):
         for s in (along - half, along + half):
             if s >= -tolerance and s <= one.length + tolerance:
                 _try(m, t, px, py, one.x + s * one.ux, one.y + s * one.uy, radius, tolerance, best)
-    # Two segments meet where p + s u = p2 + s2 u2 (Cramer's rule); parallel ones never do.
+    # Two segments from o and o2 meet where o + s u = o2 + s2 u2 (Cramer's rule); parallel ones never do.
     else:
         sine = one.ux * other.uy - one.uy * other.ux
         if sine == 0.0:
@@ -120,7 +120,7 @@ def _try_meetings(m, t, px, py, one, other, radius, tolerance, best):
 
 @helper
 def _side_to_triangle2(m, h, t):
-    """Return the squared distance between side h and the outline of triangle t [m2]."""
+    """Return the squared distance between side h and the sides of triangle t [m2]."""
     sides = m.sides
     vertices = m.vertices
     a = vertices[sides[h].org]
@@ -135,10 +135,10 @@ def _side_to_triangle2(m, h, t):
 
 @helper
 def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, vertex_marks):
-    """Collect the outlines of all obstacles seen from the free triangle ``root`` and within ``near`` [m] of it.
+    """Collect the outlines of the obstacles within ``near`` [m] of the free triangle ``root`` that open sides lead to.
 
-    Return (outlines, count, stack), as the arrays grow if they are full. The marks hold ``root`` + 1 for what was
-    visited.
+    Some corners farther off are among them. Return (outlines, count, stack), as the arrays grow if they are full;
+    ``stack`` is scratch. The marks hold ``root`` + 1 for what was visited.
     """
     sides = m.sides
     vertices = m.vertices
@@ -256,7 +256,7 @@ def nearest_free(m, px, py, radius, tolerance, limit):
     Returns
     -------
     (distance, x, y)
-        The distance is inf if there is no such place within ``limit``.
+        The distance is inf if there is no such place within ``limit``; x and y are of no use then.
     """
     sides = m.sides
     frame = m.frame[0]

@@ -63,7 +63,7 @@ def is_met(ax, ay, bx, by, length, least):
 
 @helper
 def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
-    """Move a disc of radius ``least`` from (x0, y0) in triangle ``root`` to (x1, y1): (free, triangle of the end).
+    """Move a disc of radius ``least`` from (x0, y0) in free triangle ``root`` to (x1, y1): (free, triangle of the end).
 
     ``stack`` is scratch memory; if it is too short the answer is (False, ``root``), as in any case of doubt.
     As in :func:`crowdsim.navmesh.clearance.clearance_kernels.capsule_nearest`, only the inside of a side counts, so
@@ -166,7 +166,7 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
 
 @helper
 def walk(sides, vertices, t, x, y):
-    """Return the triangle near triangle ``t`` that holds (x, y), within rounding; -1 if 32 steps do not reach it.
+    """Return the triangle near ``t`` that holds (x, y), within rounding; -1 beyond the hull or if 32 steps miss it.
 
     Rounding can make the walk circle, so it gives up after 32 steps, far more than a place nearby needs; the caller
     then searches with exact tests.
@@ -200,7 +200,8 @@ def walk(sides, vertices, t, x, y):
 def is_free_way(m, stack, triangle, x0, y0, x1, y1, least):
     """Return True if a disc of radius ``least`` moves freely from (x0, y0) in ``triangle`` to (x1, y1).
 
-    If `sweep` says no, it may be in doubt, and the exact distance decides.
+    If `sweep` says no, it may be in doubt, and the exact distance decides. A blocked ``triangle`` goes unnoticed if no
+    wall is near the segment.
     """
     free, _ = sweep(m.sides, m.vertices, stack, triangle, x0, y0, x1, y1, least)
     if not free:

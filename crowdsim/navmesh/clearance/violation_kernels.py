@@ -46,7 +46,7 @@ def _disc_span(px, py, ux, uy, radius, vx, vy):
 
 @helper
 def _strip_span(px, py, ux, uy, radius, ax, ay, bx, by):
-    """Return the interval of s in which p + s u is closer than ``radius`` to the inside of ab; lo > hi if none."""
+    """Return the interval of s in which p + s u is closer than ``radius`` to ab and beside it; lo > hi if none."""
     ex = bx - ax
     ey = by - ay
     length = hypot(ex, ey)
@@ -107,7 +107,7 @@ def record(spans, count, lo, hi):
 
 @helper
 def merged(spans, count):
-    """Return the union of the first ``count`` intervals as disjoint ones (k, 2) in order [m]."""
+    """Return the union of the first ``count`` intervals as disjoint ones (k, 2) in order [m]; overwrite ``spans``."""
     # Insertion sort, as they come nearly in order.
     for i in range(1, count):
         lo = spans[i].lo
@@ -227,7 +227,7 @@ def violations(m, points, radius):
         if length > 0.0:
             ux /= length
             uy /= length
-        # Repeated points of a polyline add nothing.
+        # Repeated points of a polyline add nothing. (One of three or more equal points has no piece at all.)
         elif points.shape[0] > 2:
             continue
         # A single point gets any direction.

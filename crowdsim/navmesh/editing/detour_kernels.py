@@ -30,13 +30,13 @@ _INSERT = np.int64(INSERT)
 """An int64, as Python passes it: for a bare number numba would compile the whole edit once more."""
 
 _ROOM = np.int64(16)
-"""Room that an edit must find beforehand, in corners, so that it never has to be settled in larger arrays."""
+"""Room that an edit must find beforehand, in corners, so that it hardly ever has to be settled in larger arrays."""
 
 DONE = 0
 NO_ROOM = 1
 """Status: the arrays of the mesh are too small; make them larger."""
 LOST = 2
-"""Status: an edit at one point changed more than it can undo; the mesh is useless, make it anew."""
+"""Status: an edit at one point failed, or changed more than can be undone; the mesh is useless, make it anew."""
 NOT_TRACED = 3
 """Status: there is a way, but the repair found no path along it; a search without a guide may find one."""
 
@@ -47,7 +47,7 @@ class DetourSearch(NamedTuple):
     places: NDArray[np.int64]
     """(12, 2) addresses of the mesh and its workshop, see address_kernels."""
     before: NDArray[np.int64]
-    """Addresses of a copy of the mesh, with as much room, to undo edits from."""
+    """(5, 2) addresses of a copy of the mesh, with as much room, to undo edits from."""
     work: Workspace
     ends: tuple[float, float, float, float, float, float]
     """x, y of the start and of the goal, radius and least clearance [m]."""
@@ -90,7 +90,7 @@ def find_detour(search, x, y):
     """Find the path between the ends of ``search`` around one more point obstacle at (x, y): (status, points (n, 2)).
 
     The status is DONE, NO_ROOM, LOST or NOT_TRACED. The obstacle is inserted into the mesh, and taken back by copying.
-    There are no points if there is no path.
+    There are no points if there is no path, also if the status is DONE.
     """
     places = search.places
     m = mesh_at(places)

@@ -259,7 +259,10 @@ class Obstacles:
             return False
 
     def _edit_points(self, what: int, points: Dots, ids: list[int]) -> bool:
-        """Insert or remove each of ``points``; return False if the mesh is useless afterwards."""
+        """Insert each of ``points`` and fill in its vertex in ``ids``, or remove it.
+
+        Return False if the mesh is useless afterwards.
+        """
         for i, (x, y) in enumerate(points):
             # Vertices and uses to add room for if the kernel finds none: more than `has_room` wants for a point, and
             # twice as many each time. For repairs as many as the mesh has.
@@ -296,6 +299,7 @@ class Obstacles:
         mesh, work = self.mesh, self._work
         # ``present``: vertices in use, from the number of triangles as in `has_room`; ``filled`` counts removed ones.
         filled, present = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0]) // 2 + 3
+        # Room for more than the wanted ones, so that the next edits find some, too.
         if present + wanted >= len(mesh.vertices):
             mesh = resized(mesh, filled + filled // 4 + 2 * wanted)
         # Clear the pool of uses; it gets room for twice those left and wanted. The workshop grows with the mesh, too.
@@ -317,7 +321,10 @@ class Obstacles:
         self._set(mesh, work)
 
     def rebuild(self) -> None:
-        """Build the mesh anew, with all obstacles that are in it, in arrays twice as large."""
+        """Build the mesh anew, with all obstacles that are in it, in arrays twice as large.
+
+        Raise GeometryError if one cannot be put in again; the mesh is then without it.
+        """
         room = 2 * len(self.mesh.vertices)
         self._set(resized(self._base, room), workshop(room, 2 * len(self._work.uses)))
         for number, slot in enumerate(self._slots):

@@ -67,8 +67,8 @@ def snap_inside(m, points, snapped):
 def check_outline(m, points, snapped):
     """Snap the corners (n, 2) of an outline to the grid and test if they go around a simple polygon.
 
-    Return OK if counter-clockwise, BACKWARD if clockwise, UNSURE if sides meet except in common corners or if the
-    outline is too long for this test, or what :func:`snap_inside` says of corners it cannot snap.
+    Return OK if counter-clockwise, BACKWARD if clockwise, or what :func:`snap_inside` says of corners it cannot snap.
+    UNSURE: sides meet except in common corners, corners coincide, or there are fewer than 3 or too many for this test.
     """
     status = snap_inside(m, points, snapped)
     if status != OK:
@@ -80,7 +80,7 @@ def check_outline(m, points, snapped):
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
         after = j + 1 if j + 1 < count else 0
-        # At each corner: the side may not turn back on the one before.
+        # At each corner: the side may not turn back on the one before, nor have no length.
         turn = orient2d(
             snapped[i, 0], snapped[i, 1], snapped[j, 0], snapped[j, 1], snapped[after, 0], snapped[after, 1]
         )

@@ -84,13 +84,14 @@ def edit_point(places, what, x, y, v):
     x, y : float
         Place of an inserted point [m].
     v : int
-        Vertex of a point to remove.
+        Vertex of a point to remove; -1, of one that was not inserted, has no effect.
 
     Returns
     -------
     int
-        The vertex, or -1 for a point outside of the box, which has no effect. NO_ROOM: nothing was done. UNSETTLED:
-        SETTLE in larger arrays ends the edit and returns the vertex. FULL or STUCK: the mesh is useless.
+        The vertex, or -1 for a point outside of the box or less than a cell within it, which has no effect. NO_ROOM:
+        nothing was done. UNSETTLED: SETTLE in larger arrays ends the edit and returns the vertex. FULL or STUCK: the
+        mesh is useless.
     """
     m = mesh_at(places)
     w = workshop_at(places)

@@ -109,7 +109,7 @@ def removable(m, w, v):
 
 @helper
 def is_free_point(m, v):
-    """Return True if vertex v is no corner of an obstacle and no constraint ends there."""
+    """Return True if vertex v is no corner of an obstacle and no constrained side ends there."""
     sides = m.sides
     if m.vertices[v].vref > 0:
         return False

@@ -39,7 +39,7 @@ def hint_cell(m, t):
 
 @helper
 def _free_triangle(m, w, t):
-    """Free the number of triangle t, to which nothing points.
+    """Free the number of triangle t, to which no side and no vertex points.
 
     The last triangle takes it, so that numbers have no gaps.
     """
@@ -85,10 +85,11 @@ def _push(w, a, b):
 
 @helper
 def _flip_spokes(m, w, v):
-    """Flip spokes of vertex v away until at most four are left: (a spoke, number of spokes, of constrained ones).
+    """Flip spokes of vertex v away until four are left or none can be: (a spoke, number of spokes, of fixed ones).
 
-    Exact: a spoke is flipped if both new triangles have an area. Among five spokes there always is one: spokes that
-    span half a turn or more, and corners of the outline that bend inward, are too few to block all.
+    Exact: a spoke is flipped if both new triangles have an area. If none is constrained, there is one among five or
+    more: spokes whose neighbors are half a turn or more apart, and corners of the outline that do not bend outward,
+    are too few to block all.
     """
     sides = m.sides
     vertices = m.vertices
@@ -144,9 +145,9 @@ def _flip_spokes(m, w, v):
 
 @helper
 def _spoke_to_join(m, h, fixed):
-    """Find the first of four spokes, from h on, that can become one side together with the third; -1 if there is none.
+    """Return spoke h of four, or the one after it, if it and the one opposite can become one side; -1 if neither can.
 
-    They can if both new triangles have an area, and if these two spokes or none are constrained.
+    They can if both new triangles have an area, and if these two are constrained or none of the four is (``fixed`` 0).
     """
     sides = m.sides
     vertices = m.vertices
@@ -239,8 +240,8 @@ def _join_three(m, w, h0):
 def remove_vertex(m, w, v):
     """Remove vertex v, with no constrained spokes, or with two of the same constraints and uses, which become one side.
 
-    Return False if that side would sweep over another vertex; then v stays. Sides around that may not be Delaunay are
-    stacked in ``pairs`` of the workshop w, for the caller to flip.
+    Return False if v stays, as that side would sweep over another vertex, or is there already. Sides around that may
+    not be Delaunay are stacked in ``pairs`` of the workshop w, for the caller to flip.
     """
     sides = m.sides
     # Down to four spokes, or to three if none is constrained. Of four, two opposite ones become one side (the two
@@ -300,6 +301,7 @@ def take_point(m, w, v):
     w.gone[0].ay = m.vertices[v].y
     # Sides of pairs left from another edit do not count.
     progress.pairs = 0
+    # This succeeds, as no spoke is constrained.
     remove_vertex(m, w, v)
     top = progress.pairs
     progress.pairs = 0

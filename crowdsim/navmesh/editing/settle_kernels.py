@@ -50,9 +50,9 @@ def _seen_from_gone(m, t, w):
 def _look_out(m, w, h):
     """Let vertices beyond side h of a changed triangle look for bottlenecks that removed sides prevented.
 
-    A disc between such a vertex and its foot is free now, crosses a removed side and does not hold its ends. All
-    triangles from that side to the vertex have the side in their circles, see `_find_foot`. Each triangle is visited
-    once in an edit: those in ``pairs`` have the cover _SEEN until `_forget_seen`.
+    A disc between such a vertex and its foot is free now, crosses a removed side and holds neither end of that. The
+    circles of all triangles from side h to the vertex then meet the removed side, see `_find_foot`. Each triangle is
+    visited once in an edit: those in the first column of ``pairs`` have the cover _SEEN until `_forget_seen`.
     """
     sides = m.sides
     stack = w.stack
@@ -135,9 +135,9 @@ def _has_changed(m, w, v):
 
 @helper
 def _touch_corners(m, w):
-    """Touch all corners of changed triangles around touched vertices, and remove those that nothing needs.
+    """Touch all corners of changed triangles around touched vertices, and remove touched vertices that nothing needs.
 
-    Return 0, FULL or STUCK.
+    Make the sides in ``pairs`` Delaunay. Return 0, FULL or STUCK.
     """
     vertices = m.vertices
     i = 0
@@ -158,7 +158,7 @@ def _touch_corners(m, w):
             unneeded = vertices[v].vref == 0 and w.to_do[v].mark & KEPT == 0 and removable(m, w, v)
             if unneeded and not remove_vertex(m, w, v):
                 w.to_do[v].mark |= KEPT
-        # Removals leave sides that are not Delaunay; flips touch more vertices, so start again.
+        # Removals, also of an obstacle, leave sides that are not Delaunay; flips touch more vertices, so start again.
         top = w.progress[0].pairs
         if top == 0:
             return 0

@@ -76,7 +76,7 @@ def shape_of(geometry: Any) -> Dots | Shape:
     Raises
     ------
     GeometryError
-        For other types, coordinates that are not finite, and polygons without area.
+        For other types or shapes of arrays, empty geometries, coordinates that are not finite, polygons without area.
     """
     if not isinstance(geometry, BaseGeometry):
         corners = as_numbers(geometry, "obstacle")
@@ -104,7 +104,10 @@ def shape_of(geometry: Any) -> Dots | Shape:
 
 
 def as_geometry(shape: Shape) -> BaseGeometry:
-    """Return the geometry that ``shape`` covers; its rings may touch, but not cross each other."""
+    """Return the geometry that ``shape`` covers; its rings may touch, but not cross each other.
+
+    What lies inside of a clockwise ring, a hole, is left out, also rings in it.
+    """
     parts = np.split(shape.points, shape.ends[:-1])
     if shape.winding == 0:
         return shapely.GeometryCollection(

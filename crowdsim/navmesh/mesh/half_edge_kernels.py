@@ -114,7 +114,7 @@ def triangle_of(m, x, y, hint):
 
 @helper
 def triangle_near(m, x, y, hint):
-    """Return the triangle that holds the point of the mesh's box nearest to (x, y), searched from triangle ``hint``."""
+    """Return the triangle that holds the point of the box nearest to (x, y), on the grid, searched from ``hint``."""
     frame = m.frame[0]
     x = min(max(snapped(frame.cell, x), frame.x0), frame.x1)
     y = min(max(snapped(frame.cell, y), frame.y0), frame.y1)
@@ -123,7 +123,7 @@ def triangle_near(m, x, y, hint):
 
 @helper
 def find_half_edge(sides, vertices, a, b):
-    """Return the half-edge from vertex a to vertex b, or -1 if they are not joined; sides of the box are not found."""
+    """Return the half-edge from vertex a to vertex b, or -1 if they are not joined, or both are corners of the box."""
     turned = False
     # The triangles around a corner of the box do not close a circle: search around the other vertex.
     if a < BOX_CORNERS:

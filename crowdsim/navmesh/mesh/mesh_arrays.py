@@ -46,10 +46,10 @@ SIDE = np.dtype(
 org: origin vertex. twin: opposite half-edge, -1 on the hull. constraints: number of obstacle edges that run along the
 side, the same on both halves. winding: signed number of obstacle boundaries along the half-edge, positive with the
 obstacle on its left. corner_clearance: diameter [m] of the largest disc that can turn around the corner at ``org``
-inside the triangle; 0 if a side of the corner is closed. On the first half-edge of a triangle a negative value says
-that the triangle changed since it was measured. use: head of the list of :data:`USE` records of inserted obstacles that
-run along the half-edge in this direction, -1 for none; obstacles the mesh was built with are counted in constraints and
-winding only.
+inside the triangle; 0 if that is blocked or a side of the corner is closed. On the first half-edge of a triangle a
+negative value says that the triangle changed since it was measured. use: head of the list of :data:`USE` records of
+inserted obstacles that run along the half-edge in this direction, -1 for none; obstacles the mesh was built with are
+counted in constraints and winding only.
 """
 
 VERTEX = np.dtype([("x", np.float64), ("y", np.float64), ("vhe", np.int64), ("vref", np.int64)], align=True)
@@ -69,8 +69,9 @@ FRAME = np.dtype(
 )
 """Size of a mesh.
 
-cell: grid cell [m]. x0, y0, x1, y1: box [m]. hint_cell: cell of the hint grid [m]. vertices, triangles: how many are in
-use. nx, ny: cells of the hint grid in x and y. spare: first removed vertex, 0 for none.
+cell: grid cell [m]. x0, y0, x1, y1: box [m]. hint_cell: cell of the hint grid [m]. vertices: how many records are
+filled, also with removed ones. triangles: how many there are. nx, ny: cells of the hint grid in x and y. spare: first
+removed vertex, 0 for none.
 """
 
 USE = np.dtype([("owner", np.int32), ("next", np.int32)], align=True)
@@ -97,8 +98,9 @@ PROGRESS = np.dtype(
 
 head, waiting: first index and length of the ring buffer ``waiting``. touched, changed: lengths of these lists. uses:
 used records of the pool of uses. pairs, gone: lengths of the stack ``pairs`` and of ``gone``. full: 1 if the pool of
-uses was too small. rerouted: 1 if a crossing split the edges of other obstacles. removal: what the edit removes: 0,
-SIDES or POINT. vertex: vertex of the point that was edited. left: loop turns left before the edit counts as stuck.
+uses was too small. rerouted: 1 if a crossing bent a constrained side instead of splitting it. removal: what the edit
+removes: 0, SIDES or POINT. vertex: vertex of the point that was edited. left: loop turns left before the edit counts as
+stuck.
 """
 
 SIGHT = np.dtype(
@@ -126,7 +128,7 @@ class Rings(NamedTuple):
 class MeshArrays(NamedTuple):
     """C-contiguous arrays of a mesh of nv vertices and nt triangles.
 
-    During a build they are longer than the filled part.
+    During a build, and in a mesh that is edited, they are longer than the filled part.
     """
 
     sides: NDArray[Any]
@@ -148,19 +150,25 @@ class Workshop(NamedTuple):
     """Scratch memory of kernels that change a mesh with room for nv vertices."""
 
     stack: NDArray[np.int64]
-    """(6 nv + 64,) stack of half-edges or vertices."""
+    """(6 nv + 64,) stack of half-edges, triangles or vertices."""
     pairs: NDArray[np.int64]
-    """(6 nv + 64, 2) sides as pairs of vertices: unlike half-edges, they stay valid when sides are flipped."""
+    """(6 nv + 64, 2) sides as pairs of vertices: unlike half-edges, they stay valid when sides are flipped.
+
+    Its first column also serves as a list of half-edges or triangles.
+    """
     to_do: NDArray[Any]
     """(nv,) records :data:`TO_DO`."""
     uses: NDArray[Any]
     """(k,) records :data:`USE`."""
     gone: NDArray[Any]
-    """(k,) records :data:`SEGMENT`: sides that were constrained before the edit."""
+    """(k,) records :data:`SEGMENT`: sides that were constrained before the edit, or the place of a removed point.
+
+    That is (ax, ay) of the first record.
+    """
     progress: NDArray[Any]
     """(1,) record :data:`PROGRESS`."""
     sights: NDArray[Any]
-    """(256,) records :data:`SIGHT`."""
+    """(256,) records :data:`SIGHT`; an edit whose search needs more counts as stuck."""
 
 
 TURNS = 1024
@@ -191,8 +199,9 @@ def workshop(vertices: int, uses: int = 0) -> Workshop:
 
 def empty_mesh(vertices: int, frame: NDArray[Any]) -> MeshArrays:
     """Return arrays with room for ``vertices`` vertices and with empty hints; ``frame`` (1,) is copied."""
-    # Zeros cost nothing, as the operating system gives pages of zeros only when they are touched; kernels write every
-    # field before it is read. A triangulation of n vertices has fewer than 2 n triangles, each of three half-edges.
+    # Zeros cost nothing, as the operating system gives zeros only when pages are touched. The first triangles of
+    # a build need them: no constraints, no winding. A triangulation of n vertices has fewer than 2 n triangles, each of
+    # three half-edges.
     hints = np.full(int(frame["nx"][0]) * int(frame["ny"][0]), NONE)
     cover = np.zeros(2 * vertices, np.int64)
     return MeshArrays(np.zeros(6 * vertices, SIDE), np.zeros(vertices, VERTEX), cover, hints, frame.copy())

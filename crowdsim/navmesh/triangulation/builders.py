@@ -29,7 +29,7 @@ BUILDERS = ("own", "triangle")
 def mesh_frame(points: Floats) -> NDArray[Any]:
     """Return the frame (1,) of an empty mesh around ``points`` (n, 2) [m], with hint cells for about two points each.
 
-    The box is wider than the points by 5 % of their extent on each side. At most 1024 hint cells lie along a side.
+    The box is wider than the points by 5 % of their greater extent on each side. At most 1024 hint cells lie along one.
     """
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * float((high - low).max())
@@ -78,7 +78,7 @@ def insertion_order(points: Floats, frame: NDArray[Any]) -> Ints:
     along = (_spread(x) | _spread(y) << 1) << 31 | np.arange(len(points))
     along.sort()
     along &= (1 << 31) - 1
-    # Levels: -7 comes first, for every 8**7th point, 0 last; two million points have more than one of level -7.
+    # Levels: -7 comes first, for every 8**7th point, 0 last; up to 8**7 points have only one of level -7.
     level = np.zeros(len(points), np.int8)
     for power in range(1, 8):
         level[:: 1 << 3 * power] -= 1

@@ -7,7 +7,8 @@ sides and the heights of corners alone decide what fits where (docs/navmesh.md, 
 ``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
 :mod:`crowdsim.navmesh.mesh.mesh_arrays`; h and s are half-edges, v a vertex, t a triangle; ``sight`` is a record SIGHT.
 A segment leads from a to b, and a part lo..hi of it is a pair of shares, 0 at a and 1 at b, empty if lo > hi; l = (l0,
-l1) is a ray; vectors are relative to the vertex that looks [m]. Of what is returned, FULL and STUCK are negative.
+l1) is a ray; vectors are relative to the vertex that looks [m], as (wx, wy) to a vertex w that it sees. Of what is
+returned, FULL and STUCK are negative.
 """
 
 import math
@@ -96,7 +97,7 @@ def _foot_at(m, s, part, x, y, near):
     # longer than the passage by at most 5e-8 of it, much less than the tolerance of queries.
     if aside < 8.0 * cell or aside * aside < 1e-7 * width * width:
         return False, fx, fy
-    # Empty but for a cell, as the foot moved to the grid.
+    # Empty but for a cell, as the foot moved to the grid; and to split the side there may not invert a triangle.
     middle, _ = disc_clearance(m, 0.5 * (x + fx), 0.5 * (y + fy), width, near)
     return middle >= 0.5 * width - cell and split_is_robust(m.sides, m.vertices, s, fx, fy), fx, fy
 
@@ -122,10 +123,10 @@ def _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1):
 def find_bottleneck(m, v, qx, qy, w):
     """Find a wall seen from vertex v across open sides, such that v and its foot on the wall are a bottleneck.
 
-    Return (half-edge, foot x, foot y), with -1 for the half-edge if there is none. As the disc between v and the foot
-    holds no vertex, the foot is not farther along any seen vertex w than w itself, which bounds the search. Only discs
-    that hold (qx, qy) [m] count: their feet are at least as far along q as q itself. If q is at v all count. If
-    ``sights`` has no room for a view, no loop turn is left for the edit.
+    Return (half-edge, foot x, foot y) [m], not relative to v, with -1 for the half-edge if there is none. As the disc
+    between v and the foot holds no vertex, the foot is not farther along any seen vertex u than u itself, which bounds
+    the search. Only discs that hold (qx, qy) [m] count: their feet are at least as far along q as q itself. If q is at
+    v all count. If ``sights`` has no room for a view, no loop turn is left for the edit.
     """
     sights = w.sights
     sides = m.sides
@@ -345,6 +346,7 @@ def refine(m, w):
                 break
         else:
             raise BoundExceeded
+    # Without loop turns left, a search may have ended before it found a foot.
     return 0 if w.progress[0].left > 0 else STUCK
 
 
@@ -352,7 +354,7 @@ def refine(m, w):
 def measure_triangle(m, t):
     """Fill ``corner_clearance`` of triangle t: the diameter [m] of the largest disc that can turn around each corner.
 
-    It is the shorter of the two sides at the corner, or the distance to the third side if that is a wall.
+    It is the shorter of the two sides at the corner, and at most the distance to the third side if that is a wall.
     """
     sides = m.sides
     vertices = m.vertices

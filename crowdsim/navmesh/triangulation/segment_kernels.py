@@ -61,7 +61,7 @@ def _set_way(way, start, goal, constraints, winding, use, back):
 
 @helper
 def _cross(m, e, ways, top, w):
-    """Let the last of the ``top`` ``ways`` cross the constrained side e; return their new number, FULL or STUCK.
+    """Let the last of the ``top`` ``ways`` cross the constrained side e; return how many there are then, FULL or STUCK.
 
     The crossing moves to the grid. If it is then inside the two triangles at e, e is split there. Otherwise e is taken
     out, and both the way and e go through the vertex nearest to the crossing, or through a new one if none is near. So
@@ -239,7 +239,7 @@ def _look_ahead(m, cur, goal, near):
     for _ in range(sides.size):
         x = vertices[sides[nxt(h)].org]
         sx = side(vertices, cur, goal, x.x, x.y)
-        # A neighbor on the way, ahead of cur. If it is exactly on the line it may lie beyond the goal.
+        # A neighbor on the way, ahead of cur and not beyond the goal. Exactly on the line it may be the goal itself.
         if abs(sx) <= near:
             ahead = (x.x - cx) * gx + (x.y - cy) * gy
             if ahead > 0.0 and (sx == 0.0 or ahead < length2):
@@ -291,7 +291,7 @@ def insert_segment(m, a, b, winding, use, w):
     """Constrain the way from vertex a to b, with ``winding`` and ``use`` on its half-edges; return 0, FULL or STUCK.
 
     Their twins get minus ``winding``, and no use. Vertices on the way, or close to it, split the segment. Constrained
-    sides it meets are split at the crossing.
+    sides it meets are split at the crossing, or led through a vertex near it (:func:`_cross`).
     winding, use: fields of half-edges, see :mod:`crowdsim.navmesh.mesh.mesh_arrays`. w: workshop of the edit.
     """
     sides = m.sides

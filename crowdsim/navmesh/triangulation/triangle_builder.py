@@ -81,7 +81,7 @@ def _next_points(rings: Rings) -> Ints:
 def _through(rings: Rings, order: Ints, places: Floats, cell: float) -> tuple[Rings, Ints]:
     """Lead each side of the rings through those ``places`` (k, 2) [m] whose grid cells it meets.
 
-    Return the rings with these new corners, and ``order`` (n,) with the numbers that points have now; new ones come
+    Return the rings with these new corners, and ``order`` with the numbers that points have now, and those of new ones
     last. This is snap rounding: sides that cross meet in the place that their crossing moved to.
     """
     ends = rings.points[_next_points(rings)]
@@ -113,7 +113,7 @@ def _turns(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def crossings(rings: Rings) -> Floats:
-    """Return the places (k, 2) where sides of ``rings`` cross each other.
+    """Return the places (k, 2) where sides of ``rings`` cross each other [m], not on the grid.
 
     Triangle finds them as well, but may never end on them.
     """

@@ -54,7 +54,7 @@ def flip(sides, vertices, e):
     Half-edge e = u -> v of triangle (u, v, p) and its twin f of (v, u, q) become u -> q of (u, q, p) and v -> p of (v,
     p, q).
     """
-    # n: the half-edge after e or f in its triangle; p: the one before it.
+    # en, fn: the half-edges after e and f in their triangles; ep, fp: those before. p and q: vertices.
     f = sides[e].twin
     en = nxt(e)
     ep = prv(e)

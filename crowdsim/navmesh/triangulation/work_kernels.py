@@ -56,7 +56,7 @@ def touch(w, v):
 
 @helper
 def touch_triangle(sides, w, t):
-    """Note that triangle t changed, at its first corner that is not one of the box."""
+    """Note that triangle t changed: touch its corners up to the first that is not one of the box, and mark that."""
     # One such corner is enough: the walk around it finds the triangle. Corners of the box need no mark: once touched,
     # they always count as changed (`settle`).
     for h in range(3 * t, 3 * t + 3):
