@@ -186,7 +186,8 @@ def behavior_folder(entry: str, beside: Path, library: Path) -> Path:
 def carrier(radii: Sequence[NDArray[np.float64]], before: int, after: int) -> int:
     """Return which of two behaviors a clip that leads from one to the other counts as: the wider one.
 
-    radii: (layers,) clearance of each behavior [m]. before, after: indices of the two.
+    The width is the largest clearance on any layer; of equally wide ones, it is that of the larger index. radii:
+    (layers,) clearances of each behavior [m]. before, after: indices of the two.
     """
     return max((before, after), key=lambda index: (float(radii[index].max()), index))
 

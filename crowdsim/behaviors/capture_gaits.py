@@ -47,7 +47,7 @@ def clips_of_gait(clips: Sequence[Clip], speed: float) -> tuple[tuple[Clip, ...]
     clips : tuple of Clip
         Those of the gait, and those that walk nowhere, in order; all if there are not several gaits.
     notes : tuple of str
-        Which gait was chosen, and which clips are left out; empty if none are.
+        Which gait was chosen, and which clips are left out; empty if there are not several gaits.
     """
     gaits = _gaits([walk for clip in clips if (walk := speed_ahead(clip)) is not None])
     if len(gaits) < 2:

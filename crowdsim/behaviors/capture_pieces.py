@@ -58,7 +58,7 @@ class Piece(NamedTuple):
     reach : (bands,) float64
         Largest distance from the track to either side, by height band [m].
     at : (bands,) int64
-        Frame in which the body reaches that far.
+        Frame in which the body reaches that far; the first one if it nowhere goes on, with a reach of 0.
     spread : float
         Largest distance of any point of the body from the track [m].
     """

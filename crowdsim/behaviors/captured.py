@@ -107,7 +107,7 @@ class Captures:
     folder : Path
         The folder.
     clips : tuple of Clip
-        All captures.
+        All captures, or those of the chosen gait and those that walk nowhere.
     bands : sequence of (low, high)
         Height bands in which bodies are measured [m].
     kept : tuple of Piece
@@ -159,7 +159,8 @@ def read_captures(
     skeleton : Skeleton or None
         Skeleton that all clips are brought to, if others walk on it.
     speed : float or None
-        Speed that the gait is chosen by, if there are several [m/s]; None to use all clips.
+        Speed by which the gait, if there are several, and the walk to synthesize from are chosen [m/s]; None to use all
+        clips.
 
     Returns
     -------
@@ -169,7 +170,7 @@ def read_captures(
     Raises
     ------
     MotionError
-        If a file cannot be read, or no clip walks ahead.
+        If no file can be used, a clip cannot be brought to ``skeleton``, or no clip walks ahead for a whole stride.
     """
     clips, notes = read_folder(paths, meters_per_unit, joints)
     if skeleton is not None:
@@ -217,7 +218,8 @@ def captured_set(
     Raises
     ------
     MotionError
-        If anything is missing, and no clip walks ahead for a whole cycle that it could be made of.
+        If anything is missing, and no clip walks ahead for a whole cycle that it could be made of; or if no clip stands
+        still, not even a synthesized one.
     BehaviorError
         If captures cannot give a behavior of this name.
     """
@@ -343,7 +345,7 @@ def _rest(walks: Sequence[Clip], room: Room) -> Clip | None:
 
 
 def _still_stretches(walk: Clip) -> list[tuple[int, int]]:
-    """Return (cut, last frame) for every cut that stands, once onward and once backward in time.
+    """Return (cut, farthest frame) for every cut that stands, once onward and once backward in time.
 
     A stretch ends before an ankle moves, or before the body is SWAY away from its place at the cut.
     """

@@ -39,7 +39,7 @@ class ClearanceProfile(NamedTuple):
     diameters : (H,) float64
         Largest diameter of any frame [m], 0 above the head.
     quartiles : (3, H) float64
-        Quartiles over all frames [m].
+        Quartiles of the diameters of all frames [m].
     """
 
     behavior: str
@@ -72,7 +72,8 @@ def representative_heights(
 ) -> tuple[float, ...]:
     """Return the height in each band (low, high) at which the widest behavior is widest, the lowest of equal ones [m].
 
-    One horizontal plane at this height represents the band best.
+    One horizontal plane at this height represents the band best. It is one of the measured heights, which all profiles
+    share; the middle of a band in which none lies.
     """
     widest = np.max([profile.diameters for profile in profiles], axis=0)
     heights = profiles[0].heights
@@ -84,7 +85,10 @@ def representative_heights(
 
 
 def write_profile(profile: ClearanceProfile, library: Path) -> Path:
-    """Write heights and diameters [m] beside the ``behavior.yaml`` of the behavior."""
+    """Write heights, diameters and quartiles [m] beside the behavior's ``behavior.yaml``; return the path of the file.
+
+    ``library`` is the folder that holds the folder of the behavior.
+    """
     file = library / profile.behavior / PROFILE_FILE
     rows = np.column_stack([profile.heights, profile.diameters, profile.quartiles.T])
     with whole_file(file, (".csv",), "profiles") as written:

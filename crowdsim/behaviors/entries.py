@@ -154,9 +154,9 @@ def _clips(behavior_set: BehaviorSet) -> Iterator[tuple[int, Clip]]:
 def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Floats) -> Entries:
     """Find the frames at which a body that walks on a track may enter the motion graph.
 
-    At such a frame the motion goes straight ahead at about the natural speed of the behavior, and does so until the
-    node ends, 0.15 s later or more. The graph continues after the node, and leads to a stand. Nodes cut from
-    transitions between behaviors are excluded.
+    At such a frame the motion goes straight ahead at about the natural speed of the behavior, and turns little on
+    average until the node ends, 0.15 s later or more. The graph continues after the node, and leads to a stand. Nodes
+    cut from transitions between behaviors, and those of turned behaviors, are excluded.
 
     Parameters
     ----------
@@ -269,7 +269,10 @@ def _movement(tracks: Floats, frames: NDArray[np.int64], left: NDArray[np.int64]
 
 
 def _lead_on(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
-    """Return (N,) bool: whether a node is followed by one that is not idle, and ends standing or leads to a stand."""
+    """Return (N,) bool: whether a node leads on: it ends standing or leads to a stand, and is not idle itself.
+
+    Among the nodes that may follow it is one that is not idle.
+    """
     arrays = behavior_set.graph.arrays
     source = np.repeat(np.arange(len(arrays.node_frames)), np.diff(arrays.edge_start))
     onward = np.bincount(source[~arrays.node_idle[arrays.edge_target]], minlength=len(arrays.node_frames)) > 0

@@ -99,7 +99,10 @@ def _gait(behavior: Behavior, clips: Sequence[Clip]) -> Clip:
 
 
 def _around_cycle(clip: Clip, speed: float) -> Clip:
-    """Return the part of a clip around its cycle nearest to ``speed`` [m/s]; the whole clip if it has none there."""
+    """Return the part of a clip around its best cycle near ``speed`` [m/s]; the whole clip if none is found in a part.
+
+    Raise MotionError if the clip has no cycle.
+    """
     times = find_cycle(clip, speed).times
     part = slice(max(int(times[0]) - _CONTEXT, 0), int(times[-1]) + _CONTEXT + 1)
     cut = Clip(clip.name, clip.skeleton, clip.root_positions[part], clip.rotations[part])

@@ -103,7 +103,10 @@ def find_maker(clips: Sequence[Clip], speed: float | None = None) -> MotionMaker
 
 
 def _ahead(clip: Clip) -> list[Clip]:
-    """Return the stretches of a clip in which the body walks in the direction that it faces."""
+    """Return the stretches of a clip, of _SHORTEST or more, in which the body walks in the direction that it faces.
+
+    That is the whole clip, of any length, if it does so all along.
+    """
     track = track_of(clip)
     if len(track) < 2:
         return []
@@ -138,7 +141,7 @@ def _cost(clip: Clip, wanted: float) -> float | None:
 def _straightness(clip: Clip) -> tuple[float, float] | None:
     """Return by how much the straightest cycle of a clip turns and goes aside, summed [rad], and its speed [m/s].
 
-    Return None if it does not walk ahead.
+    Return None if there is no cycle, or if it turns or goes aside too far, or is too slow.
     """
     try:
         cycle = find_cycle(clip)

@@ -118,7 +118,10 @@ def _hub(
     own: Mapping[str, BehaviorFile],
     makers: Mapping[str, MotionMaker],
 ) -> tuple[str, MotionMaker]:
-    """Return the behavior that own ones join: the preferred one that walks ahead, if possible of the library."""
+    """Return the behavior that own ones join, and its source of motions: the cheapest of the library that walks ahead.
+
+    Without ``others``, those of the library, it is the cheapest own one.
+    """
     ahead = sorted((file.cost_per_meter, name) for name, (file, _) in others.items() if 0.0 in file.facing)
     for _, name in ahead:
         walk = find_maker(others[name][1].clips)

@@ -45,7 +45,7 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
     ----------
     query: start, goal, behavior areas (widest first, that of the legs last) and requirements.
     below: cost that a path must undercut.
-    farthest: skip paths longer than this multiple of the legs' path.
+    farthest: skip paths longer than this multiple of the legs' path, if the search for the latter found one.
     """
     count = query.need.count
     preferred = float(query.need.costs[-1])

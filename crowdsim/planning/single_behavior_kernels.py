@@ -16,19 +16,20 @@ may miss the path."""
 
 @kernel
 def labelled_path(m, regions, work, ends, radius, least, most, fitting):
-    """Find the shortest path of a disc from ends[0] to ends[1] and its cheapest sections.
+    """Find a short path of a disc from ends[0] to ends[1] and its cheapest sections.
 
     Parameters
     ----------
     m, regions, work, radius, least: as of :func:`crowdsim.navmesh.paths.path_kernels.plan_path`.
     ends: (2, 2) float64, start and goal [m].
-    most: only paths cheaper than this are labelled.
+    most: only paths that may be cheaper than this are labelled, and hardly longer ones are searched for.
     fitting: :class:`crowdsim.planning.labels.fitting_kernels.Fitting`.
 
     Returns
     -------
-    (status, points (n, 2), length [m], sections (k, 3), cost). No sections and infinite cost if no behavior fits, or if
-    the length alone costs ``most`` or more.
+    (status, points (n, 2), length [m], sections (k, 3), cost). The status is that of ``plan_path``; unless it is OK
+    there are no points, and the length is infinite. No sections and infinite cost if there is no path, if no behavior
+    fits somewhere, or if the length alone costs ``most`` or more.
     """
     nothing = np.empty((0, 3))
     preferred = fitting.costs[fitting.costs.size - 1]

@@ -28,7 +28,7 @@ class Batch(NamedTuple):
     """(n,) number of points of each path."""
 
     def part(self, first: int, last: int) -> Batch:
-        """Return rows ``first`` up to ``last`` as a view, so that their results are those of this batch."""
+        """Return rows ``first`` up to ``last`` (exclusive) as a view: their results go into this batch."""
         return Batch._make(rows[first:last] for rows in self)
 
     def copy(self, rows: NDArray[np.int64]) -> Batch:
@@ -36,7 +36,10 @@ class Batch(NamedTuple):
         return Batch._make(column[rows] for column in self)
 
     def take(self, pieces: list[Floats], rows: NDArray[np.int64], other: Batch, points: Floats) -> None:
-        """Take the results of ``rows`` from ``other``; put their ``points``, path by path, into ``pieces``."""
+        """Take the results of ``rows`` from ``other``, row by row; put its ``points``, path by path, into ``pieces``.
+
+        ``rows`` are indices (k,) into this batch; pieces[i] becomes the polyline of row i.
+        """
         self.status[rows], self.lengths[rows], self.counts[rows] = other.status, other.lengths, other.counts
         for row, piece in zip(rows.tolist(), other.pieces(points), strict=True):
             pieces[row] = piece

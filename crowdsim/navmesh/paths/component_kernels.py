@@ -5,8 +5,8 @@ divide a triangle between components, so sides carry the labels, not triangles. 
 :func:`crowdsim.navmesh.paths.search_kernels.find_channel`, so a path is found exactly within a component.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``parent`` (half-edges,) leads from each
-half-edge to the one that stands for its set (union-find); ``radius`` is that of the disc and ``least`` the clearance
-that counts as enough [m].
+half-edge, in one or more steps, to the one that stands for its set, which leads to itself (union-find); ``radius`` is
+that of the disc and ``least`` the clearance that counts as enough [m].
 """
 
 import numpy as np
@@ -29,9 +29,10 @@ def _root(parent, h):
 
 @kernel
 def label_sides(m, width, labels):
-    """Fill ``labels`` (3 nt,) with the component of each half-edge for a disc of diameter ``width`` [m].
+    """Fill ``labels`` (3 nt,) with the component of each half-edge for a disc of diameter ``width`` [m], more than 0.
 
-    Return the number of components. They count from 0; sides of blocked triangles and constrained sides get -1.
+    Return the number of components. They count from 0; sides of blocked triangles and constrained sides get -1. (A
+    width of 0 would join what closed corners, which have the clearance 0, divide.)
     """
     sides = m.sides
     cover = m.cover

@@ -37,7 +37,7 @@ _SPREAD = 0x1E3779B97F4A7C15
 
 @helper
 def _row(guide, origin, end):
-    """Return the row of the side between two vertices, or the empty row where it belongs."""
+    """Return the index of the row of the side between two vertices, or of the empty row where it belongs."""
     # Linear probing in the rows before the last one: their number is a power of two, so size - 2 is their bit mask. The
     # lowest 24 bits of the product are mixed least.
     side = ((origin + 1) << 32) + end
@@ -110,7 +110,7 @@ def clear_guide(guide):
 def fill_guide(m, labels, used, radius, limit, guide):
     """Enter the first ``used`` labels of a search that began at the goal, complete up to ``limit`` [m], into ``guide``.
 
-    The limit bounds whole ways, from the goal to the start.
+    The limit bounds whole ways, from the goal to the start. Distances only get less, so the guide is cleared before.
     """
     guide[guide.size - 1].left = limit
     sides = m.sides

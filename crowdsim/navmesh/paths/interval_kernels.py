@@ -91,9 +91,9 @@ def _estimate(label, x, y):
 
 @helper
 def _key(m, regions, waypoints, guide, label, gx, gy, radius):
-    """Return the key of a label in the heap: about how long a way over it is [m].
+    """Return the key of a label in the heap: about how long a way over it is [m], with meters to go times GREED.
 
-    Either ``guide`` or ``regions`` is None. A guide without rows for sides leaves the plain estimate to the goal.
+    Either ``guide`` or ``regions`` is None, not both. A guide without sides leaves the plain estimate to the goal.
     """
     key = 0.0
     if guide is not None:
@@ -107,7 +107,10 @@ def _key(m, regions, waypoints, guide, label, gx, gy, radius):
 
 @helper
 def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
-    """Put a label for each side that leads out of triangle ``start`` into the heap; return their number."""
+    """Put a label for each side that leads out of triangle ``start`` into the labels and the heap; return their number.
+
+    ``width`` is the least width to pass [m].
+    """
     labels = work.labels
     heap = work.heap
     waypoints = work.waypoints
@@ -138,7 +141,8 @@ def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
 def _spent_at(label, x, y, before, stamp):
     """Return the length [m] of the way up to the end (x, y) of a label's interval, if the end becomes a root.
 
-    It is infinite if the end was a root ``before``, in this search (``stamp``), on a shorter way.
+    It is infinite if the end was a root already, in this search (``stamp``), on a shorter way. ``before`` is here the
+    record REACHED of the end.
     """
     dx = x - label.rx
     dy = y - label.ry
@@ -154,8 +158,8 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
 
     There are up to three: straight from the root across the part it sees, and around the left and the right end of the
     label's interval across the rest. ``spent_left`` and ``spent_right`` are the lengths [m] of the way up to these
-    ends, infinite if it cannot bend there. The side is cut by the radius at both ends; v is its left end if ``turn`` is
-    0.
+    ends, infinite if it cannot bend there; ends that become roots are entered into ``reached``. The side is cut by the
+    radius at both ends; v and o are records VERTEX, v the left end if ``turn`` is 0, the right one if it is 1.
     """
     ux = v.x - o.x
     uy = v.y - o.y
@@ -226,9 +230,10 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
 
     The way passes widths of at least ``width`` [m], the diameter less the tolerance. One that goes back through a
     narrow passage between regions, to turn around behind it, is not found, nor one for which the workspace has no room.
-    ``guide`` is None, or a guide to this goal, with ``regions`` None. ``farther`` is None, or (factor, meters): follow
-    all ways that may be shorter than that to the goal times the factor plus the meters. This length is the limit; there
-    is no last label then. ``longest`` is None, or a length [m] beyond which no way is followed.
+    ``guide`` is None, or a guide to this goal, with ``regions`` None. ``farther`` is None, or (factor, meters): go on
+    until all keys exceed the limit, the length [m] of the shortest way found times the factor plus the meters; there is
+    no last label then. The limit is infinite if there is no such way, or no ``farther``. ``longest`` is None, or a
+    length [m] beyond which no way is followed.
     """
     labels = work.labels
     heap = work.heap
@@ -249,8 +254,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
         limit = farther[0] * math.sqrt((gx - sx) ** 2 + (gy - sy) ** 2) + farther[1]
     count = _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide)
     used = count
-    # ``following``: the best of the labels just made, if it is better than all in the heap, need not pass through it.
-    following = NONE
+    following = NONE  # the best of the labels just made, if better than all in the heap, need not pass through it
     while used < most:
         i = following
         if i < 0:
@@ -303,7 +307,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
                 continue
             o = vertices[sides[around].org]
             used = _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, turn, v, o, radius)
-        if used == first + 1:  # only one way on
+        if used == first + 1:  # only one way on: followed at once, whatever its key
             following = first
             continue
         # The best of the new labels follows at once, unless the heap holds a better one; the others go into the heap.

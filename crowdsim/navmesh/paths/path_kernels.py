@@ -37,7 +37,7 @@ def _stand(m, stack, x, y, least):
     t = triangle_of(m, x, y, NONE)
     if t < 0 or m.cover[t] != 0:
         return NONE
-    # If the sweep says no it may be in doubt: the exact clearance decides.
+    # If the sweep says no it may be in doubt: the exact clearance decides. Looking farther than ``least`` is enough.
     free, _ = sweep(m.sides, m.vertices, stack, t, x, y, x, y, least)
     if not free:
         distance, _ = disc_clearance(m, x, y, 2.0 * least, t)
@@ -48,7 +48,7 @@ def _stand(m, stack, x, y, least):
 
 @helper
 def straight_path(sx, sy, gx, gy):
-    """Return the polyline (2, 2) from the start to the goal."""
+    """Return the polyline (2, 2) from the start to the goal [m]."""
     points = np.empty((2, 2))
     points[0, 0] = sx
     points[0, 1] = sy
@@ -61,7 +61,8 @@ def straight_path(sx, sy, gx, gy):
 def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=None):
     """Find a short path of a disc of ``radius`` that keeps a clearance of ``least``; return (status, points (n, 2)).
 
-    If there is a path it is found, except for few that end TANGLED.
+    If there is a path it is found, except for few that end TANGLED, or with ``longest``. There are no points unless the
+    status is OK.
 
     Parameters
     ----------
@@ -78,7 +79,8 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=No
     guide : (k,) GUIDE or None
         Distances to the goal, see :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide`.
     longest : float or None
-        Longest way to look for [m]. If finite, the complete search is left out, so a few paths in passages of just the
+        Longest way to look for [m]; NO_PASSAGE then also stands for longer ones, but a path within one triangle or in a
+        straight line may be longer. If finite, the complete search is left out, so a few paths in passages of just the
         diameter are not found.
     """
     points = np.empty((0, 2))
@@ -124,7 +126,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=No
 
 @helper
 def append_path(points, filled, path):
-    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows of ``points`` (n, 2).
+    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows of ``points`` (n, 2), both [m].
 
     Return the points, which grow as needed, and the length of the path [m].
     """

@@ -102,7 +102,10 @@ class Paths:
 
 
 def as_numbers(values: Any, what: str) -> Floats:
-    """Return ``values`` as a C-contiguous float64 array of any shape, or raise GeometryError if not real numbers."""
+    """Return ``values`` as a C-contiguous float64 array of any shape, or raise GeometryError if numpy cannot convert.
+
+    NaN and infinite values pass. The array may be ``values`` itself.
+    """
     try:
         return np.asarray(values, np.float64, order="C")
     except (TypeError, ValueError, OverflowError) as error:
@@ -135,7 +138,7 @@ def as_point(point: ArrayLike, what: str) -> tuple[float, float]:
 
 
 def as_radius(radius: float) -> float:
-    """Return a radius of at least 0 [m], or raise GeometryError."""
+    """Return a finite radius of at least 0 [m], or raise GeometryError."""
     array = as_numbers(radius, "radius")
     if array.ndim > 0 or not (math.isfinite(array) and array >= 0.0):
         raise GeometryError(f"radius must be a finite number of meters of at least 0, got {reprlib.repr(radius)}")
@@ -165,7 +168,7 @@ def as_optimality(optimality: str) -> str:
 
 
 def as_path_radii(radii: ArrayLike, count: int, least: float) -> Floats:
-    """Return radii (count,) of at least ``least`` [m], from one for all or one for each, or raise GeometryError."""
+    """Return finite radii (count,) of at least ``least`` [m], from one for all or one each, or raise GeometryError."""
     array = as_numbers(radii, "radii")
     if array.shape not in ((), (count,)):
         raise GeometryError(f"radii: expected one number or {count}, one for each start, got shape {array.shape}")

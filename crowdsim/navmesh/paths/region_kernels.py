@@ -110,9 +110,9 @@ def find_regions(m, regions):
 
 @helper
 def _lay(m, waypoints, stamp, region, following, h, radius):
-    """Set the waypoint of ``region`` on the bridge h, which leads to the region ``following``, next towards the goal.
+    """Set the waypoint of ``region`` on the bridge h between it and the region ``following``, next towards the goal.
 
-    Regions are given by their top triangles; ``radius`` is that of the disc [m].
+    Regions are given by their top triangles, the bridge by either half-edge; ``radius`` is that of the disc [m].
     """
     a = m.vertices[m.sides[h].org]
     b = m.vertices[m.sides[nxt(h)].org]
@@ -135,8 +135,8 @@ def _lay(m, waypoints, stamp, region, following, h, radius):
 def lay_waypoints(m, regions, waypoints, stack, stamp, start, goal, gx, gy, radius):
     """Fill the ``waypoints`` of regions from triangle ``start`` to ``goal``; False if free space does not join them.
 
-    ``stack`` is scratch: records with a field ``item``, with room for all regions. ``radius`` is that of the disc [m],
-    by which bridges are cut; it does not matter for what is joined.
+    Both triangles are free. ``stack`` is scratch: records with a field ``item``, with room for all regions. ``radius``
+    is that of the disc [m], by which bridges are cut; it does not matter for what is joined.
     """
     sides = m.sides
     if regions[start].root != regions[goal].root:

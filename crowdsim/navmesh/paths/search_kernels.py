@@ -59,7 +59,10 @@ def can_leave(sides, vertices, h, x, y, width):
 
 @helper
 def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
-    """Return the point of side h, at least ``radius`` from its ends, on the shortest way from p across h to g."""
+    """Return the point of side h, at least ``radius`` from its ends, on the shortest way from p across h to g.
+
+    That is the middle of a side shorter than two radii.
+    """
     a = vertices[sides[h].org]
     b = vertices[sides[nxt(h)].org]
     ax = a.x
@@ -84,10 +87,10 @@ def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
 
 @helper
 def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
-    """Return the half-edges (k,) that a short way from triangle ``start`` to ``goal`` crosses.
+    """Return the half-edges (k,) int64 that a short way from triangle ``start`` to ``goal`` crosses.
 
     It is empty if all ways are too narrow. A channel is found if there is one; only how short it is depends on the
-    limit of expansions.
+    limit of expansions. If start and goal are in one triangle, it is a way out of this and back.
 
     Parameters
     ----------

@@ -33,8 +33,8 @@ _MARK = np.dtype([("points", np.int64), ("triangle", np.int64)], align=True)
 def tighten(nodes, count, i, last):
     """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and those that this affects.
 
-    Return the new number of nodes, or -1 if two nodes are too close for a tangent, and the first node with new
-    neighbors.
+    ``nodes`` is changed: later nodes move to lower indices, which count for ``last`` then. i is at least 1. Return the
+    new number of nodes, or -1 if two are too close for a tangent, and the first node with new neighbors (i if none).
     """
     first = i
     before, ax, ay = tangent(nodes[i - 1], nodes[i])
@@ -66,7 +66,8 @@ def tighten(nodes, count, i, last):
 def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
     """Test that nothing but vertex v is closer to v than ``room`` [m] between bearings a and b, counter-clockwise.
 
-    Return (bool, a triangle of the fan around v, that of b if True). False in doubt, as if a base of the fan is nearer.
+    Return (bool, a triangle of the fan around v: that which holds b if True). It is False in doubt, too: a base, the
+    side of a triangle opposite of v, counts as an obstacle if it is nearer, although it may be open.
     """
     vx = vertices[v].x
     vy = vertices[v].y
@@ -105,7 +106,7 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
         h = sides[back].twin
         rx = lx
         ry = ly
-        # The first triangle may come up twice, as the fan can begin anywhere.
+        # The first triangle may come up twice, as the walk can begin anywhere in the fan. More rounds are of no use.
         if h == first:
             rounds += 1
             if rounds == 2 or not inside:
@@ -117,12 +118,13 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
 def _trace(m, stack, nodes, count, least, marks, points, first):
     """Trace the polyline around the nodes from ``first`` on, up to its first piece that is closer than ``least`` [m].
 
-    ``marks`` (k,) records :data:`_MARK` of nodes, and ``points`` (k, 2) [m], which grows, hold what was traced before,
-    and are filled.
+    ``marks``, records :data:`_MARK` of the nodes, and ``points`` (k, 2) [m], which grows, hold what was traced before
+    node ``first``, and are filled from there on.
 
     Return (points, their number, node, inside, vertex, edge, distance, x0, y0, x1, y1). ``node`` is -1 if nothing is
     too close. Otherwise the piece (x0, y0) -> (x1, y1) runs around node ``node`` (``inside``) or from there to the
-    next, and comes as near as ``distance`` to ``vertex`` or to the half-edge ``edge``; the other one is -1.
+    next, and comes as near as ``distance`` [m] to ``vertex`` or to the half-edge ``edge``; the other one is -1. All
+    three are -1 if the piece starts outside of free space.
     """
     sides = m.sides
     vertices = m.vertices
@@ -192,7 +194,7 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
 
 @helper
 def _turns_right(nodes, count, i):
-    """Return True if the string turns towards its obstacle at node i, and both tangents exist."""
+    """Return True if the string turns towards its obstacle at node i, and both tangents exist; or if i is an end."""
     if i <= 0 or i >= count - 1:
         return True
     before, ax, ay = tangent(nodes[i - 1], nodes[i])
@@ -202,7 +204,7 @@ def _turns_right(nodes, count, i):
 
 @helper
 def pull(m, stack, nodes, count, radius, least, start, taut):
-    """Check and repair the string until nothing is too close; return (done, points (n, 2)).
+    """Check and repair the string until nothing is too close; return (done, points (n, 2) [m], none if not done).
 
     The string has ``count`` ``nodes`` with spare room, which change; it begins in triangle ``start``. Its arcs have the
     given ``radius``; a clearance of ``least``, slightly less, is enough [m]. A string that is ``taut`` already is not
@@ -220,16 +222,17 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
     if not taut:
         count, _ = tighten(nodes, count, np.int64(1), count)
     first = np.int64(1)
+    # Bulges are not made finer than a quarter of the tolerance.
     finest = 0.25 * (radius - least)
     for _ in range(_REPAIRS):
-        if count < 0:
+        if count < 0:  # two nodes have no tangent
             break
         points, n, i, inside, vertex, edge, distance, px, py, x, y = _trace(
             m, stack, nodes, count, least, marks, points, first
         )
         if i < 0:
             return True, points[:n]
-        # The piece starts outside of free space.
+        # The piece starts outside of free space, or the distance is lost in rounding.
         if distance < 0.0:
             break
         dx = x - px
@@ -277,8 +280,8 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
                 continue
         if taut:
             break
-        # Bend around the vertex, on the other side if the piece crosses the obstacle. Give up if the string does so
-        # already.
+        # Bend around the vertex, on the other side if the piece crosses the obstacle. Give up if the string bends
+        # around it already, if the vertex is on the other side of an arc than its node, or if there is no room left.
         q = radius if left != crossed else -radius
         if nodes[i].vertex == vertex or nodes[i + 1].vertex == vertex or (inside and q * nodes[i].q < 0.0):
             break

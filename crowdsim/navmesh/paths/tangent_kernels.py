@@ -24,7 +24,7 @@ COARSE = 1e-3
 FINE = 2e-6
 """Bulges [m]: the normal one, and that of passages that leave no more room.
 
-There the bulge is at most a quarter of the tolerance, too. Smaller bulges make more points.
+If that is still too much, the bulge shrinks on, down to a quarter of the tolerance. Smaller bulges make more points.
 """
 
 PINCH = 1e-2
@@ -46,7 +46,11 @@ def set_node(node, x, y, q, vertex):
 
 @helper
 def tangent(a, b):
-    """Return (exists, direction x, y) of the taut string from node a to node b; the direction is a unit vector."""
+    """Return (exists, direction x, y) of the taut string from node a to node b; the direction is a unit vector.
+
+    It does not exist if circles overlap by more than PINCH, or one is inside the other; the direction is then at a
+    right angle to the line of the centers. Nor if a and b are at one place; the direction is then (1, 0).
+    """
     ex = b.x - a.x
     ey = b.y - a.y
     distance = math.sqrt(ex * ex + ey * ey)
@@ -66,8 +70,9 @@ def tangent(a, b):
 def arc_corners(q, dx, dy, angle, bulge):
     """Find corners around a node that the string reaches in direction d and leaves turned by ``angle`` [rad].
 
-    Return (count, x, y of the first one from the node [m], cosine, sine of the turn to the next). The polyline is
-    circumscribed and stands off the arc by at most ``bulge`` [m].
+    The angle is positive to the left, as q; d is a unit vector. Return (count, x, y of the first one from the node [m],
+    cosine, sine of the turn to the next). The polyline is circumscribed and stands off the arc by at most ``bulge``
+    [m]. Start and goal (q = 0) are the only corner themselves.
     """
     radius = abs(q)
     if radius == 0.0:
@@ -86,7 +91,10 @@ def arc_corners(q, dx, dy, angle, bulge):
 
 @helper
 def _swallowed(one, other):
-    """Return True if the circle of node ``other`` is inside that of ``one``, both on the same side of the string."""
+    """Return True if the circle of node ``other`` is inside that of ``one``, both on the same side of the string.
+
+    Equal circles are inside each other; start and goal are in none.
+    """
     return (
         one.vertex >= 0
         and one.q * other.q > 0.0
@@ -102,7 +110,7 @@ def funnel(m, channel, count, reach, sx, sy, gx, gy):
     with room for more, and their number.
 
     The string keeps reach[v] [m] away from each vertex v (Lee and Preparata 1984, with circles for points). With no
-    sides, ``channel`` and ``reach`` are empty, and it is the straight line.
+    sides, ``channel`` and ``reach`` may be empty, and it is the straight line.
     """
     # The funnel is a deque in ``chain``: the left chain (outwards to lower indices), the apex, the right chain (to
     # higher ones).

@@ -29,7 +29,7 @@ _TURN = 2.0 * math.pi
 """A full turn [rad]."""
 
 _FLAT = 1e-9
-"""Corners that turn by less [rad] do not count as corners."""
+"""Corners that turn by less [rad] do not count as corners for a disc; for a point they do."""
 
 _SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
 """An interval of angles [rad]."""
@@ -39,8 +39,8 @@ _SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
 def _look_around(m, px, py, h, reach2, sights, found, count):
     """Add what is seen from (px, py) across side ``h`` of its triangle to ``found``; return the new count.
 
-    A vertex v is added as v, a constrained side s as -1 - s. Sides whose squared distance is at least ``reach2`` [m2]
-    are not crossed. ``sights`` has room for all triangles.
+    A vertex v is added as v, a constrained side s as -1 - s; the ends of ``h`` are not added. Sides whose squared
+    distance is at least ``reach2`` [m2] are not crossed. ``sights`` has room for all triangles.
     """
     # The view: a stack of sides, each seen between a right ray r and a left ray l.
     sides = m.sides
@@ -169,7 +169,8 @@ def _wedge_end(sides, first):
 def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights, found, spans):
     """Collect the angles from direction n at which other obstacles take the places around the corner p; (spans, count).
 
-    The wedge of the corner lies between the spokes ``begin`` and ``last`` (-1: all around).
+    The wedge of the corner lies between the spokes ``begin`` and ``last``; it is all around if ``last`` is -1. The
+    angles come as intervals, in the order of their lower ends, which may overlap.
     """
     sides = m.sides
     vertices = m.vertices
@@ -177,7 +178,7 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
     h = begin
     # All triangles of the wedge: the far end of each spoke, and all that is seen across the outer sides.
     for _ in range(sides.size):
-        # What is farther than twice ``least`` takes no place.
+        # What is farther than twice ``least`` takes no place, but for the tiny difference from ``radius``.
         found[0] = sides[nxt(h)].org
         seen = _look_around(m, px, py, nxt(h), 4.0 * least * least, sights, found, np.int64(1))
         h = sides[prv(h)].twin
@@ -224,7 +225,8 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
     by = 0.0
     nx = 1.0
     ny = 0.0
-    # A point obstacle: angles of two turns, so that an arc across the direction n is found as a whole.
+    # A point obstacle: angles of two turns, so that an arc across the direction n is found as a whole. Its part behind
+    # n becomes an arc of its own, too.
     extent = 2.0 * _TURN
     begin = vertices[v].vhe
     if first >= 0:

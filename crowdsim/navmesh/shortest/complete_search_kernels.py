@@ -48,7 +48,10 @@ def _is_beaten(arrivals, k, first, radius):
 
 @helper
 def _arrive(arrivals, count, first, n, cost, turned, before, radius):
-    """Add an arrival at node n unless it is beaten; return (arrivals, their number). The array grows as needed."""
+    """Add an arrival at node n, as the first of its list, unless it is beaten; return (arrivals, their number).
+
+    The array grows as needed.
+    """
     if count == arrivals.size:
         arrivals = longer(arrivals)
     arrival = arrivals[count]

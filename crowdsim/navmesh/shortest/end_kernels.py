@@ -29,7 +29,7 @@ def _free_triangle(m, x, y, least):
 
     Return (triangle, True if there are others), or (-1, False) if the disc is not free there.
 
-    There are others if (x, y) is on a side or a corner, or beyond a side by rounding to the grid.
+    There may be others if (x, y) is on a side or a corner or, for a disc, beyond a side by rounding to the grid.
     """
     sides = m.sides
     vertices = m.vertices
@@ -117,7 +117,10 @@ def sees(m, t, x0, y0, x1, y1):
 
 @helper
 def see_each_other(m, t, x0, y0, x1, y1):
-    """Return True if a point on a side or a corner of the free triangle t has a free straight line to (x1, y1)."""
+    """Return True if a point on a side or a corner of the free triangle t has a free straight line to (x1, y1).
+
+    As in :func:`sees`, a line through a corner does not count.
+    """
     sides = m.sides
     vertices = m.vertices
     # On a corner: try all free triangles around it.
@@ -158,6 +161,7 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
     """Find the tangents between a stand and the arcs it sees; return their number. They fill ``ends`` of ``scratch``.
 
     They lead from the arcs to the stand if ``to_goal`` is True, as for the goal; from the stand to the arcs if False.
+    Those outside of the ellipse of the view may be missing.
 
     They are not checked for obstacles that cut them. A disc that touches an obstacle may stand closer to it than its
     radius, by the tolerance. Its tangents may then miss the begin or the end of an arc by an angle and lead to that

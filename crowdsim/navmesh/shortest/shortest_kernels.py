@@ -34,7 +34,9 @@ _DETOUR = 1.06
 def _widen(string, radius):
     """Give the discs of a taut string the given radius, close to their old one, and the coarse bulge.
 
-    Return True if all tangents exist and the string still turns around each disc on the disc's side, up to rounding.
+    Return True if all tangents exist and the string still turns around each disc on the disc's side, up to rounding; a
+    turn of more than half a circle counts as one to the other side. If False, the nodes behind the first at which it is
+    not so are left as they were.
     """
     ax = 0.0
     ay = 0.0
@@ -55,7 +57,8 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
     """Find the shortest path of a disc; return (status, points (n, 2), length [m]).
 
     The length is that of the arcs and tangents of the search, not of the polyline, which keeps outside of the arcs. It
-    is nan, and there are no points, unless the status is OK.
+    is nan, and there are no points, unless the status is OK. TANGLED means here that the search found a path, but that
+    its arcs could not be turned into points.
 
     Parameters
     ----------
@@ -68,7 +71,8 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
     sx, sy, gx, gy : float
         Start and goal [m].
     asked : float
-        Radius that the points keep if there is room, more than that of ``disc`` by the tolerance [m].
+        Radius that the points keep if there is room, more than that of ``disc`` by about the tolerance [m]; 0 for a
+        point.
     disc : Disc
         The disc for which the graph was made.
     """
@@ -101,7 +105,7 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
         last, length, lost = search_tangents(m, graph, scratch, start, goal, disc, longest)
         if last >= 0:
             break
-    # A path that the search has lost would be longer: its result stands. Otherwise search again with all arrivals.
+    # All paths that the search has lost would be longer: its result stands. Otherwise search again with all arrivals.
     if lost == np.inf or lost > length + SAME:
         if last < 0:
             return NO_PASSAGE, points, math.nan

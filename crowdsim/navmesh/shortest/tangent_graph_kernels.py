@@ -104,7 +104,7 @@ def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
 
 @kernel
 def find_tangents(m, arcs, begin, radius, least, tolerance, view, first_node, last_node):
-    """Find free tangents from nodes first_node up to last_node, one for each pair of opposite ones.
+    """Find free tangents from nodes first_node up to last_node (exclusive), one for each pair of opposite ones.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def find_tangents(m, arcs, begin, radius, least, tolerance, view, first_node, la
     radius, least : float
         Radius of the disc, and clearance that counts as enough, slightly less [m].
     tolerance : float
-        How far corners may be off their places [m].
+        How far corners may be off their places: vertices hide only what is behind them by more than this [m].
     view : View
         Scratch memory; its ellipse must be the one that holds all places.
     first_node, last_node : int

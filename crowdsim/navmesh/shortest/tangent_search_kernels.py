@@ -60,7 +60,7 @@ def _is_shorter(back, radius, one, other):
 
 @helper
 def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kept_turned, kept_straight):
-    """Return a lower bound of the lengths of strings that are lost with an arrival at node n [m].
+    """Return a lower bound of the lengths of strings that are lost with an arrival at node n [m]; infinite if none is.
 
     ``cost`` and ``turned`` are those of the lost arrival; kept_cost, kept_turned and kept_straight (length of its
     tangent) are those of the cheaper one that is kept. Lost are the strings to which only the lost arrival leads.
@@ -115,7 +115,10 @@ def _settle(graph, goals, stamp, goal, disc, n, label, cost, turned, straight, b
 
 @helper
 def begin_search(m, graph, scratch, start, goal, disc, longest):
-    """Mark the arcs that the goal sees, and find the tangents from the start; return the number of these."""
+    """Mark the arcs that the goal sees, and find the tangents from the start; return the number of these.
+
+    Of ``scratch``, ``stamp`` gets a new number, ``goals`` the tangents to the goal, ``ends`` those from the start.
+    """
     scratch.stamp[0] += 1
     # Only corners in the ellipse can be on a way of at most ``longest``; the discs widen it.
     set_ellipse(scratch.outlook.ellipse[0], start.x, start.y, goal.x, goal.y, longest + 2.0 * disc.radius)

@@ -24,9 +24,10 @@ LOOKS = np.int64(1024)
 
 @helper
 def _aim(aim, x, y, q0, radius):
-    """Set the tangents from the circle q0 around the origin to both sides of the circle around (x, y).
+    """Set the tangents from the circle around the eye to both sides of the circle around (x, y), and its direction.
 
-    q0: signed radius [m], as ``q`` of Viewpoint; (x, y) is relative to the eye [m], and its circle has ``radius``.
+    q0: signed radius of the eye's circle [m], as ``q`` of Viewpoint; (x, y) is relative to the eye [m], and its circle
+    has ``radius``. Direction and headings are 0 at the eye itself.
     """
     # No division by 0 for a vertex at the eye.
     distance = math.sqrt(x * x + y * y)
@@ -56,7 +57,10 @@ def _aim(aim, x, y, q0, radius):
 
 @helper
 def _report(seen, count, v, radius, aim, sight, margin):
-    """Add the tangents to both sides of vertex v that the headings allow within ``margin``; return the new count."""
+    """Add the tangents to both sides of vertex v that the headings allow within ``margin`` [rad] to ``seen``.
+
+    ``count`` tangents are there already; return the new count. ``aim`` is that of v, ``sight`` the view it is seen in.
+    """
     right_bound = aim.distance >= sight.a_from
     left_bound = aim.distance >= sight.b_from
     for left in (True, False):
@@ -84,7 +88,7 @@ def _report(seen, count, v, radius, aim, sight, margin):
 
 @helper
 def _tighten_right(sight, aim, reach):
-    """Bound the headings on the right by a vertex that tangents have on their right."""
+    """Bound the headings on the right by a vertex that tangents have on their right, unless the circles overlap."""
     if aim.right_s >= -1.0 and sight.ax * aim.right_y - sight.ay * aim.right_x > 0.0:
         sight.ax = aim.right_x
         sight.ay = aim.right_y
@@ -93,7 +97,7 @@ def _tighten_right(sight, aim, reach):
 
 @helper
 def _tighten_left(sight, aim, reach):
-    """Bound the headings on the left by a vertex that tangents have on their left."""
+    """Bound the headings on the left by a vertex that tangents have on their left, unless the circles overlap."""
     if aim.left_s <= 1.0 and aim.left_x * sight.by - aim.left_y * sight.bx > 0.0:
         sight.bx = aim.left_x
         sight.by = aim.left_y
@@ -102,7 +106,10 @@ def _tighten_left(sight, aim, reach):
 
 @helper
 def set_ellipse(ellipse, x0, y0, x1, y1, length):
-    """Set the ellipse of ways of at most ``length`` [m] between two points; if it is infinite, all places count."""
+    """Set the ellipse of ways of at most ``length`` [m] between two points; if it is infinite, all places count.
+
+    A finite length is more than the distance of the two points, which are not at one place.
+    """
     dx = x1 - x0
     dy = y1 - y0
     distance = math.sqrt(dx * dx + dy * dy)
@@ -164,9 +171,9 @@ def _leads_on(sight, h, vertices, sides, eye, ellipse):
 
 @inlined
 def _first_sight(sight, h, v, w, eye):
-    """Set the view across side h from vertex v to vertex w; return False if the eye is at one of the two.
+    """Set the view across side h from v to w (records VERTEX), with the headings of the eye.
 
-    If the eye has no bounds of headings, they run from v to w.
+    If the eye has no bounds of headings, they run from v to w; return False if it is at one of the two then, else True.
     """
     sight.side = h
     sight.rx = v.x - eye.x
@@ -182,7 +189,7 @@ def _first_sight(sight, h, v, w, eye):
     sight.by = eye.by
     if eye.ax != 0.0 or eye.ay != 0.0:
         return True
-    # All headings count: the ends of the side bound them, for corners behind these ends.
+    # All headings count: the ends of the side bound them, for corners behind these ends. There is nothing to clip to.
     right = math.sqrt(sight.rx * sight.rx + sight.ry * sight.ry)
     left = math.sqrt(sight.lx * sight.lx + sight.ly * sight.ly)
     if right == 0.0 or left == 0.0:
@@ -265,7 +272,7 @@ def _split(sight, other, zx, zy, aim, tolerance, reach):
 def see_corners(m, arc_begin, eye, h, view, count):
     """Add the tangents to corners seen across side ``h`` of a triangle at ``eye`` to the view; return the new count.
 
-    No free tangent is left out, but some are added that obstacles cut, and some twice.
+    No free tangent at the eye's headings is left out, but some are added that obstacles cut, and some twice.
 
     A free tangent and the line between the centers of its ends have no vertex between them. So a view from center to
     center sees all corners to which there are tangents. A tangent to a corner that is behind a vertex by more than the
@@ -280,7 +287,7 @@ def see_corners(m, arc_begin, eye, h, view, count):
     eye : Viewpoint
         Where the look starts.
     h : int
-        The side.
+        The side. If the eye has no bounds of headings and is at an end of the side, nothing is added.
     view : View
         Scratch memory, and the tangents; places outside of its ellipse do not matter.
     count : int

@@ -35,11 +35,11 @@ def _point_along(points, arc):
 
 @helper
 def _add_conflicts(points, sections, away, places, count):
-    """Append the new conflict points of a path to ``places`` (k, 2), filled up to ``count``; return both anew.
+    """Append the new conflict points of a path to ``places`` (c, 2) [m], filled up to ``count``; return both anew.
 
     ``points`` (n, 2) is the path [m], ``sections`` (k, 3) its rows (behavior, start, end [m]), 0 the narrowest
     behavior. Conflict points lie every ``MIN_SECTION`` along the sections of the narrowest behavior, or along the whole
-    path if no behavior fits it, and farther than ``away`` meters from both ends.
+    path if no behavior fits it, and farther than ``away`` meters from both ends. ``places`` grows as needed.
     """
     last = points.shape[0] - 1
     for k in range(max(sections.shape[0], 1)):
@@ -85,8 +85,10 @@ def plan_around(search, fitting):
     -------
     (status, cost, points (n, 2) [m], sections (k, 3)). Sections are rows (behavior, start, end), from arc length to
     arc length [m], as of :func:`crowdsim.planning.labels.fitting_kernels.annotate`. The cost is the sum of length times
-    cost per meter (``fitting.costs``), and of changes of behavior. A status other than DONE: the mesh is out of room or
-    unusable, or a detour could not be traced. No sections and infinite cost if no behavior fits.
+    cost per meter (``fitting.costs``), and of changes of behavior. A status other than DONE (see
+    :mod:`crowdsim.navmesh.editing.detour_kernels`): the mesh is out of room or unusable, or a detour could not be
+    traced; the path is then the best one up to there. No sections and infinite cost if no behavior fits; no points,
+    either, if there is no path.
     """
     # search.ends: x, y of start and goal, the radius searched with, and the clearance that paths must keep.
     radius = search.ends[4]

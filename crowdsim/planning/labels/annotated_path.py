@@ -70,7 +70,7 @@ class AnnotatedPath:
 
     @property
     def gap(self) -> float:
-        """Return the cost above :attr:`bound` as a share of the bound; infinite if the bound is 0."""
+        """Return the cost above :attr:`bound` as a share of the bound; infinite if the bound is 0 but the cost not."""
         return max(self.cost / self.bound - 1.0, 0.0) if self.bound > 0.0 else (np.inf if self.cost > 0.0 else 0.0)
 
     def at(self, arc: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,7 +78,7 @@ class AnnotatedPath:
         return points_at(self.points, self.arc, arc)
 
     def sample(self, spacing: float = 0.1) -> PathSamples:
-        """Return samples at equal steps of at most ``spacing`` [m], both ends included."""
+        """Return samples at equal steps of at most ``spacing`` [m], both ends included; the path has sections."""
         if not spacing > 0.0:
             raise GeometryError(f"a path cannot be sampled every {spacing} m; give a positive spacing")
         # The tolerance keeps rounding from adding a sample to a path of a whole number of steps.

@@ -55,7 +55,7 @@ def required_length(before, label, after, turned, terms):
             if max(other, label) != n - 1:
                 return math.inf
             turns += 1
-    # A path of one section, or one that starts or ends turned, may be as short as it likes.
+    # A section that is the whole path, or a turned one at an end of the path, may be of any length.
     if ends == 2 or (ends == 1 and turned[label]):
         return 0.0
     if turned[label] or turns == 0:

@@ -46,7 +46,11 @@ _STAY = len(SHIFTS) // 2
 
 
 def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
-    """Return the route with more clearance if there is room: through the middle of gaps, wide around corners."""
+    """Return the route with more clearance if there is room: through the middle of gaps, wide around corners.
+
+    It is ``path`` itself if there is nothing to gain, if that costs more than MARGIN_WORTH, or if pieces still cut
+    corners after _ROUNDS attempts.
+    """
     # Too short: at most one station lies between the ends, which do not shift.
     if path.length < 2.0 * STATION:
         return path

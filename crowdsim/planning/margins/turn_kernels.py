@@ -84,9 +84,10 @@ def _lacking(layers, radii, turning, label, back, x, y):
 
 @helper
 def _lead_aside(layers, radii, turning, label, back, places):
-    """Move ``places`` (s, 2) [m] to where they have the clearance of the turn; return True if any lacked it.
+    """Move ``places`` (s, 2) [m] aside by the clearance that they lack for the turn; return True if any lacked it.
 
-    The first and the last place stay. ``label``, ``back`` and others are those of :func:`_lacking`.
+    They may still lack some. The first and the last place stay. ``label``, ``back`` and others are those of
+    :func:`_lacking`.
     """
     bends = False
     x = places[0, 0]
@@ -125,7 +126,8 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
 
     Returns
     -------
-    The bent path; no points (0, 2) if nothing is bent, and the rest as given.
+    The bent path, whose sections behind a bend begin and end later; no points (0, 2) if nothing is bent, and the rest
+    as given.
     """
     count = sections.shape[0]
     least = np.empty(len(layers))

@@ -37,7 +37,8 @@ def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np
     """Return each of ``points`` (n, 2), or a place nearby with planned clearance if the point has only the body's own.
 
     A motion strays from its path, so an agent at rest may be closer to obstacles than planned. The widest behavior
-    that fits counts; a behavior that turns the body counts only if no other fits.
+    that fits counts; a behavior that turns the body counts only if no other fits. A point stays as it is if no body
+    fits there, or no place nearby is clear enough.
     """
     upright = need.narrowest_upright  # if a wider behavior fits, this one fits, too
     if upright is not None:

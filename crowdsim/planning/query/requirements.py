@@ -91,7 +91,10 @@ class Requirements:
 
 
 def _widest(behaviors: Sequence[Behavior], bodies: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return the clip and frame behind each layer's least clearance; on the legs' layer that of the widest behavior."""
+    """Return the clip and frame behind each layer's least clearance; on the legs' layer that of the widest behavior.
+
+    () if they are not known of all behaviors. bodies: (n, m) clearance of the bodies alone [m].
+    """
     if not all(behavior.widest for behavior in behaviors):
         return ()
     legs = behaviors[int(np.argmax(bodies[:, 0]))]

@@ -79,7 +79,7 @@ def _add_point(points, count, x, y, level, h):
 def _border(layers, hints, radii, ax, ay, ux, uy, inside, outside):
     """Bisect between s = ``inside`` and ``outside`` for the end of the stretch of a + s * u that fits all behaviors."""
     top = radii.shape[0] - 1
-    # Six halves of a step between samples leave about a millimeter.
+    # Halved six times, a step of _STEP leaves about a millimeter.
     for _ in range(6):
         middle = 0.5 * (inside + outside)
         if room_at(layers, hints, radii, top, ax + middle * ux, ay + middle * uy) >= 0.0:
@@ -131,13 +131,14 @@ def place_points(layers, radii):
         ux /= length
         uy /= length
         hints[0] = h // 3
-        # The level and the room at samples along the side; an even number of steps, so that the middle is one.
+        # The level, and the room of the narrowest behavior, at samples along the side; an even number of steps, so that
+        # the middle is one.
         steps = min(_MOST_STEPS, max(4, 2 * math.ceil(0.5 * length / _STEP)))
         for k in range(steps + 1):
             s = length * k / steps
             levels[k], rooms[k] = level_at(layers, hints, radii, ax + s * ux, ay + s * uy)
         first = count
-        # Runs of samples of at least a level that nowhere reach the next level: they are points of this level.
+        # Runs of samples of at least a level that nowhere reach the next level give points of this level.
         for level in range(n):
             k = 0
             while k <= steps:
@@ -227,8 +228,8 @@ def join_points(layers, radii, around, points, spans):
     stack = np.empty(64, SWEPT)
     pairs = np.empty(8 * points.size + 16, _PAIR)
     count = np.int64(0)
-    # width: the legs' diameter less the tolerance of a millionth. legs_suffice: on every layer, the narrowest behavior
-    # needs no more clearance than the legs do on theirs.
+    # width: the diameter of the narrowest behavior's legs, less the tolerance of a millionth. legs_suffice: on every
+    # layer, this behavior needs no more clearance than its legs do on theirs.
     width = 2.0 * radii[0, 0] * (1.0 - 1e-6)
     legs_suffice = True
     for k in range(1, len(layers)):

@@ -43,7 +43,8 @@ def road_channel(m, points, road, start, goal, cap, channel, levels):
     """Fill ``channel`` with the half-edges that a road crosses, ``levels`` with their behaviors; return their number.
 
     points: those of the roadmap. road: (k, 2) rows (point, behavior). start, goal: triangles of both ends. cap: largest
-    behavior written. Return -1 if two consecutive points are on no common triangle.
+    behavior written. Return -1 if two consecutive points are on no common triangle, or if the road does not lead from
+    the start's triangle to the goal's.
     """
     sides = m.sides
     count = 0
@@ -92,7 +93,8 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
     """Fill ``corners`` with the vertices of the channel, in its order, and return their number.
 
     The string keeps from each what the widest behavior needs, or as much as leaves ``radius`` to the narrowest passage
-    beside it: the opposite end of a side, or an edge across. No circle reaches over either end of the path.
+    beside it: the opposite end of a side, or an edge across. No circle reaches over either end of the path, unless that
+    is closer than ``radius`` or than the narrowest behavior needs. The fields ``reach`` and ``kept`` are not filled.
 
     channel: half-edges that the way crosses, the first ``count`` of them. around: (nv, n) clearance [m] that each of n
     behaviors, the narrowest first, keeps from each vertex. radius: body's clearance there at least [m]. ends: (2, 2)
@@ -147,10 +149,11 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
 
 @helper
 def fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach):
-    """Set the reach [m] of all corners to what the behaviors that pass there need, and ``reach`` (nv,) likewise.
+    """Set the fields reach and kept [m] of all corners to what the behaviors that pass there need.
 
-    levels (count,): behavior at each side of the ``channel``. A side with a narrower behavior limits both of its ends.
-    around, radius: as of `channel_corners`; corners: CORNER[filled].
+    ``reach`` (nv,) gets the same for the vertices of the channel; the others are left. levels (count,): behavior at
+    each side of the ``channel``. A side with a narrower behavior than the widest limits both of its ends. around,
+    radius: as of `channel_corners`; corners: CORNER[filled].
     """
     sides = m.sides
     top = around.shape[1] - 1
@@ -171,13 +174,14 @@ def fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
 def keep_off(nodes, size, corners, filled, low, high):
     """Wind the string around all corners that it is closer to than their reach; return its new size, -1 if it tangles.
 
-    The string is the first ``size`` of ``nodes``. Only corners count that end a side of the channel from number ``low``
-    to ``high``. This repairs the funnel's result: it takes the ends of sides one after the other, but wide circles of
-    close corners may touch the string in another order.
+    The string is the first ``size`` of ``nodes``, which change; -1 also if they have no room. Only corners count that
+    end a side of the channel from number ``low`` to ``high``. This repairs the funnel's result: it takes the ends of
+    sides one after the other, but wide circles of close corners may touch the string in another order.
     """
     size, _ = tighten(nodes, size, np.int64(1), size)
     i = np.int64(0)
-    # Go along the straight pieces; each inserted node may shift the pieces before it. The count bounds the repairs.
+    # Go along the straight pieces; each inserted node may shift the pieces before it. The count bounds the repairs; the
+    # string is returned as it is then, and the check of the path finds what is left.
     for _ in range(2 * filled + 64):
         if size < 0 or i >= size - 1:
             break

@@ -32,8 +32,8 @@ fits: 1 if a taut path may be pinned there, as both places are clear enough for 
 """
 
 _OFF = 2e-6
-"""Distance that pins stay off the circles [m], so that a tangent exists: rounding could put a pin on a circle inside of
-it."""
+"""Distance that pins stay off the circles [m], so that a tangent exists: rounding could move a pin from a circle to its
+inside."""
 
 
 @helper
@@ -79,6 +79,9 @@ def find_gates(m, channel, levels, count, around, least, gates):
 
     channel: half-edges that the path crosses, ``count`` of them. levels: behavior with which each is crossed; only
     sides crossed with a narrower behavior than the widest count. least: clearance that pins must have [m].
+
+    Stretches without a side at whose ends the widest behavior's circles meet are no gates. Gates for which ``gates``
+    has no room are left out.
     """
     top = around.shape[1] - 1
     found = 0
@@ -120,8 +123,9 @@ def _is_beside(corner, gate):
 def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
     """Write the taut path through the pins of all pinned gates to ``taut``; return its node count, -1 if it tangles.
 
-    nodes: the taut path without pins, ``size`` of them. corners: CORNER[filled]. around: (nv, n) clearance of each
-    vertex for each behavior [m]. gates: GATE[found], in the order of the path.
+    It also is -1 if ``taut`` has no room. nodes: the taut path without pins, ``size`` of them. corners: CORNER[filled],
+    whose ``reach`` changes. around: (nv, n) clearance of each vertex for each behavior [m]. gates: GATE[found], in the
+    order of the path.
 
     Between gates the path keeps the distance from the gates' corners that the widest behavior needs.
     """

@@ -48,7 +48,7 @@ def room_at(layers, hints, radii, level, x, y):
 def level_at(layers, hints, radii, x, y):
     """Return the widest behavior that fits at (x, y), -1 if none, and the narrowest one's spare clearance there [m].
 
-    ``hints`` (m,) are set as by `room_at`.
+    The latter is at most :data:`REACH`, and negative if there is none. ``hints`` (m,) are set as by `room_at`.
     """
     n = radii.shape[0]
     level = n - 1
@@ -67,7 +67,10 @@ def level_at(layers, hints, radii, x, y):
 
 @helper
 def length_around(px, py, qx, qy, cx, cy, radius):
-    """Return the length of the shortest way from p to q that keeps ``radius`` from c, as both ends do [m]."""
+    """Return the length of the shortest way from p to q that keeps ``radius`` from c [m].
+
+    It is that of the straight line if one of the ends does not keep the radius.
+    """
     ax = px - cx
     ay = py - cy
     bx = qx - cx
@@ -88,7 +91,10 @@ def length_around(px, py, qx, qy, cx, cy, radius):
 
 @helper
 def _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
-    """Return True if a disc of behavior ``level`` moves straight from p, in triangles ``roots``, to q on all layers."""
+    """Return True if a disc of behavior ``level`` moves straight from p, in triangles ``roots``, to q on all layers.
+
+    Return False in doubt.
+    """
     for k in range(len(layers)):
         m = mesh_at(layers[k])
         if roots[k] < 0 or m.cover[roots[k]] != 0:
@@ -118,8 +124,8 @@ def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, a
     """Return the widest behavior, at most ``top``, that fits on the way from p to q; -1 if none.
 
     The way is the straight line from p to q. Where it passes the corner c at less than ``around[level]`` [m], it goes
-    along the circle of that radius around c instead. ``roots`` (m,) are the triangles that contain p in each layer,
-    ``stack`` is scratch of `sweep`.
+    along the circle of that radius around c instead. ``roots`` (m,) are the triangles that contain p in each layer;
+    ``hints`` are changed.
     """
     length = hypot(qx - px, qy - py)
     for level in range(top, -1, -1):
@@ -145,7 +151,10 @@ def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, a
 
 @helper
 def tight_share(layers, hints, radii, px, py, qx, qy, cx, cy, around):
-    """Return the share of the way p -> q, wound around c, that the widest behavior does not fit; see `way_level`."""
+    """Return the share of the way p -> q, wound around c, that the widest behavior does not fit; see `way_level`.
+
+    The circle around c is that of the widest behavior, and it may lack SOFT; ``hints`` are changed.
+    """
     top = radii.shape[0] - 1
     steps = max(2, math.ceil(hypot(qx - px, qy - py) / _TIGHT_STEP))
     # Sample the middles of equal steps.

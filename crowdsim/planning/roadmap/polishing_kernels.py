@@ -44,8 +44,8 @@ _ROUNDS = 4
 def polish_road(layers, fitting, points, road, around, reach, ends, radius, least):
     """Find the cheapest taut path along a road; return (points (n, 2), sections (k, 3), cost), no rows if all tangle.
 
-    The first variant is as wide as the road's behaviors and not pinned, the second is pinned in all gates and as wide
-    as possible elsewhere, each further one differs from the cheapest by one gate.
+    The first variant is as wide as the road's behaviors and not pinned, the second is pinned in all gates that fit and
+    as wide as possible elsewhere. Each further one differs from the second by one gate, and by those kept before.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     road: (r, 2) int64, point and behavior, as of `find_road`.
     around: (nv, n) of `corner_radii` [m].
     reach: (nv,) scratch.
-    ends: (2, 2) start and goal.
+    ends: (2, 2) start and goal [m].
     radius, least: clearance that the path is pulled to on the lowest layer, and that it must keep there [m].
     """
     m = mesh_at(layers[0])
@@ -86,7 +86,8 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     pins = 0
     for g in range(found_gates):
         pins += gates[g].fits
-    # Variant 0: no pins. 1: pins in all gates. From 2 on: one gate flipped at a time, kept if that is cheaper.
+    # Variant 0: no pins. 1: pins in all gates that fit. From 2 on: one more gate of the last variant kept is flipped;
+    # that is kept if it is not dearer than the cheapest path so far.
     for tried in range(2 + found_gates):
         flip = tried - 2
         if tried == 1:

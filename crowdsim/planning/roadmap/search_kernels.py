@@ -1,7 +1,8 @@
 """A* over the states (point of the roadmap, behavior), with landmarks for the lower bound.
 
-Arguments of all helpers: ``graph`` (RoadGraph); ``goal`` (_Goal); n ``behaviors``, of which ``turned`` (n,) are those
-that face away from the direction of motion; ``preferred``, the cost of a meter with the widest one; p, a point.
+Arguments of all helpers: ``graph`` (RoadGraph); ``goal`` (_Goal); n ``behaviors``, i and j among them, with ``costs``
+(n,) of a meter and ``turned`` (n,), True for those that face away from the direction of motion; ``preferred``, the cost
+of a meter with the widest one; p, the index of a point.
 """
 
 from __future__ import annotations
@@ -178,7 +179,7 @@ def choose_landmarks(marks, of_goal, seen, starts, behaviors, telling):
     """Fill ``telling`` with the landmarks that bound the cost from the start to the goal best (ALT).
 
     By the triangle inequality, a way from state to goal costs at least the difference of their costs from a landmark;
-    the bounds are summed over the points that the start sees, ``seen[:starts]``.
+    the bounds are summed over the points that the start sees, ``seen[:starts]``, each with its widest behavior.
 
     marks: (states, l) cost between each state and each landmark. of_goal: (l,) the goal's. seen: records ROAD_WAY, the
     first ``starts`` in use. behaviors: their number. telling: (k,) int64, filled with landmarks, the best one first.
@@ -249,12 +250,12 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
     prices, graph: :class:`Prices`, :class:`RoadGraph`.
     states: (states,) of :data:`STATE`, scratch kept from search to search.
     stamp: number of this search, unused before with these ``states``.
-    ends: (2, 2) start and goal.
+    ends: (2, 2) start and goal [m].
 
     Returns
     -------
-    Rows (point, behavior) and the cost. No rows and infinite cost if there is no way. The cost is an estimate: sections
-    that are too short pay about what the exact labels would cost.
+    Rows (point, behavior), int64, and the cost. No rows and infinite cost if there is no way. The cost is an estimate:
+    sections that are too short, but for the first and the last, pay about what the exact labels would cost.
     """
     costs, turned, terms, change = prices
     points, spans, ways, marks = graph

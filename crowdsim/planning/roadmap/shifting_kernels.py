@@ -28,7 +28,7 @@ BESIDE = 0.6
 """Distance before and behind a narrow section within which stations may shift [m]."""
 
 SHIFTS = 7
-"""Places of each station: its own in the middle, and as many to either side. Odd."""
+"""Places of each station: its own in the middle, and equally many to either side. Odd."""
 
 CHORD = 0.008
 """Spare clearance of shifted stations for the straight pieces between them [m]."""
@@ -58,8 +58,9 @@ number of the place chosen, SHIFTS // 2 for its own.
 def place_stations(points, sections, costs, least, stations):
     """Place ``stations`` along the polyline (n, 2) with sections (k, 3) as of `annotate`; return its length [m].
 
-    Stations within :data:`BESIDE` of a narrow section may shift. The middle ``least`` meters of such a section cannot
-    get shorter, so a wider behavior does not pay there.
+    ``least`` is the least length of a section [m]. Stations within :data:`BESIDE` of a narrow section, their own or the
+    one before or behind it, may shift if that section is longer than this by :data:`_SPARE`; the two ends of the path
+    stay. The middle ``least`` meters of such a section cannot get shorter, so a wider behavior does not pay there.
     """
     top = costs.size - 1
     count = stations.size
@@ -120,9 +121,9 @@ def place_stations(points, sections, costs, least, stations):
 def price_places(layers, hints, radii, costs, stations, spread, prices):
     """Fill ``prices`` (stations, SHIFTS) with the cost per meter at each place; infinite if no behavior fits.
 
-    layers, hints: meshes as of `layers_of`, and the triangles found last in each. radii (n, m) [m], costs (n,) per
-    meter: of the behaviors. stations, spread: as of :func:`choose_shifts`. Of a station that stays, only its own place
-    is priced.
+    layers, hints: meshes as of `layers_of`, and the triangles found last in each, which change. radii (n, m) [m], costs
+    (n,) per meter: of the behaviors. stations, spread: as of :func:`choose_shifts`. Of a station that stays, only its
+    own place is priced; the other prices are left as they are, so they have to be infinite.
     """
     top = costs.size - 1
     for s in range(stations.size):
@@ -157,10 +158,10 @@ def price_places(layers, hints, radii, costs, stations, spread, prices):
 
 @helper
 def choose_shifts(stations, spread, prices, befores):
-    """Choose the shift of each station with the least sum of length times mean price; return True if any shifts.
+    """Choose the ``shift`` of each station with the least sum of length times mean price; return True if any shifts.
 
     stations: PLACE[n] along the path. spread: largest shift to either side [m]. prices: (n, SHIFTS) cost per meter at
-    each place of each station, infinite where no behavior fits. befores: scratch, shaped as ``prices``.
+    each place of each station, infinite where no behavior fits. befores: scratch, (n, SHIFTS) int64.
     """
     count = stations.size
     totals = np.empty((2, SHIFTS))
@@ -240,7 +241,8 @@ def through_stations(points, stations, spread, line, owners):
 def shifted_path(layers, hints, radii, costs, points, sections, section, spread, stack, least):
     """Return the path (n, 2) with stations shifted aside by at most ``spread`` [m] where that is cheaper; else no rows.
 
-    section: least length of a section [m]. least: clearance that the legs must keep [m]. Others as of `shift_path`.
+    No rows either if its pieces still cut corners after _REPAIRS attempts. section: least length of a section [m].
+    least: clearance that the legs must keep [m]. hints: changed. Others as of `shift_path`.
     """
     length = sections[sections.shape[0] - 1, 2]
     count = math.ceil(length / STATION) + 1
