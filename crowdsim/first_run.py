@@ -140,8 +140,9 @@ def _imported(path: str) -> Any:
 class CompilingAhead:
     """Processes that compile a first run's kernels from the last one on, as long as this object is open.
 
-    ``count`` is their number: none if little is left to compile, if there is but one processor, or with plain numba,
-    whose cache two processes must not fill at once.
+    ``missing`` is the CPU time of the kernels that are not compiled yet [s]. ``count`` is the number of processes: none
+    if little is left to compile, if there is but one processor, or with plain numba, whose cache two processes must not
+    fill at once.
     """
 
     def __init__(self, missing: float) -> None:
@@ -171,7 +172,11 @@ class CompilingAhead:
 
 
 def compile_last_first(part: int, parts: int) -> None:
-    """Compile every ``parts``-th of the kernels that are not in the cache, from the last one on."""
+    """Compile a part of the kernels, from the last one on, but for those in the cache.
+
+    Counted from the last one as 0, the part is number ``part`` and every ``parts``-th one from there. Kernels that only
+    others call are not counted.
+    """
     kernels = [each for each in reversed(read_kernels()) if each.arguments is not None]
     for each in kernels[part::parts]:
         if each.name not in compiled_kernels():

@@ -59,7 +59,8 @@ _IMPORTED = re.compile(rb"^from crowdsim\.([\w.]+) import", re.MULTILINE)
 def kernel_sources(package: Path) -> dict[Path, bytes]:
     """Return the content of all files of ``package`` that compiled kernels depend on, by path, in order.
 
-    These are the kernels, and whatever they import, directly or not: numba compiles constants of other files into them.
+    These are the kernels, and the modules that they name in lines ``from crowdsim.MODULE import`` without indentation,
+    directly or not: numba compiles constants of other files into them. What is no module file is left out.
     """
     waiting = [*package.rglob("*_kernels.py"), package / "jit.py", package / "numba_internals.py"]
     sources: dict[Path, bytes] = {}
@@ -73,7 +74,7 @@ def kernel_sources(package: Path) -> dict[Path, bytes]:
 
 
 def _sources_key(kind: str) -> str:
-    """Return a hash of all kernel sources, numba's version and the options: 16 hexadecimal digits."""
+    """Return a hash of all kernel sources, numba's version and ``kind``, and the options: 16 hexadecimal digits."""
     digest = hashlib.sha256(f"{numba.__version__} {sorted(_OPTIONS.items())} {kind}".encode())
     package = Path(__file__).parent
     for path, content in kernel_sources(package).items():
@@ -83,9 +84,9 @@ def _sources_key(kind: str) -> str:
 
 
 def _choose_cache_folder(kind: str) -> Path:
-    """Return a folder that can be written to, for kernels of the ``kind`` of numba (as it is, or changed).
+    """Return a folder that can be written to, for kernels of a ``kind`` of numba: "plain", or "internals" if changed.
 
-    It is below the usual cache folder, or below that of temporary files if the usual one is read-only.
+    It is made below the usual cache folder, or below that of temporary files if the usual one cannot be written to.
     """
     folder = cache_base() / "kernels" / _sources_key(kind)
     try:

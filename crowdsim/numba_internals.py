@@ -145,7 +145,7 @@ class _CheckedCacheFile(IndexDataCacheFile):
     """
 
     def save(self, key: Any, data: Any) -> None:
-        """Save a compiled function; without effect, but for a warning, if the disk is full."""
+        """Save a compiled function; without effect, but for a warning, if it cannot be written, as on a full disk."""
         content = self._dump((self._version, self._source_stamp, repr(key), data))
         try:
             os.makedirs(self._cache_path, exist_ok=True)

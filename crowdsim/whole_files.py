@@ -68,7 +68,7 @@ def whole_file(path: str | os.PathLike[str], suffixes: Sequence[str], what: str)
         os.close(handle)
         try:
             yield Path(written)
-            os.chmod(written, 0o644)
+            os.chmod(written, 0o644)  # mkstemp lets only its user read the file
             os.replace(written, file)
         except BaseException:
             Path(written).unlink(missing_ok=True)

@@ -50,7 +50,7 @@ def measure_distances(tracks: Tracks, _: Places) -> Result:
         f"The nearest other is {values['median']:.2f} m away (median), {values['least']:.2f} m at least, by centers.",
         f"Zones of {HALL_SOURCE}: {bounds}.",
     )
-    # Distances of more than some 8 m are not drawn.
+    # Distances of more than some 8 m are neither drawn nor in the table.
     edges = np.arange(0.0, min(float(known.max()), 8.0) + 2.0 * BIN, BIN)
     counts = np.histogram(known, edges)[0]
     table = pandas.DataFrame({"from": edges[:-1], "to": edges[1:], "count": counts})
@@ -79,7 +79,8 @@ def nearest_distances(frame: NDArray[np.int64], places: Floats, ends: Ends | Non
     places : (R, 2) float64
         Positions [m].
     ends : Ends or None
-        Ends of a periodic floor, which are the same place.
+        Ends of a periodic floor, which are the same place. The row itself, one length away, counts as another one
+        there.
     """
     if len(frame) < 2:
         return np.full(len(frame), np.inf)

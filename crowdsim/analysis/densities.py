@@ -46,7 +46,7 @@ class Measured(NamedTuple):
     table : pandas.DataFrame
         A row for each area and frame in which it is not empty: area, time [s], density_classic, density_voronoi,
         density [1/m2], speed_classic, speed_voronoi, speed [m/s]. The classic density is that of centers in the area;
-        density and speed are classic below LEAST_VORONOI, else of Voronoi cells.
+        density and speed are classic if that is below LEAST_VORONOI or no cell is known, else of Voronoi cells.
     frames : int
         Number of frames that were looked at, also those in which all areas were empty.
     sentences : tuple of str
@@ -211,7 +211,8 @@ def _in_words(speed: float) -> str:
 def _by_density(rows: pandas.DataFrame) -> list[dict[str, Any]]:
     """Return count and quantiles of the speed by density, in steps of 0.25 /m2, with the measured band of people.
 
-    ``rows`` are those of one area. Densities below the first step count as it, those of no known speed not at all.
+    ``rows`` are those of one area. Densities below the first step count as it, those of no known speed not at all. The
+    band is None outside of the densities at which people were measured.
     """
     density, least, most = np.array(ONE_WAY_SPEEDS).T
     steps = np.maximum(np.round(rows["density"].to_numpy() / 0.25), 1.0) * 0.25

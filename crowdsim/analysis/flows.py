@@ -33,7 +33,7 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
     sentences, parts, intervals = [], [], {}
     for line_name, place in places.lines.items():
         line = place.shape
-        # First crossing of each stretch of a track, in the time in which this line is measured.
+        # The first crossing of each stretch of a track, if it is in the time in which this line is measured.
         crossings = crossing_frames(tracks, line)
         crossings = crossings[place.during(tracks.time(crossings["frame"].to_numpy()))]
         times = tracks.time(crossings["frame"].to_numpy())

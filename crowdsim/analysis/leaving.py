@@ -113,8 +113,9 @@ _MEASURED = {"travel_time": "travel time [s]", "way": "way [m]", "detour": "deto
 def characters(tracks: Tracks) -> pandas.DataFrame:
     """Return a row for each agent that came: agent, group, entered, arrived, travel_time, way, detour, waiting.
 
-    Times are in seconds and ways in meters; detour is the way divided by the straight line between its ends. All ends
-    with the arrival; nan for what is unknown.
+    Times are in seconds and ways in meters. Waiting is the time in which it was slower than SLOW; detour is the way
+    divided by the straight line between its ends, nan if that is shorter than LEAST_WAY. All ends with the arrival; nan
+    for what is unknown.
     """
     recording, table = tracks.recording, tracks.table
     times = recording.agent_times
@@ -127,6 +128,7 @@ def characters(tracks: Tracks) -> pandas.DataFrame:
     moved = [np.diff(along) for along in (x, y)]
     ends = recording.header.ends
     if ends is not None:
+        # Across the ends of a periodic floor, the shorter way counts.
         moved[ends.axis] = ends.shorter(moved[ends.axis])
     counted = same & before[1:]
     count = recording.agent_count

@@ -31,7 +31,7 @@ def write_analysis(analysis: Analysis, folder: Path) -> list[Path]:
     Raises
     ------
     CrowdSimError
-        If the folder or a file cannot be written.
+        If ``folder`` is a file, or its disk is full.
     """
     if folder.exists() and not folder.is_dir():
         raise CrowdSimError(f"cannot write into {folder}: it is no folder; choose another one with -o")

@@ -136,7 +136,7 @@ def individual_speeds(trajectory: pedpy.TrajectoryData) -> pandas.DataFrame:
 
 
 def _usual_rate(recording: Recording) -> int:
-    """Return the largest divisor of the recorded rate up to RATE with which there are at most MOST_ROWS rows."""
+    """Return the largest divisor of the recorded rate up to RATE with which there are at most MOST_ROWS rows, or 1."""
     steps = recording.steps_per_second
     rates = [steps // every for every in range(1, steps + 1) if steps % every == 0 and steps // every <= RATE]
     most = recording.steps * max(recording.most_present, 1)  # rows at the recorded rate, if all were always present
@@ -165,7 +165,10 @@ def _stretches(
 
 
 def _walkable(recording: Recording, table: pandas.DataFrame) -> tuple[Polygon, list[str]]:
-    """Return the part of the free floor in which most rows lie, as PedPy takes one polygon only, and notes."""
+    """Return the part of the free floor in which most rows lie, as PedPy takes one polygon only, and notes.
+
+    Of parts with as many rows, it is the largest.
+    """
     free = recording.walkable()
     parts = polygons_of(free)
     places = table[["x", "y"]].to_numpy()

@@ -140,7 +140,10 @@ def _row(recording: Recording, browser: Any, file: Path) -> dict[str, Any]:
 
 
 def _errors(recording: Recording, page: Any) -> tuple[float, float]:
-    """Return the largest error of tracks, and of joints without a recent switch of level, at some moments [m]."""
+    """Return the largest error of a track's x or y, and of places of joints, at some moments [m].
+
+    Joints of agents that switched their level less than _SETTLED before do not count.
+    """
     track, joints = 0.0, 0.0
     count = min(max(_POSES // max(recording.most_present, 1), 1), _MOMENTS)
     moments: Sequence[float] = np.linspace(0.0, recording.duration, count + 2)[1:-1].tolist()

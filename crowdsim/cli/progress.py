@@ -51,8 +51,9 @@ class Interruption:
     """Context manager that holds back Ctrl-C and SIGTERM until :meth:`heed` raises them.
 
     A KeyboardInterrupt inside a lock, or in a callback of another library, can be lost or leave the lock closed. A
-    second Ctrl-C raises at once, as do all signals while ``waits`` is False. Signals that this process ignores, or that
-    have other handlers, are not touched. ``asked`` is what has come, or None.
+    Ctrl-C after a first signal raises at once, as do all signals while ``waits`` is False. Ctrl-C is left alone if it
+    is ignored or has another handler than Python's own, SIGTERM if it is ignored or its handler is not of Python.
+    ``asked`` is what came last, or None.
     """
 
     def __init__(self, waits: bool = True) -> None:
@@ -78,7 +79,7 @@ class Interruption:
             raise self.asked
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        """Note a signal for the end of the step; raise at once for the second one, or if nothing waits."""
+        """Note a signal for the end of the step; raise at once for a Ctrl-C after another one, or if nothing waits."""
         again = number == signal.SIGINT and self.asked is not None
         asked = Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
         if again or not self.waits:
@@ -107,7 +108,10 @@ class FirstRun:
         self._state = (0, 0, "")
 
     def state(self) -> tuple[int, int, str]:
-        """Return the number of compiled kernels, that of all, and the time left in words, empty if it is unknown."""
+        """Return the number of compiled kernels, that of all, and the time left in words, empty if all are compiled.
+
+        Only those count that a first run compiles and that were missing at first.
+        """
         now = time.monotonic()
         if now - self._looked >= LOOK_SECONDS:
             kept = self._compiled_kernels()
@@ -217,7 +221,7 @@ class RunProgress:
         self._bar.stop()
 
     def maps(self, done: int, nodes: int) -> None:
-        """Show for how many nodes of the motion graph the map is built."""
+        """Show for how many nodes of the motion graph the map is built, until it is for all."""
         self._maps = (done, nodes) if done < nodes else (0, 0)
         self._show()
 

@@ -34,14 +34,18 @@ def tell_summary(summary: dict[str, Any], as_json: bool) -> None:
 
 
 def nobody_arrived(summary: Mapping[str, Any]) -> str | None:
-    """Return why no agent arrived, if a longer run would not help; None if one arrived or was still walking."""
+    """Return why no agent arrived; None if one arrived or made a round, or without such a reason.
+
+    Reasons are that all agents lack a way or wait, with at least one that lacks it, and that none ever appeared. Agents
+    that commands removed or never added do not count.
+    """
     count = summary["characters"] - summary["removed"] - summary["not_added"]
     lost, waiting = summary["unreachable"], summary["waiting"] or 0
     if summary["arrived"] or any(summary["laps"].values()):
         return None
     if lost and len(lost) + waiting >= count:
         return f"no way for {len(lost)} of {count} agents, {waiting} still waited; {next(iter(lost.values()))}"
-    if summary["lowest_foot"] is None:
+    if summary["lowest_foot"] is None:  # no foot was ever there
         return f"no agent appeared within {summary['steps']} steps; check start times and start places"
     return None
 

@@ -50,7 +50,7 @@ class World:
     columns : sequence of Column
         The components, in addition to ``id``.
     capacity : int
-        Rows for which memory is allocated at first; it doubles when they are used up.
+        Rows for which memory is allocated at first, at least 1; it doubles when they are used up.
 
     Raises
     ------
@@ -162,7 +162,7 @@ class World:
         self.count = end
 
     def apply_changes(self) -> None:
-        """Remove and add the rows requested since the last call."""
+        """Remove, then add, the rows requested since the last call; an entity without a row yet is not removed."""
         if self._removing:
             # Close the gaps; the remaining rows keep their order. Records are copied as plain bytes (`opaque`).
             keep = ~np.isin(self.column("id"), np.concatenate(self._removing))

@@ -18,6 +18,7 @@ class Client:
         self._something = asyncio.Event()
         self._something.set()
         self.lost = 0
+        """Number of pictures that were lost."""
 
     def put(self, kind: str, message: str) -> None:
         """Put a message that waits, in place of one of its kind (things or state): only the last one counts."""

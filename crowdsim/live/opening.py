@@ -34,7 +34,7 @@ def pack_opening(simulation: Simulation) -> bytes:
         "scenario": header.scenario_name,
         "rate": header.steps_per_second,
         "first": 0,
-        "steps": 1,
+        "steps": 1,  # so that the viewer's time ends where it begins, until pictures come
         "agents": agents.tolist(),
         "complete": True,
         "behaviors": [{"name": behavior.name, "color": behavior.color} for behavior in header.behaviors],

@@ -70,7 +70,11 @@ def things(simulation: Simulation) -> list[dict[str, Any]]:
 
 
 def _thing(movable: Movable, placing: Placing | None, door: bool) -> dict[str, Any]:
-    """Return a movable for the page: name, whether it is a door and there, and if so top, outline and surface [m]."""
+    """Return a movable for the page: name, and whether it is a door and there.
+
+    If it is there, also [m]: its top, the outline of its convex hull (n, 2), and flat lists of x, y, z: the corners of
+    its triangles, three each, and the ends of its lines, two each.
+    """
     thing: dict[str, Any] = {"name": movable.name, "door": door, "there": placing is not None}
     if placing is None:
         return thing

@@ -68,11 +68,12 @@ class Session:
         self._stopped = stopped
         self._speed = speed
         self._paused = False
-        self._single = False
+        self._single = False  # whether to take one step although it is paused
         self._requests: queue.Queue[tuple[Request, Answer]] = queue.Queue(MOST_WAITING)
         self._columns = picture_columns(simulation.header.motion)
         self._told_state = ""
         self._placings: list[Any] | None = None
+        # When the next step is due [s]; None while the simulation stands.
         self._due: float | None = None
         self._ended = False
 
@@ -83,7 +84,7 @@ class Session:
             self._requests.put_nowait((request, answer))
         except queue.Full:
             answer.set_exception(RequestRefused("too many requests wait; try again"))
-        if self._ended:
+        if self._ended:  # perhaps since the check for room: nothing takes requests any more
             self._refuse_all()
         return answer
 
@@ -112,7 +113,10 @@ class Session:
                 answer.set_exception(RequestRefused(_ENDED))
 
     def _wait(self, simulation: Simulation) -> bool:
-        """Wait until the next step is due, and carry out requests meanwhile; return True at the end of the session."""
+        """Wait until the next step is due, and carry out requests meanwhile.
+
+        Return False if the step is to be taken now, True if the session is to end.
+        """
         self._publish()
         now = time.perf_counter()
         if self._due is not None:

@@ -88,7 +88,7 @@ def tallest_person(recording: Recording, camera: Camera, height: int) -> float:
     # In perspective, nobody is nearer to the eye than the nearest point of the box around the floor.
     low_x, low_y, high_x, high_y = shapely.from_wkt(recording.header.floor).bounds
     nearest = np.clip(camera.eye, [low_x, low_y, 0.0], [high_x, high_y, _PERSON_HEIGHT])
-    distance = max(float(np.linalg.norm(camera.eye - nearest)), 0.1)
+    distance = max(float(np.linalg.norm(camera.eye - nearest)), 0.1)  # the eye may be within the box
     return float(_PERSON_HEIGHT / (2.0 * distance * np.tan(np.radians(FIELD_OF_VIEW) / 2.0)) * height)
 
 
@@ -146,7 +146,7 @@ def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
     """Return the smoothed position (2,) of an agent: the value at ``time`` of a weighted linear fit around it [m].
 
     Weights decrease linearly with the time difference. The result is calm and moves smoothly at any rate of steps.
-    Before the agent appears and after it leaves, the result is the position at which it does.
+    Before the agent appears and after it leaves, the result is that of the moment at which it does.
     """
     stay = recording.stay(agent)
     if stay is None:

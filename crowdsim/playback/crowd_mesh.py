@@ -42,7 +42,7 @@ _FOOT = (0.21, 0.11)
 _SOLE = 0.03
 """Height of the ball of a planted foot [m]."""
 _NO_SHADOW = 0.25
-"""Height above that at which the shadow of a foot has vanished [m]."""
+"""Height above _SOLE at which the shadow of a foot has vanished [m]."""
 
 # Corners of a body's cross-sections, by the number of agents in the picture: with many, fewer corners suffice.
 _SIDES = ((40, 16), (300, 10), (1500, 6), (10**9, 5))
@@ -72,7 +72,7 @@ def attribute_colors(values: NDArray[Any]) -> tuple[Colors, list[tuple[str, str]
     """Return colors (n, 3) of an attribute, and a legend of words or numbers with ``#rrggbb``; gray for no value.
 
     ``values`` (n,) are numbers, with nan for no value, or texts, with "" for none. The legend of numbers holds the
-    least and the greatest.
+    least and the greatest, one entry if they are equal, and 0 if no agent has a value.
     """
     if np.issubdtype(values.dtype, np.number):
         given = values[~np.isnan(values)]
@@ -220,7 +220,7 @@ class CrowdMesh:
             size_of = np.clip(1.0 - height / _NO_SHADOW, 0.0, 1.0)[:, None, None]
             disc = _FOOT[0] * self._shadow[None, :, :1] * along[:, None]
             disc = disc + _FOOT[1] * self._shadow[None, :, 1:] * across[:, None]
-            middle = 0.5 * (heel + ball) + 0.03 * along  # towards the toes, beyond the ball
+            middle = 0.5 * (heel + ball) + 0.03 * along  # further ahead, as the foot reaches beyond its ball
             shadows[:, number * size : (number + 1) * size, :2] = middle[:, None] + size_of * disc
 
 

@@ -62,7 +62,7 @@ def film(
     Raises
     ------
     CrowdSimError
-        If a time, rate or size is invalid.
+        If a time, rate, size, view, agent, coloring or file name is invalid, or the disk is full.
     DrawingUnavailable
         If this machine cannot draw.
     """

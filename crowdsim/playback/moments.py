@@ -13,7 +13,7 @@ _LOOKED_AT = 200
 
 
 def telling_time(recording: Recording) -> float:
-    """Return the time at which most behaviors are visible at once and, among those times, most agents move [s].
+    """Return the time at which moving agents show most behaviors at once and, among those times, most agents move [s].
 
     Among equal times the middle one is taken, because agents are then away from their starts and goals.
     """

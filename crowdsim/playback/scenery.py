@@ -100,7 +100,7 @@ def path_ribbons(paths: Sequence[PlannedPath]) -> tuple[Floats, NDArray[np.int64
 def paths_ahead(paths: Sequence[PlannedPath], x: NDArray[Any], y: NDArray[Any]) -> list[PlannedPath]:
     """Return the rest of each path, from the point nearest to its agent at x, y (N,) [m].
 
-    The positions of absent agents are nan; nothing is left of their paths.
+    Nothing is left of the path of an agent whose position is nan, or of a path of a single point.
     """
     left = []
     for path in paths:
@@ -118,7 +118,10 @@ def paths_ahead(paths: Sequence[PlannedPath], x: NDArray[Any], y: NDArray[Any]) 
 
 
 def contact_shadows(solids: Sequence[SolidRecord], floor: str) -> tuple[FlatMesh, NDArray[np.float64]]:
-    """Return soft shadows on the floor around solids, and the darkness of each of their points, (V,) from 0 to 1."""
+    """Return soft shadows on the floor around solids, and the darkness of each of their points, (V,) from 0 to 1.
+
+    Solids that begin at _SHADOW_REACH above the floor or higher cast none; ``floor`` is WKT, to which shadows are cut.
+    """
     standing = [solid for solid in solids if solid.bottom < _SHADOW_REACH]
     polygons = [part for solid in standing for part in _polygons(solid.footprint, f"solid '{solid.name}'")]
     if not polygons:
@@ -231,7 +234,8 @@ def _corner_lines(polygon: shapely.Polygon, solid: SolidRecord) -> Floats:
 def _sharp_edges(corners: Floats) -> Floats:
     """Return the edges of triangles (T, 3, 3) that a drawing needs, as pairs of points (2L, 3).
 
-    These are the edges of one triangle alone, and those at which two triangles meet at more than 25 degrees.
+    These are the edges of one triangle alone, and those at which triangles meet at more than 25 degrees. As files list
+    corners either way round, a fold by more than 155 degrees counts as flat.
     """
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)

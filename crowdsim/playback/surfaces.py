@@ -30,7 +30,7 @@ def unit(vector: ArrayLike) -> Floats:
 
 
 def loft(centers: ArrayLike, across: ArrayLike, beside: ArrayLike, sides: int, squareness: float = 2.0) -> Surface:
-    """Return the skin over K rings, closed at each end by a fan around the center of the last ring.
+    """Return the skin over K rings, closed at each end by a fan around the center of the ring there.
 
     Parameters
     ----------

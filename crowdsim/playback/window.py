@@ -62,6 +62,8 @@ def window(
 
     Raises
     ------
+    CrowdSimError
+        If a view, agent, size or coloring is invalid.
     DrawingUnavailable
         If there is no display.
     """

@@ -71,6 +71,7 @@ def build_environment(
         reader = read_timetable(keys, site.solids, keys.commands)
         commanded, complaints = reader.timetable(), reader.wrong
     if keys.planner == "collision3d" and commanded.events:
+        # This alone is told: whatever else is wrong with the events goes with them.
         complaints = [(("planner",), "the planner 'collision3d' supports no events; drop them, or use another planner")]
     # Layers of one name cannot be built; the checks across keys complain of them.
     if len({layer.name for layer in keys.bands}) < len(keys.bands):

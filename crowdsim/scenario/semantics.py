@@ -157,6 +157,7 @@ def _times(keys: ScenarioFields) -> list[Complaint]:
     for number, group in enumerate(keys.agents):
         if group.rate is not None:
             for key, time in (("start_time", group.start_time), ("until", group.until or 0.0)):
+                # A source has to begin one step before the end at least, and to end no later than the run.
                 if time > keys.duration - (key == "start_time") / keys.steps_per_second:
                     message = f"the run ends at {keys.duration:g} s, before the source does at {time:g} s"
                     complaints.append((("agents", number, key), message))

@@ -106,7 +106,7 @@ def read_seeds(text: str) -> list[int]:
 
 
 def read_setting(text: str) -> tuple[str, list[str]]:
-    """Return key and values of ``KEY=v1,v2``; commas within brackets and quotes belong to a value."""
+    """Return key and values of ``KEY=v1,v2``, each value once; commas within brackets and quotes belong to a value."""
     key, equals, rest = text.partition("=")
     key = key.strip()
     values, depth, quote, begin = [], 0, "", 0

@@ -15,7 +15,7 @@ from crowdsim.sweeps.points import Point
 from crowdsim.sweeps.running import Keep, Outcome, Runner
 
 TRIES = 3
-"""Number of processes that may die of a point before it counts as failed."""
+"""Number of processes that have died of a point when it counts as failed."""
 
 DIED = "the process died; is there too little memory?"
 

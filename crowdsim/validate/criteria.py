@@ -28,7 +28,7 @@ class Finding(NamedTuple):
     what : str
         Name of the figure.
     value : float
-        Its value; nan or infinite if it is unknown.
+        Its value; nan if it is unknown, infinite if it is a time that never came.
     unit : str
         Its unit.
     least, most : float
@@ -46,7 +46,7 @@ class Finding(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Return whether the figure is within its band; an unknown one is not."""
+        """Return whether the figure is within its band, whose ends belong to it; nan is not."""
         return bool(self.least <= self.value <= self.most)
 
 
@@ -84,7 +84,7 @@ def nobody_in_walls(case: str, source: str) -> Criterion:
 
 
 def on_time(case: str, tolerance: float, source: str) -> Criterion:
-    """Check that every agent sets out at the delay drawn for it [s]."""
+    """Check that every agent sets out at the delay drawn for it, give or take ``tolerance`` [s]."""
 
     def judge(runs: Runs) -> list[Finding]:
         off = np.abs(runs[case].set_out - runs[case].delays).max()
@@ -234,6 +234,7 @@ def speed_at_density(case: str, area: str, bands: Sequence[tuple[float, float, f
     """Check the mean speed in an area [m/s] against the band of the density measured there.
 
     ``bands`` holds density [1/m2], least and greatest speed [m/s], by density; bands in between are interpolated.
+    Below the first and above the last density, their bands count.
     """
     densities, least, most = np.array(bands).T
 

@@ -70,7 +70,7 @@ class Observed(NamedTuple):
         return float(np.inf) if np.isnan(self.left).any() else float(self.left.max())
 
     def times_at(self, line: str, group: str | None = None) -> Floats:
-        """Return (n,) when each agent of a group (None: of all) first crossed a line [s]; nan for never."""
+        """Return (k,) when each of the k agents of a group (None: of all) first crossed a line [s]; nan for never."""
         times = _first_times(self.measured.lines[line], len(self.groups))
         return times if group is None else times[np.array(self.groups) == group]
 

@@ -189,7 +189,7 @@ def _events(text: str) -> Iterator[Event]:
 def _syntax_message(error: MarkedYAMLError) -> str:
     """Return in words what the parser found wrong."""
     problem = shorten(str(error.problem or error.context or "malformed"), 120)
-    if "\\t" in problem:
+    if "\\t" in problem:  # the parser names a tab by these two letters
         return "a tab cannot indent YAML; use spaces"
     context = f" ({shorten(str(error.context), 80)})" if error.context and error.problem else ""
     return f"not YAML: {problem}{context}"
@@ -204,7 +204,7 @@ class _Reader:
         self.problems: list[Problem] = []
 
     def read(self) -> None:
-        """Read all events; there must be exactly one document."""
+        """Read all events; a second document is refused. Without any, the value stays None."""
         documents = 0
         for event in self.events:
             if isinstance(event, DocumentStartEvent):

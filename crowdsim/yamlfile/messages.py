@@ -130,7 +130,7 @@ def _describe(value: Any) -> str:
 
 
 def _bare(annotation: Any) -> Any:
-    """Return ``annotation`` without its metadata and without ``| None``."""
+    """Return ``annotation`` without its metadata and without ``| None``; of other unions, the first type."""
     while True:
         origin = typing.get_origin(annotation)
         if origin is typing.Annotated:

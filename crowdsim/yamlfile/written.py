@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.representer import SafeRepresenter
 
 _WIDTH = 100
+"""Column after which lines are broken [characters]."""
 
 _PLAIN = re.compile(r"[^\W\d_](?:[\w./-]| (?=[\w./-]))*")
 """Text that is written without quotes, unless it is a word such as ``true``. YAML cannot read it as anything else."""
@@ -34,7 +35,7 @@ def written_document(value: Any) -> str:
     """
     yaml = YAML(typ="safe", pure=True)
     yaml.Representer = _Representer
-    yaml.default_flow_style = None
+    yaml.default_flow_style = None  # lists and mappings of scalars alone stand on one line
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.width = _WIDTH
     yaml.allow_unicode = True

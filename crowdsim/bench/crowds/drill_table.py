@@ -140,7 +140,10 @@ def _measured(name: str, results: Sequence[EndlessResult], band: tuple[float, fl
 
 
 def _around() -> list[dict[str, Any]]:
-    """Return the rows of the corner, whose time must lie between those of two straight corridors, and of these two."""
+    """Return the rows of the corner, whose time must lie between those of two straight corridors, and of these two.
+
+    A straight corridor fails if an agent does not arrive.
+    """
     runs = [run_around(seed) for seed in SEEDS]
     names = {"short": "straight, 50 m", "corner": "large crowd around a corner", "long": "straight, 81.4 m"}
     results = {each: [getattr(run, each) for run in runs] for each in names}

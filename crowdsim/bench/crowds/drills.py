@@ -45,13 +45,17 @@ THERE = 0.3
 """Distance from its goal at which an agent of a circle has arrived [m]."""
 
 State = NDArray[Any]
+"""Agents, ROW[n]."""
 Guide: TypeAlias = Callable[[State], None]
-"""Function that sets gx, gy, togo, turn and held of all agents; togo is 0 for those that have arrived."""
+"""Function that sets gx, gy and togo of all agents, 0 for those that have arrived, and may set turn and held."""
 
 
 @cache
 def _needs() -> tuple[Requirements, NDArray[np.float64]]:
-    """Return what the built-in behaviors require of an environment with one layer, and their body radii."""
+    """Return what the built-in behaviors require of an environment with one layer, and the bodies that they prescribe.
+
+    The latter are (n, 2), see :func:`~crowdsim.steering.guidance.field.asked_of`.
+    """
     behaviors = load_behavior_set(list_behaviors(library_folder("behaviors")), [(0.0, 2.0)]).behaviors
     return Requirements.of(behaviors, 1, 0.0), asked_of(behaviors)
 
@@ -83,7 +87,7 @@ class DrillResult:
     acceleration: float
 
     def flow(self) -> float:
-        """Return the rate of arrivals between the first and the last tenth of them [1/s]."""
+        """Return the rate of arrivals between the first and the last tenth of them [1/s]; 0 for fewer than 20."""
         times = np.sort(self.arrived[np.isfinite(self.arrived)])
         few = len(times) // 10
         if len(times) < 20:
@@ -101,7 +105,7 @@ def counterflow(against: int) -> Drill:
 
 
 def door(each: int, width: float) -> Drill:
-    """Return ``each`` people on either side of a door, who want to the other side."""
+    """Return ``each`` people on either side of a door ``width`` [m] wide, who want to the other side."""
     low, high = 4.0 - width / 2, 4.0 + width / 2
     area = union_all([box(0, 0, 7.9, 8), box(7.9, low, 8.1, high), box(8.1, 0, 16, 8)])
     groups = (
@@ -119,7 +123,7 @@ def bottleneck(width: float) -> Drill:
 
 
 def crossing(each: int) -> Drill:
-    """Return two crossing corridors, 4 m wide, walked in all four directions."""
+    """Return two crossing corridors, 4 m wide, walked in all four directions, by ``each`` people in each."""
     area = union_all([box(-14, -2, 14, 2), box(-2, -14, 2, 14)])
     east, west = box(12, -1.7, 13.7, 1.7), box(-13.7, -1.7, -12, 1.7)
     north, south = box(-1.7, 12, 1.7, 13.7), box(-1.7, -13.7, 1.7, -12)
@@ -188,7 +192,7 @@ def walk(
     """Step agents until all have arrived, for at most ``seconds``; an agent that has arrived leaves.
 
     ``guide`` is called before each step: it sets ``gx``, ``gy`` and ``togo`` of all rows, the latter to 0 for those
-    that have arrived. The ``id`` of a row is its index in ``state``, which is changed.
+    that have arrived. The ``id`` of a row is its index in ``state``, which is changed until the first agent leaves.
     """
     arrived = np.full(len(state), np.nan)
     changes = []

@@ -34,7 +34,7 @@ STEPS = 60
 """Steps that are timed by stage, and as many again that are timed as a whole."""
 
 SETTLING = 360
-"""Largest number of steps before, until nearly all agents have appeared and a second has passed."""
+"""Largest number of steps before, until nearly all agents have appeared and two seconds have passed."""
 
 STAGES = (
     *("react", "spawn", "choose", "animate", "despawn", "hash", "record", "measure", "submit"),

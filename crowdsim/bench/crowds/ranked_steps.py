@@ -52,6 +52,8 @@ def main(scenario: str) -> None:
     ``step_ms`` is the median of a step. ``run_ms`` is the time of a step from the first one counted until the recording
     is written, which several processes join of their parts at the end. ``work_ms`` is the CPU time of the busiest
     process in the same time, without its calls of MPI: on a busy machine it says more than times of a clock.
+    ``exchange_ms`` is the median time of the exchange of ghosts in rank 0, ``sent_kb`` what the process that sends most
+    sends in a step, a mean.
     """
     comm = CountedCalls(world_of_ranks())
     loaded = load_scenario(scenario)
@@ -83,6 +85,7 @@ def main(scenario: str) -> None:
             summary = run.run(file, progress)
             sent = run.ranks.sent
     ended = time.perf_counter()
+    # Entry k of marks and work is the end of step k, from 1 on. The last entry of exchanged is of no step.
     counted = marks[_SETTLES:]
     most_work = max(comm.allgather((comm.work() - work[_SETTLES]) / (len(counted) - 1)))
     most_sent = max(comm.allgather(sent))

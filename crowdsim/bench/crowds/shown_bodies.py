@@ -23,7 +23,7 @@ FRAMES_A_STEP = 3
 """Frames between two steps, at 30 frames per second."""
 
 STEPS = 60
-"""Number of timed steps, after as many that are not timed."""
+"""Number of timed steps, after twice as many that are not timed: half of these without bodies, half with them."""
 
 
 def frames_a_second(simulated: int, posed: int) -> float:

@@ -98,9 +98,9 @@ class Samples:
         self.memory: list[float] = []
         """Of each window [MB]."""
         self.seconds: list[float] = []
-        """Median of the steps of each window."""
+        """Median time of the steps of each window [s]."""
         self.cpu: list[float] = []
-        """CPU time of a step, of all threads, mean of each window: on a machine shared with others the steadier one."""
+        """CPU time of a step, of all threads, mean of each window [s]; steadier on a machine shared with others."""
 
     def add(self, step: int, steps: int, simulation: Simulation) -> None:
         """Add the step that has just ended; callback of ``Simulation.run``, whose arguments are not needed.

@@ -88,7 +88,7 @@ def _step_times(agents: int, density: float, steps: int, threads: int) -> float:
 
 
 def _stage_times(agents: int, density: float, steps: int) -> np.ndarray:
-    """Return the time of each stage for each agent (steps, 4) [us]: sort, look, decide, commit."""
+    """Return the time of each stage for each agent (steps - 3, 4) [us]: sort, look, decide, commit."""
     state, side = open_square(agents, density)
     walls = build_walls([])
     times = []

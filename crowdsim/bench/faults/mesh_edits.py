@@ -53,7 +53,10 @@ def edit_at_random(seed: int, steps: int = STEPS) -> int:
 
 
 def _ground(kind: str, rng: np.random.Generator) -> shapely.Polygon | shapely.MultiPolygon:
-    """Return a walkable area of a kind with up to five holes; one is left out if it takes half of the area."""
+    """Return a walkable area of a kind of GROUNDS.
+
+    All but the apartment have up to five random holes; one that takes half of what is left, or more, is left out.
+    """
     if kind == "apartment":
         return _apartment()
     area: Any = shapely.box(0, 0, _LATTICE, _LATTICE) if kind == "lattice" else shapely.box(0.0, 0.0, _ROOM, _ROOM)

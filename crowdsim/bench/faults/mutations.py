@@ -26,8 +26,8 @@ _TOKENS = (
 def mutated(content: bytes, rng: np.random.Generator, text: bool = False) -> bytes:
     """Return ``content`` with one to four faults: bytes changed, parts lost, doubled or zeroed, the end cut off.
 
-    In ``text``, numbers and words are replaced, too. Every other text gets one other number alone, so that only its
-    meaning can be refused, not its syntax.
+    In ``text``, numbers and words are replaced, too. Half of all texts, at random, get one other number alone, so that
+    mostly their meaning can be refused, not their syntax.
     """
     # Kinds: 0 changes up to eight bytes, 1 cuts off the end, 2 loses a part, 3 doubles it, 4 zeroes it, 5 replaces a
     # word, 6 a number. A part has up to 64 bytes.
@@ -62,7 +62,7 @@ def mutated(content: bytes, rng: np.random.Generator, text: bool = False) -> byt
 
 
 def mutate_parts(path: Path, rng: np.random.Generator) -> None:
-    """Give one to three datasets of an HDF5 file another type, another shape, or values of any size."""
+    """Delete one to three datasets of an HDF5 file, or give them another type, another shape, or values of any size."""
     with h5py.File(path, "r+", locking=False) as file:
         names: list[str] = []
         file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
@@ -79,6 +79,7 @@ def _mutate_part(file: h5py.File, name: str, rng: np.random.Generator) -> None:
     if kind == 0:
         del file[name]
         return
+    # Scalars, texts and empty ones are replaced by something of another kind, without the attributes.
     if not isinstance(values, np.ndarray) or values.dtype == object or values.size == 0:
         del file[name]
         file[name] = ("nan", 7, [1.5, 2.5], [["a"]])[int(rng.integers(4))]

@@ -64,7 +64,9 @@ def run_cases(case: str, numbers: Sequence[int], seconds: float = 60.0) -> Tally
 
 
 def _run_child(module: str, name: str, numbers: list[int], seconds: float, tally: Tally) -> int:
-    """Run cases until one hangs or crashes; return how many were run.
+    """Run cases until one hangs or crashes; return how many were run, that one included.
+
+    Raise RuntimeError if the child ends between two cases.
 
     The child prints a line before each case, so that a crash in it (``begun``) differs from one between cases, and one
     with its outcome.

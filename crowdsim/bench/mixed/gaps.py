@@ -18,7 +18,7 @@ TIMES = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Times within a step at which gaps are measured, as parts of the step."""
 
 FAR = 1.0
-"""Gap beyond which pairs are ignored [m]; also the result if all pairs are farther apart."""
+"""Distance between the centers of two bodies beyond which they are ignored [m]; also the largest gap that is told."""
 
 KINDS = ("steered_steered", "steered_captured", "captured_captured")
 
@@ -100,6 +100,7 @@ class LeastGaps:
         """
         middles = 0.5 * (segments[:, :2] + segments[:, 2:4])
         longest = 0.5 * float(np.hypot(*(segments[:, 2:4] - segments[:, :2]).T).max())
+        # Between the middles at a gap of FAR: that gap, half of the longest piece, and less than FAR for both bodies.
         reach = longest + 2.0 * FAR
         near = cKDTree(np.column_stack((steered["x"], steered["y"]))).query_ball_point(middles, reach)
         piece = np.repeat(np.arange(len(near)), [len(each) for each in near])
@@ -113,7 +114,7 @@ class LeastGaps:
 def between(before: NDArray[Any] | None, rows: NDArray[Any], part: float) -> NDArray[Any]:
     """Return bodies (ROW) interpolated from the rows ``before`` to those one step later; without new ones.
 
-    ``part`` is the share of the step, 0 to 1. Radii are those of the later step.
+    There are none if ``before`` is None. ``part`` is the share of the step, 0 to 1. Radii are those of the later step.
     """
     if before is None:
         return rows[:0]

@@ -28,7 +28,7 @@ class Bar:
     captured: float | None = None
     """Least share of the way that is captured."""
     stood: float | None = None
-    """Largest share of the time on the way that agents stand."""
+    """Largest share of the time that agents stand on their way."""
     times_alone: float | None = None
     """Largest mean time, as a multiple of the time when alone."""
 

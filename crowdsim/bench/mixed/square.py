@@ -63,7 +63,7 @@ def draw_square(count: int, density: float, seed: int) -> Square:
     places = scatter(rng, count, (OFF_EDGE, OFF_EDGE, side - OFF_EDGE, side - OFF_EDGE), APART)
     ways = np.arange(count) % 4  # east, west, north, south
     ahead = np.where(ways % 2 == 0, side - places[np.arange(count), ways // 2], places[np.arange(count), ways // 2])
-    # An agent in the strip of its goal side gets the opposite side.
+    # `ahead` is the distance to the goal side. An agent in its strip, or within a meter of it, gets the opposite side.
     ways = np.where(ahead < deep + 1.0, ways ^ 1, ways)
     along = np.where(ways < 2, places[:, 1], places[:, 0])
     number = ways * PIECES + np.clip((along / side * PIECES).astype(np.int64), 0, PIECES - 1)

@@ -50,7 +50,7 @@ class MixedResult:
     captured : float
         Share of the way that was walked captured.
     stood : float
-        Share of the time on the way in which agents were slower than 0.1 m/s.
+        Share of the time in which agents were there that they were on the way and slower than 0.1 m/s.
     gap : float
         Smallest gap between bodies [m], at most CENTER_LIMIT.
     agent_steps : int

@@ -80,13 +80,15 @@ def measure(
     trials : int
         Number of paths; a tenth of them for standard graphs.
     entries : sequence of int
-        Sizes of maps to try with a fifth of the trials; maps as in runs come last, with all trials.
+        Sizes of maps to try with a fifth of the trials; maps as in runs come last, with all trials. For standard graphs
+        they are those of STANDARD_ENTRIES up to the largest of these.
     beside : int
-        Number of trials that are also searched with A*.
+        Number of trials that are also searched with A*; a quarter of it for standard graphs.
     astar_budget : int
-        Largest number of nodes that A* expands.
+        Largest number of nodes that A* expands; a tenth of it for standard graphs.
     depth : dict or None
-        Size arguments of :meth:`MotionMaps.build`, measured instead of ``entries`` and the maps of runs.
+        Size arguments of :meth:`MotionMaps.build`, measured instead of ``entries`` and the maps of runs; then without
+        standard graphs.
     """
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}

@@ -172,7 +172,10 @@ def _search_all(
 def _row(
     graph: str, number: int, place: _Environment, name: str, found: list[tuple[SearchResult, float]], common: list[int]
 ) -> dict[str, Any]:
-    """Return the row of a search; means are over the queries in ``common``, which all searches solved."""
+    """Return the row of a search; means are over the queries in ``common``.
+
+    These are solved by the same kind of test with and without bending, but not all of them to 1 cm.
+    """
     means = _means([found[i] for i in common])
     bent = [result.gap * 1e3 for result, _ in found if result.bent]
     return {

@@ -172,6 +172,7 @@ def measure_reach(table: _Table, name: str, prepared: Prepared) -> None:
             what = f"reached at {radius:.2f} m, piece {number + 1}"
             table.add(name, what, piece.area, "m2", f"{bar:g} +-3 %" if bar else "none", close)
         table.add(name, f"pieces at {radius:.2f} m", len(pieces), "", str(len(expected)), len(pieces) == len(expected))
+        # The floor is enlarged by the radius, as its outline is no obstacle.
         labels = _labels(NavMesh(polygons_only(floor.buffer(radius).difference(obstacles))), pieces, radius)
         # Each piece must lie in one component, no place of it off the mesh (-1), and no two pieces in the same.
         agree = all(len(own) == 1 and -1 not in own for own in labels) and len(set.union(*labels)) == len(pieces)

@@ -206,7 +206,10 @@ def _found(mesh: NavMesh, start: Floats, goal: Floats, radius: float) -> Any:
 
 
 def _violations(where: BenchMap, paths: Paths, found: NDArray[np.int64]) -> int:
-    """Return the number of paths that come closer than the radius to an obstacle, computed with shapely."""
+    """Return the number of paths that begin outside of the area, or come closer than the radius to its boundary.
+
+    It is computed with shapely.
+    """
     boundary = where.area.boundary
     shapely.prepare(boundary)
     lines = [shapely.LineString(paths[int(i)].points) for i in found]

@@ -72,8 +72,9 @@ def needs_of(ground: Ground) -> Requirements:
 
 
 def random_paths(ground: Ground, count: int, seed: int, least: float = 2.0) -> list[AnnotatedPath]:
-    """Return random paths with ``count`` sections or a few more, at least ``least`` meters long.
+    """Return random paths with ``count`` sections or a few more; fewer if 20 tries a section do not give them.
 
+    The ends of a path are ``least`` meters apart or more.
     An upright behavior fits at both ends; planners alternate, as do plans with and without the margin for motions.
     """
     need = needs_of(ground)

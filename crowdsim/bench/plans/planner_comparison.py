@@ -139,7 +139,8 @@ def random_queries(ground: Ground, count: int, seed: int) -> list[Floats]:
 def compare(ground: Ground, count: int, seed: int = 1) -> tuple[Floats, NDArray[np.bool_]]:
     """Return costs (n, 2) of layered and greedy_literal for up to ``count`` queries that the second answers.
 
-    Also return (n,) whether that answer uses the widest behavior alone.
+    Those of layered are infinite where it finds no path. Also return (n,) whether the second's path uses the widest
+    behavior alone.
     """
     # Some queries have no answer: try three times as many as are wanted.
     costs, wide = [], []

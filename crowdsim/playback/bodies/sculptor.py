@@ -115,7 +115,10 @@ class _Sculptor(BodyParts):
         return Trunk(centers[:, 2], centers[:, :2], depth, breadth, 2.3), surface
 
     def tube(self, points: Floats, radii: Floats) -> Surface:
-        """Return a tube of ``radii`` (K,) along ``points`` (K, 3) [m], bent in planes that hold X, with round ends."""
+        """Return a tube of ``radii`` (K,) along ``points`` (K, 3) [m] with round ends.
+
+        One axis of its sections is as near to X as can be, so no piece of it may run along X.
+        """
         # As `surfaces.limb`, but with a direction at each point: the mean of those of the pieces before and after it.
         ways = np.diff(points, axis=0)
         along = unit(np.concatenate([ways[:1], unit(ways[:-1]) + unit(ways[1:]), ways[-1:]]))

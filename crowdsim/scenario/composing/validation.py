@@ -63,7 +63,7 @@ def validated(
 
 
 def _command_complaints(keys: ScenarioFields, environment: Environment) -> list[Complaint]:
-    """Return what is wrong with the commands about agents."""
+    """Return what is wrong with the commands about agents, in the order of their times."""
     complaints: list[Complaint] = []
     called = Called(keys)
     for number, command in sorted(enumerate(keys.commands), key=lambda each: each[1].at):
@@ -75,5 +75,5 @@ def _command_complaints(keys: ScenarioFields, environment: Environment) -> list[
 
 
 def refuse(problems: Iterable[Problem]) -> NoReturn:
-    """Raise ScenarioError with ``problems`` in the order of the file."""
+    """Raise ScenarioError with ``problems`` in the order of the file; those without a line go first."""
     raise ScenarioError(sorted(problems, key=lambda p: (p.line is not None, p.line or 0, p.column or 0)))

@@ -106,7 +106,8 @@ def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple
     """Draw when and where each agent starts, and where it goes.
 
     Agents that start in the same step get places beside each other: at random if there is room (parties together),
-    else in rows that face their first goal. Each group draws from its own streams of the scenario's seed.
+    else in rows that face their first goal; but without room, those of a source or on call get places that overlap, and
+    wait until theirs is free. Each group draws from its own streams of the scenario's seed.
 
     Returns
     -------
@@ -175,6 +176,7 @@ class _Drawing:
 
     def placement(self) -> CrowdPlacement:
         """Return the placement of all groups drawn so far."""
+        # A part is what add_group has drawn: starts, headings, start steps, walkers and spots of a group.
         counts = [len(part[0]) for part in self._parts]
         most = max((part[4].shape[1] for part in self._parts), default=1)
         spots = np.full((sum(counts), most, 2), np.nan)
@@ -204,7 +206,10 @@ class _Drawing:
     def _draw_starts(
         self, number: int, group: AgentGroup, steps: NDArray[np.int64], walkers: Walkers
     ) -> tuple[Floats | None, Floats]:
-        """Return start positions (n, 2) [m], None if there is no room, and headings (n,) [rad]."""
+        """Return start positions (n, 2) [m] and headings (n,) [rad], nan for the direction of the path.
+
+        Without room, record a complaint and return None for the positions.
+        """
         count = len(steps)
         region = group.start.shape()
         headings = np.full(count, np.nan)
@@ -245,7 +250,11 @@ class _Drawing:
         return starts, headings
 
     def _draw_spots(self, number: int, group: AgentGroup, count: int, walkers: Walkers) -> Floats | None:
-        """Return places (n, k, 2) in the k goals [m], nan if an agent needs none; None if there is no room."""
+        """Return places (n, k, 2) in the k goals [m], nan if an agent needs none.
+
+        Without room, record a complaint and return None. All exits of a group count as one goal, the last, in which no
+        agent needs a place.
+        """
         regions = self.keys.regions(number)
         spots = np.full((count, len(regions) + (group.exits is not None), 2), np.nan)
         for exit_number in self.keys.exits_of(group):
@@ -263,10 +272,12 @@ class _Drawing:
             if room is None:
                 return None
             stays = last and group.on_arrival == "stay"
+            # Agents wait at the last goal too if another round may follow.
             stands = stays or (group.wait > 0.0 and (not last or group.rounds != 1))
             # Steered agents that only pass need no place of their own; captured motion always leads to one.
             if not stands and group.level == "steered":
                 continue
+            # The first goal uses the same stream as a single goal, so that adding goals does not move it.
             generator = self._generator(number, _GOAL_STREAM, *([k] if k else []))
             if not stays:
                 # Nobody stays here: the places need no distance from each other.

@@ -51,7 +51,8 @@ class Itinerary(NamedTuple):
     stand_within : float
         Distance from its place within which an agent comes to stand [m].
     exits : (e,) int32
-        Indices of the exits to choose from, of which the last goal is the first; empty if there is no choice.
+        Indices, among all goals, of the exits to choose from; the last of ``goals`` is the first of them. Empty if the
+        group has no exits.
     choice : str
         How an exit is chosen: ``nearest``, ``quickest`` or ``assigned``; empty without exits.
     """
@@ -148,7 +149,7 @@ class Destinations:
     def assign(
         self, group: AgentGroup, itinerary: Itinerary, count: int, generator: np.random.Generator
     ) -> NDArray[np.int32]:
-        """Return the exit (count,) of each agent if exits are assigned by shares, else NONE.
+        """Return the goal index (count,) of each agent's exit if exits are assigned by shares, else NONE.
 
         The order is random; all members of a party get the same exit.
         """

@@ -100,7 +100,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
     Returns
     -------
     placement : Placement
-        Without the agents that found no place.
+        To be used only without complaints: else starts are missing, and goals without a place are nan.
     complaints : list of Complaint
         Every region that is off the floor, blocked, or too full.
     """

@@ -33,7 +33,7 @@ class Walkers(NamedTuple):
 
 
 def mean_speed(keys: ScenarioFields) -> float | None:
-    """Return the mean walking speed of the agents of all groups that give a ``speed`` [m/s]; None if none does.
+    """Return the mean walking speed of the agents of all groups that give a ``speed`` [m/s]; None without such agents.
 
     It does not depend on the seed: of a source, the expected number of agents counts.
     """

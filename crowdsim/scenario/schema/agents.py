@@ -248,6 +248,7 @@ class AgentGroup(Part):
         regions = self.regions()
         if not regions:
             return
+        # At the last goal, agents stay, or wait for the next round.
         stands = [self.wait > 0.0] * len(regions)
         stands[-1] = self.on_arrival == "stay" or (self.wait > 0.0 and self.rounds != 1)
         if "stand_within" in self.model_fields_set and not any(stands):
@@ -265,7 +266,10 @@ class AgentGroup(Part):
 
     @property
     def level(self) -> str:
-        """Return the ``locomotion``; steered instead of ``auto`` if captured motion cannot reach the group's goals."""
+        """Return the ``locomotion``; steered instead of ``auto`` for exits, endless ways and parties.
+
+        Captured motion serves none of these.
+        """
         endless = any(goal.along is not None for _, goal in self.regions())
         steers = self.exits is not None or endless or self.together > 1
         return "steered" if self.locomotion == "auto" and steers else self.locomotion
