@@ -199,7 +199,8 @@ def derive_floor(
             levels = sorted([_standing(solids, ground, report), *levels], key=lambda level: level.height)
     if height is None:
         levels = one_storey(levels, solids, report)
-        large = _large(levels, extent)
+        # If the only large level was a ceiling, the others count.
+        large = _large(levels, extent) or levels
         most = max(level.surface.area for level in large)
         chosen = next(level for level in large if level.surface.area >= 0.5 * most)
     else:

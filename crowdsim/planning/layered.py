@@ -122,11 +122,12 @@ def _by_areas(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArra
                 if ends[k] is None:
                     return np.empty((0, 2))
         try:
-            pieces += [legs.find_path(np.array([at, ends[0]]))] if first > 0 else []
-            pieces.append(wide.find_path(np.array(ends)))
+            run = [legs.find_path(np.array([at, ends[0]]))] if first > 0 else []
+            run.append(wide.find_path(np.array(ends)))
         except PathNotFound:
             # This run is left to the legs' path that comes next.
             continue
+        pieces += run
         at = ends[1]
     # Narrower behaviors up to the goal.
     if (at != query.ends[1]).any():

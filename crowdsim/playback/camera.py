@@ -167,6 +167,7 @@ def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
     first, second = float(weights @ off) / weights.sum(), float(weights @ (off * off)) / weights.sum()
     if second - first * first > 1e-6:
         weights = weights * (second - first * off)
-    places = np.stack([recording.x[rows, agent], recording.y[rows, agent]]).astype(np.float64)
+    # Positions are nan while the agent is absent, which has no weight.
+    places = np.where(here, np.stack([recording.x[rows, agent], recording.y[rows, agent]]), 0.0).astype(np.float64)
     mean: Floats = places @ weights / weights.sum()
     return mean

@@ -122,8 +122,8 @@ def arc_violations(m, points, radius):
         straight[1, 0] = points[last, 0]
         straight[1, 1] = points[last, 1]
         length = hypot(straight[1, 0] - straight[0, 0], straight[1, 1] - straight[0, 1])
-        # Repeated points add nothing: no arc leads from a point to itself.
-        if length == 0.0 and points.shape[0] > 2:
+        # Repeated points add nothing, as no arc leads from a point to itself, unless all points are equal.
+        if length == 0.0 and (i + 2 < points.shape[0] or start > 0.0):
             continue
         if length == 0.0 or abs(points[i, 2]) < FLAT:
             found = violations(m, straight, radius)

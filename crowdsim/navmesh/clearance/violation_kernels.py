@@ -227,8 +227,8 @@ def violations(m, points, radius):
         if length > 0.0:
             ux /= length
             uy /= length
-        # Repeated points of a polyline add nothing. (One of three or more equal points has no piece at all.)
-        elif points.shape[0] > 2:
+        # Repeated points of a polyline add nothing, unless all are equal: then the last two count as a single point.
+        elif i + 2 < points.shape[0] or start > 0.0:
             continue
         # A single point gets any direction.
         else:

@@ -106,13 +106,15 @@ def shape_of(geometry: Any) -> Dots | Shape:
 def as_geometry(shape: Shape) -> BaseGeometry:
     """Return the geometry that ``shape`` covers; its rings may touch, but not cross each other.
 
-    What lies inside of a clockwise ring, a hole, is left out, also rings in it.
+    A clockwise ring is a hole; a counter-clockwise one in it is filled again.
     """
     parts = np.split(shape.points, shape.ends[:-1])
     if shape.winding == 0:
         return shapely.GeometryCollection(
             [shapely.LineString(part) if len(part) > 1 else shapely.Point(part[0]) for part in parts]
         )
-    rings = [shapely.Polygon(part) for part in parts]
-    shells = [ring for ring in rings if ring.exterior.is_ccw]
-    return shapely.union_all(shells).difference(shapely.union_all([ring for ring in rings if not ring.exterior.is_ccw]))
+    # From the largest ring to the smallest: what lies in another ring comes after it.
+    covered: BaseGeometry = shapely.Polygon()
+    for ring in sorted((shapely.Polygon(part) for part in parts), key=lambda ring: -ring.area):
+        covered = covered.union(ring) if ring.exterior.is_ccw else covered.difference(ring)
+    return covered

@@ -35,20 +35,19 @@ def _widen(string, radius):
     """Give the discs of a taut string the given radius, close to their old one, and the coarse bulge.
 
     Return True if all tangents exist and the string still turns around each disc on the disc's side, up to rounding; a
-    turn of more than half a circle counts as one to the other side. If False, the nodes behind the first at which it is
-    not so are left as they were.
+    turn of more than half a circle counts as one to the other side.
     """
-    ax = 0.0
-    ay = 0.0
     for i in range(string.size):
         string[i].bulge = COARSE
         string[i].q = math.copysign(radius, string[i].q) if string[i].vertex >= 0 else 0.0
-        if i > 0:
-            exists, bx, by = tangent(string[i - 1], string[i])
-            if not exists or string[i - 1].q * (ax * by - ay * bx) < -1e-6 * radius:
-                return False
-            ax = bx
-            ay = by
+    ax = 0.0
+    ay = 0.0
+    for i in range(1, string.size):
+        exists, bx, by = tangent(string[i - 1], string[i])
+        if not exists or string[i - 1].q * (ax * by - ay * bx) < -1e-6 * radius:
+            return False
+        ax = bx
+        ay = by
     return True
 
 
