@@ -63,7 +63,7 @@ def choose(
     rate : float or None
         Frames per second, a divisor of the recording's steps per second; by default all steps.
     start, end : float or None
-        Times of the first and the last frame [s]; by default those of the recording.
+        Times from the first to the second of which frames are taken [s]; by default all of the recording.
     agents : str or None
         Agent numbers and group names separated by commas, or one name that contains commas; by default all agents.
 

@@ -71,7 +71,7 @@ def export(
     recording : Recording
         Recording to export.
     file : str or path
-        File to write.
+        File to write; for a format with ``folders``, a folder if it is one or the name has no suffix.
     kind : str or None
         Name of the format, by default the suffix of ``file``.
     rate, start, end, agents

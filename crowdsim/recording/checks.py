@@ -283,7 +283,10 @@ def check_place(header: RecordingHeader) -> None:
 def check_paths(
     counts: NDArray[Any], agents: NDArray[Any], points: NDArray[Any], header: RecordingHeader
 ) -> NDArray[np.int64]:
-    """Return where the points of each path end; raise RecordingError if the columns of paths contradict each other."""
+    """Return where the points of each path end (p,); raise RecordingError if the columns contradict each other.
+
+    counts, agents: (p,) number of points, and agent, of each path. points: (n, 2) of all paths, one after the other.
+    """
     whole = all(np.issubdtype(values.dtype, np.integer) for values in (counts, agents))
     fits = whole and np.all(counts >= 0) and int(counts.sum()) == len(points) and points.shape[1:] == (2,)
     _require(fits and _within(agents, 0, header.agents.count), "paths do not fit each other")

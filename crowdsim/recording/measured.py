@@ -105,7 +105,7 @@ def read_measured(file: h5py.File) -> Measured:
 
 
 def flow_of(times: NDArray[np.float64]) -> float | None:
-    """Return the flow [1/s] of crossings at ascending times [s], None for few crossings.
+    """Return the flow [1/s] of crossings at ascending times [s], None for few crossings, or such at one time.
 
     It is counted between the first and the last tenth of the crossings, without the few that come early or late.
     """

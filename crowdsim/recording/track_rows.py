@@ -31,7 +31,7 @@ class TrackRows(NamedTuple):
     x, y, heading : (R,) float32
         Track pose [m], [rad].
     behavior : (R,) int8
-        Index into the header's behaviors.
+        Index into the header's behaviors, -1 for none.
     state : (R,) int8
         An AgentState, never ABSENT.
     """
@@ -131,7 +131,7 @@ def all_rows(blocks: Iterator[TrackRows]) -> TrackRows:
 
 
 def track_frame(recording: RecordedFile, rows: TrackRows, rate: float) -> pandas.DataFrame:
-    """Return ``rows`` as a pandas frame; raise RecordingError if pandas, which is optional, is missing."""
+    """Return ``rows``, at ``rate`` frames per second, as a pandas frame; raise RecordingError if pandas is missing."""
     try:
         import pandas
     except ImportError:

@@ -74,7 +74,10 @@ class _Parts:
         self._add(role, np.array([low, high]), across, beside, what)
 
     def limb(self, role: str, start: ArrayLike, end: ArrayLike, radii: tuple[float, ...], what: int) -> None:
-        """Add prisms from ``start`` to ``end``, with ``radii`` [m] at even distances, to the joint of ``role``."""
+        """Add prisms of tissue ``what`` from ``start`` to ``end`` (3,) [m] to the joint of ``role``.
+
+        radii: half axes of the circles through the corners of cross-sections at even distances [m].
+        """
         start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
         along = unit(end - start)
         # Any axis that is not nearly parallel gives the two directions (u, v) of a cross-section.

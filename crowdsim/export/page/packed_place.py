@@ -35,7 +35,7 @@ def pack_place(block: Block, recording: Recording, chosen: Chosen) -> dict[str, 
 def pack_scenery(
     block: Block, header: RecordingHeader, moving: NDArray[np.float64] | None = None
 ) -> dict[str, list[float]]:
-    """Add floor and obstacles that never move to the block.
+    """Add the floor with its grid, and obstacles that never move, to the block.
 
     Obstacles up to :data:`TALL` and taller ones are separate meshes, ``low`` and ``tall``: tall ones are drawn as
     glass, so that they do not hide agents. Return the bounds (low, high) of all of them and the points ``moving``
@@ -74,9 +74,13 @@ def _add_mesh(block: Block, name: str, mesh: FlatMesh) -> None:
 
 
 def _pack_movables(block: Block, recording: Recording, chosen: Chosen) -> NDArray[np.float64]:
-    """Add every footprint that a movable ever has, with the steps at which it begins and ends; return all corners."""
+    """Add every footprint that a movable has in the page, and its first step and the one after its last.
+
+    Steps count from the first of the page. Return the corners (n, 3) of all triangles [m].
+    """
     header, last = recording.header, chosen.first + chosen.steps
     shown: list[tuple[SolidRecord, int, int]] = []
+    # Step and footprint (None if it is absent) of the last change so far of each movable; one shows it up to the next.
     since: dict[int, tuple[int, str | None]] = {}
     for change in recording.changes:
         _close(shown, header.movables, since, change.movable, change.step)
@@ -109,7 +113,10 @@ def _close(
     movable: int,
     end: int,
 ) -> None:
-    """Add to ``shown`` the footprint that a movable has had until step ``end``, if it had one."""
+    """Add to ``shown`` the footprint that a movable has had until step ``end``, if it had one.
+
+    since: step and footprint of the last change of each movable.
+    """
     begin, footprint = since.get(movable, (0, None))
     if footprint is not None and end > begin:
         solid = movables[movable]
@@ -153,6 +160,7 @@ def pack_paths(block: Block, recording: Recording, chosen: Chosen) -> int:
 def density_cells(bounds: dict[str, Any]) -> dict[str, Any]:
     """Return size and number of the cells of the density map; they are enlarged until there are few enough."""
     low, high = np.array(bounds["low"][:2]), np.array(bounds["high"][:2])
+    # One more along each axis than fit, for agents at the very end.
     cell = CELL
     while np.prod(np.ceil((high - low) / cell) + 1.0) > _MOST_CELLS:
         cell *= 2.0

@@ -110,10 +110,10 @@ def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> PackedS
 def pack_switches(block: Block, recording: Recording, chosen: Chosen) -> None:
     """Add the switches between captured and steered to the block, and the times at which feet then lift and land.
 
-    The five times of a switch are counted from it in units of 1 / _FEET s: until when each foot keeps its place (left,
-    right), when it has lost its offset (left, right), and when the agent disappears, 0 if it stays. Bits of the
-    flags: 1 for a switch to steered, 2 and 4 for a left and a right foot that takes a small step of its own, because
-    the body stands.
+    They are those that are shown after the first step of the page and before its end. The five times of a switch are
+    counted from it in units of 1 / _FEET s: until when each foot keeps its place (left, right), when it has lost its
+    offset (left, right), and when the agent disappears, 0 if it stays. Bits of the flags: 1 for a switch to steered, 2
+    and 4 for a left and a right foot that takes a small step of its own, because it is not seen to lift.
     """
     switches = recording.switches
     shown = switches.shown - chosen.first

@@ -177,7 +177,7 @@ def _digest(text: str) -> str:
 
 
 def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, title: str) -> bytes:
-    """Return everything that the viewer shows, compressed."""
+    """Return everything that the viewer shows, compressed; ``paths`` is one of PATHS, or None for the default."""
     header, block = recording.header, Block()
     motion = header.motion
     plan = plan_chunks(len(chosen.agents))
@@ -222,7 +222,11 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
 
 
 def page_units(motion: MotionRecord, places: int) -> dict[str, int]:
-    """Return the integer units of the page per meter, turn, cycle, frame, radian, and meter of a root."""
+    """Return the integer units of the page per meter (``places``), turn, cycle, frame, radian, and meter of a root.
+
+    Also the units of turn and of phase in a step in which they are coded, and the parts of a step or unit that the ends
+    of stretches are exact to.
+    """
     return {
         "place": places,
         "turn": TURNS,
@@ -281,7 +285,10 @@ def activity(recording: Recording, chosen: Chosen) -> tuple[Ints, Ints, Ints]:
 
 
 def _stretches(recording: Recording, chosen: Chosen) -> Iterator[tuple[Ints, Stretches]]:
-    """Yield the stretches of all steps in which agents are steered, some agents at a time."""
+    """Yield the stretches of all steps in which agents are steered, some agents at a time.
+
+    With them come these agents (A,), as indices into those of the page.
+    """
     if not recording.header.motion.gaits:
         return
     rows = slice(chosen.first, chosen.first + chosen.steps)

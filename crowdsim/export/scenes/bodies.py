@@ -50,7 +50,10 @@ class BodyMotion(NamedTuple):
 
 
 def default_rate(recording: Recording, agents: int) -> int:
-    """Return the default frame rate of animation files: that of the steps, for many agents at most MANY_RATE."""
+    """Return the default frame rate of animation files [1/s]: that of the steps, for many agents at most MANY_RATE.
+
+    It divides that of the steps.
+    """
     recorded = recording.steps_per_second
     most = recorded if agents <= MANY else MANY_RATE
     return next(rate for rate in range(min(most, recorded), 0, -1) if recorded % rate == 0)

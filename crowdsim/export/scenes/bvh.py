@@ -25,7 +25,7 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
     Raises
     ------
     CrowdSimError
-        If several agents are chosen, or the agent is never present.
+        If several agents are chosen, or the agent is never present, or is absent for a while in between.
     """
     motions = list(body_motions(recording, choice)) if len(choice.agents) == 1 else []
     if len(motions) != 1:
@@ -37,7 +37,10 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 
 
 def write_folder(recording: Recording, folder: Path, choice: Choice, options: ExportOptions) -> None:
-    """Write a file for each chosen agent that is ever present; create the folder if necessary."""
+    """Write a file for each chosen agent that is ever present; create the folder if necessary.
+
+    Raise CrowdSimError if an agent is absent for a while in between; files of those before it are then kept.
+    """
     folder.mkdir(exist_ok=True)
     digits = len(str(max(recording.agent_count - 1, 0)))
     for motion in body_motions(recording, choice):

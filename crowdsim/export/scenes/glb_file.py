@@ -28,7 +28,7 @@ class GltfBuffer:
         self.accessors: list[dict[str, Any]] = []
 
     def add_view(self, values: NDArray[Any], target: int | None = None) -> int:
-        """Append the bytes of an array; return the index of its view."""
+        """Append the bytes of an array; return the index of its view. target: VERTICES, INDICES, or None for others."""
         content = np.ascontiguousarray(values).tobytes()
         view: dict[str, Any] = {"buffer": 0, "byteOffset": self._length, "byteLength": len(content)}
         if target is not None:

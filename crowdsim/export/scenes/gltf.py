@@ -102,7 +102,7 @@ class _Scene:
         body = body_of(skeleton)
         joints, weights = np.zeros((body.vertex_count, 4), np.uint8), np.zeros((body.vertex_count, 4), np.float32)
         joints[:, :2], weights[:, :2] = body.joints, body.weights
-        joints[weights == 0.0] = 0
+        joints[weights == 0.0] = 0  # as glTF wants it
         points, normals = bound_points(body, skeleton)
         self._points = [add(build, VERTICES, bounds=True) for build in points]
         self._attributes = {
@@ -172,7 +172,7 @@ class _Scene:
         self._show(top, motion.shown(len(self._times)))
 
     def _move(self, node: int, motion: BodyMotion, times: int) -> None:
-        """Animate the position of the root joint."""
+        """Animate the position of the root joint, ``node``; ``times`` is the accessor of the times of its frames."""
         roots = motion.roots
         leaps = jumps(self._recording, roots)
         if leaps:

@@ -35,7 +35,10 @@ _CAPSULE_RADIUS = 0.22
 
 
 def write(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
-    """Write a stage with the environment and all chosen agents; raise CrowdSimError without usd-core."""
+    """Write a stage with the environment and all chosen agents.
+
+    Raise CrowdSimError without usd-core, or for a name that does not end in .usdc.
+    """
     try:
         import pxr  # noqa: F401
     except ImportError:
@@ -175,7 +178,7 @@ class _Stage:
             self._tissues.append((tissue, name))
 
     def _add_look(self, look: int, worn: list[Paint]) -> None:
-        """Add a class of bodies with its materials."""
+        """Add the class of bodies in a look, with its materials; ``worn`` has the paint of each tissue."""
         self._stage.CreateClassPrim(f"/_look_{look}").SetTypeName("SkelRoot")
         self._stage.GetPrimAtPath(f"/_look_{look}").GetInherits().AddInherit("/_body")
         points = self._builds[build_of(look)]
@@ -239,6 +242,7 @@ class _Stage:
             half = 0.5 * frame.heading[agents].astype(np.float64)
             at = np.column_stack([frame.x[agents], frame.y[agents], zeros]).astype(np.float32)
             turned = np.column_stack([zeros, zeros, np.sin(half), np.cos(half)]).astype(np.float16)
+            # An agent without a behavior (-1) looks as one of behavior 0.
             with self._sdf.ChangeBlock():
                 self._layer.SetTimeSample(
                     kinds, number, vt.IntArray.FromNumpy(np.maximum(frame.behavior[agents], 0).astype(np.int32))
@@ -268,7 +272,7 @@ class _Stage:
         return turn.SetTranslateOnly(self._gf.Vec3d(*place))
 
     def write(self, file: Path) -> None:
-        """Write the stage; raise OSError if the disk is full."""
+        """Write the stage; raise OSError if that fails, as on a full disk."""
         from pxr import Tf
 
         try:

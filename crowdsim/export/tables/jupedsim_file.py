@@ -105,7 +105,7 @@ def _cells(places: NDArray[np.float64]) -> NDArray[np.float64]:
 def _kept(area: shapely.MultiPolygon, places: NDArray[np.float64]) -> shapely.Polygon | shapely.MultiPolygon:
     """Return the parts of an area that agents enter at any time, the largest part if there are none.
 
-    PedPy reads areas of one part only.
+    places: (n, 2) where agents are [m]. PedPy reads areas of one part only.
     """
     parts: Sequence[shapely.Polygon] = shapely.get_parts(area).tolist()
     inside = [part for part in parts if shapely.contains_xy(part, places).any()]

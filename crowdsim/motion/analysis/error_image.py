@@ -97,7 +97,10 @@ def valleys(image: ErrorImage, threshold: float) -> tuple[NDArray[np.int64], NDA
 
 
 def _deepest(i: NDArray[np.int64], j: NDArray[np.int64], value: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return (n,): True if no deeper kept minimum is within VALLEY_REACH; the first of equal ones wins."""
+    """Return (n,): True if no deeper kept minimum is within VALLEY_REACH; the first of equal ones wins.
+
+    i, j, value: (n,) row, column and distance [m] of each minimum.
+    """
     keep = np.zeros(len(i), bool)
     if not len(i):
         return keep
@@ -126,7 +129,10 @@ class _Piece:
 
 
 def _pieces(clip: Clip, row: int) -> list[_Piece]:
-    """Return a clip's frames in pieces of at most _BLOCK, with the sums that do not depend on the other clip."""
+    """Return a clip's frames in pieces of at most _BLOCK, with the sums that do not depend on the other clip.
+
+    row: first row of the clip in the image.
+    """
     joints = clip.joint_positions[:, cloud_joints(clip.skeleton)]
     held = np.concatenate([np.repeat(joints[:1], WINDOW_REACH, 0), joints, np.repeat(joints[-1:], WINDOW_REACH, 0)])
     points = WINDOW * joints.shape[1]

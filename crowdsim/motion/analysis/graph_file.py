@@ -59,7 +59,7 @@ def build_graph(paths: Sequence[Path], settings: GraphSettings) -> MotionGraph:
 
 
 def graph_in_file(file: Path, paths: Sequence[Path], settings: GraphSettings) -> tuple[MotionGraph, bool]:
-    """Return the graph in ``file``, and True if it had to be built as the file, captures or settings changed."""
+    """Return the graph in ``file``, and True if it had to be built: there was none of these captures and settings."""
     made_of = _made_of(paths, settings)
     if file.is_file():
         header, stored = _read(file)

@@ -87,7 +87,11 @@ def _joined(
     after: NDArray[np.int64],
     threshold: float,
 ) -> tuple[MotionGraph, NDArray[np.bool_]]:
-    """Return the largest component of ``nodes`` with edges ``before`` to ``after``, and the mask (N,) of its nodes."""
+    """Return the largest component of ``nodes`` with edges ``before`` to ``after``, and the mask (N,) of its nodes.
+
+    before, after: (E,) sources and targets. threshold: largest distance of moments that join [m]. Raise MotionError if
+    no edge is left.
+    """
     keep = largest_component(len(nodes), before, after)
     inside = keep[before] & keep[after]
     before, after = before[inside], after[inside]
@@ -103,7 +107,10 @@ def _joined(
 def _nearest(
     image: ErrorImage, leave: NDArray[np.int64], enter: NDArray[np.int64], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the ``count`` nearest transitions out of each frame, in their order."""
+    """Return the ``count`` nearest transitions out of each frame, in their order.
+
+    leave, enter: (n,) rows of the image that transitions leave and enter, as those returned.
+    """
     order = np.lexsort((enter, image.distance[leave, enter], leave))
     # Rank of each transition among those out of its frame.
     ordered = leave[order]
@@ -121,7 +128,10 @@ def _segments(source: PreparedSource, frames: list[int]) -> list[Segment]:
 def _edges(
     nodes: Sequence[Node], image: ErrorImage, leave: NDArray[np.int64], enter: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return sources and targets (E,) of all edges, sorted: continuations of clips, and transitions."""
+    """Return sources and targets (E,) of all edges, sorted: continuations of clips, and transitions.
+
+    leave, enter: (n,) rows of the image that transitions leave and enter; those at which no nodes meet do not count.
+    """
     count = int(image.clip_first[-1])
     ending, starting = np.full(count, -1), np.full(count, -1)
     for index, node in enumerate(nodes):

@@ -219,7 +219,7 @@ def _parse_amc(path: Path, bones: dict[str, _Bone]) -> tuple[Floats, dict[str, F
 def _walk(
     children: dict[str, list[str]], name: str, index: int, names: list[str], parents: list[int], path: Path
 ) -> None:
-    """Append all joints below joint ``name`` with ``index``, each before its children."""
+    """Append all joints below joint ``name``, the one with ``index``, to ``names`` and ``parents``, parents first."""
     for child in children.get(name, []):
         if child in names:
             raise MotionError(f"{path}: bone '{child}' has two parents")
@@ -235,7 +235,10 @@ def _own_axes(bone: _Bone, scale: float) -> Floats:
 
 
 def _rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
-    """Return rotations (F, 4) relative to the parent's bone, for ``angles`` (F, n) in the order of its turns [rad]."""
+    """Return rotations (F, 4) relative to the parent's bone, for ``angles`` (F, n) in the order of its turns [rad].
+
+    scale: unit of the angles of its own axes [rad].
+    """
     count = len(angles)
     if not bone.turns:
         return np.broadcast_to(np.array([1.0, 0.0, 0.0, 0.0]), (count, 4))

@@ -104,7 +104,7 @@ def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...], tuple[st
 
 
 def _hierarchy_lines(words: list[str]) -> list[list[str]]:
-    """Return the words of a hierarchy, line by line."""
+    """Return the words of a hierarchy, line by line; raise MotionError if its braces do not match."""
     depth = 0
     lines: list[list[str]] = []
     for before, word in zip(["", *words], words, strict=False):

@@ -20,15 +20,16 @@ _SHORTEST = 0.3
 
 
 def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int]], bool, list[tuple[int, int]]]:
-    """Find the frames of world ``positions`` (F, J, 3) that can be used.
+    """Find the frames of world ``positions`` (F, J, 3) [m], ``rate`` of them per second, that can be used.
 
     Return the clean stretches as (first, last) frames, True if the first frame was a calibration pose, and the jumps as
-    (frame, joint). The frames within 25 ms of a jump are removed, as those next to a spike are off, too. Remaining
-    stretches shorter than 0.3 s are dropped, unless there was no jump.
+    (frame behind it, joint). The frames within 25 ms of a jump are removed, as those next to a spike are off, too.
+    Remaining stretches shorter than 0.3 s are dropped, unless there was no jump.
     """
     count = len(positions)
     leaps = np.linalg.norm(np.diff(positions, axis=0), axis=-1)
     first = 0
+    # Of fewer leaps, the median says nothing.
     if len(leaps) > 2:
         largest = leaps.max(axis=1)
         if largest[0] > max(_TPOSE_RATIO * float(np.median(largest)), _TPOSE_LEAP):

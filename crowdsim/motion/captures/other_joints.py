@@ -37,8 +37,9 @@ _NEEDED = ("hips", *(f"{side}_{part}" for side in ("left", "right") for part in 
 def on_joints_of(clip: Clip, skeleton: Skeleton) -> Clip:
     """Move ``skeleton`` as the clip moves its own, whatever the joints of both are called.
 
-    A joint without a role, as those of the spine, turns halfway between the joints around it that have one. Places
-    scale with the length of the legs. Raise MotionError if one of both has no legs.
+    A joint without a role goes with its parent, but those between hips and chest go over from the turn of the one to
+    that of the other in even parts. Places scale with the length of the legs. Raise MotionError if one of both has no
+    legs, or if a bone of one points nearly opposite to that of the other at rest.
     """
     own = clip.skeleton
     if own.names == skeleton.names and np.array_equal(own.parents, skeleton.parents):
@@ -91,7 +92,8 @@ def _facing(skeleton: Skeleton) -> Floats:
 def _rest_turn(own: Skeleton, skeleton: Skeleton, level: Floats, role: str) -> Floats:
     """Return the rotation (4,) that brings a bone of ``skeleton`` at rest to where that of ``own`` points at rest.
 
-    ``skeleton`` is first turned by ``level`` (4,). For a role without a bone in both it is the identity.
+    ``skeleton`` is first turned by ``level`` (4,). For a role without a bone in both it is the identity. Raise
+    MotionError if the bones point in nearly opposite directions.
     """
     joint = _AS_ABOVE.get(role, role)
     end = _BONES.get(joint)
@@ -107,7 +109,10 @@ def _rest_turn(own: Skeleton, skeleton: Skeleton, level: Floats, role: str) -> F
 
 
 def _share_spine(skeleton: Skeleton, turned: Floats) -> None:
-    """Turn the joints between hips and chest, which have no role, as evenly as their number allows."""
+    """Turn the joints between hips and chest, which have no role, as evenly as their number allows.
+
+    turned: (F, J, 4) world rotations of all joints, changed in place.
+    """
     chest = skeleton.roles.get("chest", 0)
     chain: list[int] = []
     joint = int(skeleton.parents[chest]) if chest else 0

@@ -79,7 +79,7 @@ def read_clip(path: str | Path, meters_per_unit: float | None = None, joints: Ma
 def read_capture(
     path: str | Path, meters_per_unit: float | None = None, joints: Mapping[str, str] | None = None
 ) -> Capture:
-    """Read a capture file as clips at 60 Hz, z up, meters, the lowest point of the feet at z = 0.
+    """Read a capture file as clips at 60 Hz, z up, meters, the lowest joint or end site of all clips at z = 0.
 
     Parameters
     ----------
@@ -194,7 +194,8 @@ def _roles(raw: RawMotion, joints: Mapping[str, str] | None, path: Path) -> dict
 def _axes(skeleton: Skeleton, positions: Floats, tips: Floats, path: Path) -> tuple[Floats, Floats]:
     """Return the file's unit axes that point up and to the body's left in rest.
 
-    Without known hip joints these are +y and +x, the usual axes of BVH.
+    Without known hip joints these are +y and +x, the usual axes of BVH. positions, tips: (F, J, 3) joints and (F, K, 3)
+    end sites, in units and axes of the file.
     """
     roles = skeleton.roles
     if "left_hip" not in roles or "right_hip" not in roles:
@@ -214,7 +215,10 @@ def _axes(skeleton: Skeleton, positions: Floats, tips: Floats, path: Path) -> tu
 
 
 def _low_points(skeleton: Skeleton, positions: Floats, tips: Floats) -> Floats:
-    """Return the ankles (F, n, 3), or the end sites below the hip joints if ankles have no known name."""
+    """Return the ankles (F, n, 3), or the end sites below the hip joints if ankles have no known name.
+
+    Without such end sites, the hip joints and all joints below them. positions, tips: as of :func:`_axes`.
+    """
     roles = skeleton.roles
     if "left_ankle" in roles and "right_ankle" in roles:
         return positions[:, [roles["left_ankle"], roles["right_ankle"]]]
@@ -250,7 +254,8 @@ def _unit(
 ) -> tuple[str, float, float]:
     """Return the name of the unit, meters per unit, and the leg length [m].
 
-    basis: (3, 3), whose last row is the file's axis up. Of units that fit, the one nearest to an adult's leg is taken.
+    basis: (3, 3), whose last row is the file's axis up. given: meters per unit, if known. Of units that fit, the one
+    nearest to an adult's leg is taken.
     """
     rest_tree = Skeleton(raw.names, raw.parents, raw.offsets, raw.end_parents, raw.end_offsets, roles)
     if all(f"{side}_{part}" in roles for side in ("left", "right") for part in ("hip", "knee", "ankle")):

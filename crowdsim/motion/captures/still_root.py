@@ -36,8 +36,9 @@ def with_travelling_root(
 ) -> tuple[list[list[str]], Floats, tuple[str, ...]]:
     """Return hierarchy and rows (F, C) in which the first joint has the places of the hips, and the still joints above.
 
-    These are the joints from the first one to the parent of the first that travels; none if the first one travels
-    itself. Their turns stay theirs; :func:`without_still` removes them.
+    lines: words of the hierarchy, line by line. values: (F, c) of all its channels, in their order. The still joints
+    are those from the first one to the parent of the first that travels; none, and everything as given, if one of them
+    moves or turns, or if none travels. Their turns stay theirs; :func:`without_still` removes them.
     """
     given = [list(line) for line in lines]
     joints = _joints(lines)
@@ -122,7 +123,7 @@ def _joints(lines: Sequence[Sequence[str]]) -> list[_Joint]:
 
 
 def _longest_bone(joints: Sequence[_Joint], chain: Sequence[int], values: Floats) -> float:
-    """Return the length of the longest bone below the joints ``chain``, in file units."""
+    """Return the length of the longest bone below the joints ``chain``, in file units; ``values`` (F, c) are rows."""
     lengths = [0.0]
     for index, joint in enumerate(joints):
         own = _places(joint, values)

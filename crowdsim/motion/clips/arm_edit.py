@@ -89,6 +89,6 @@ def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direc
 
 
 def _between(a: Floats, b: Floats) -> Floats:
-    """Return the shortest rotations (F, 4) from unit vectors a to unit vectors b (F, 3)."""
+    """Return the shortest rotations (F, 4) from unit vectors a to unit vectors b (F, 3), not opposite ones."""
     q = np.concatenate([1.0 + dot(a, b)[:, None], np.cross(a, b)], axis=-1)
     return unit(q)

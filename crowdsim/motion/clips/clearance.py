@@ -123,7 +123,7 @@ def measure_turning(clip: Clip, bands: Sequence[tuple[float, float]], back: bool
 
     The way points where the body faces in the first frame, or in the last one if it turns back. Frames in which it
     faces nearly as in the first or last one do not count: there it has one behavior or the other, not turned between
-    them. Bands as in :func:`measure_clearances`.
+    them; 0 if none counts. Bands as in :func:`measure_clearances`.
     """
     track = track_of(clip)
     heading = np.unwrap(track[:, 2])
@@ -138,8 +138,9 @@ def measure_turning(clip: Clip, bands: Sequence[tuple[float, float]], back: bool
 def clearance_profile(clip: Clip, heights: Floats, facing: float = 0.0) -> Floats:
     """Return the least diameter that encloses the body across its motion, in planes at ``heights``, (n, heights) [m].
 
-    One row for each of the n frames that go on, 0 if no part of the body is in the plane. Unlike a clearance, a
-    diameter does not depend on where the track is (2018 paper, section 3.1 and figure 2).
+    One row for each of the n frames that go on, 0 if no part of the body is in the plane. facing: as of
+    :func:`measure_clearances` [rad]. Unlike a clearance, a diameter does not depend on where the track is (2018 paper,
+    section 3.1 and figure 2).
     """
     found = _beside_track(clip, facing)
     if found is None:
@@ -171,7 +172,10 @@ class _Beside(NamedTuple):
 
 
 def _beside_track(clip: Clip, facing: float) -> _Beside | None:
-    """Return the body's points beside the track in the frames that go on; None if there are no such frames."""
+    """Return the body's points beside the track in the frames that go on; None if there are no such frames.
+
+    facing: as of :func:`measure_clearances` [rad].
+    """
     track = track_of(clip)
     if len(track) < 2:
         return None

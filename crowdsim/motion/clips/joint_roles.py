@@ -101,7 +101,7 @@ def find_roles(
         roles[role] = list(names).index(name)
     # First joint of each name; a joint whose whole name fits goes before one whose stripped name does.
     first_place = {name: index for normal in (stripped, plain) for index, name in reversed(list(enumerate(normal)))}
-    # A joint plays one role only.
+    # A joint that is found by its name plays one role only.
     for role, aliases in _ALIASES.items():
         found = next((first_place[alias] for alias in aliases if alias in first_place), None)
         if role not in roles and found is not None and found not in roles.values():
@@ -113,7 +113,10 @@ def find_roles(
 
 
 def _add_trunk(roles: dict[str, int], parents: Sequence[int]) -> None:
-    """Add chest, neck and head by structure: where both arms hang, the next joint up, and the last one."""
+    """Add chest, neck and head to ``roles`` by structure: where both arms hang, the next joint up, and the last one.
+
+    Roles that are known stay, and no joint gets a second one. Nothing is added if a shoulder is unknown.
+    """
     if "left_shoulder" not in roles or "right_shoulder" not in roles:
         return
     left, right = (_line(roles[f"{side}_shoulder"], parents) for side in ("left", "right"))

@@ -64,12 +64,13 @@ def _seconds_from_standing(hips: Floats) -> Floats:
 
 
 def _smooth(values: Floats, span: Floats) -> Floats:
-    """Smooth the rows of ``values`` (F, D) over a Gaussian window of ``span`` (F,) seconds each.
+    """Smooth the rows of ``values`` (F, D) over a window of ``span`` (F,) seconds each, the unit of the offset u in it.
 
     The kernel is of fourth order, (3 - u^2) exp(-u^2 / 2): it preserves a constant acceleration, while a plain mean
     would cut the corners of turns and blur starts and stops. Beyond its ends the motion continues as its own point
     reflection, so that the ends keep their place and speed.
     """
+    # Weights beyond three spans are next to nothing, and a reflected motion is no longer than the motion.
     count = len(values)
     reach = min(int(np.ceil(3.0 * float(span.max(initial=0.0)) * CAPTURE_RATE)), count - 1)
     if reach < 1:

@@ -201,7 +201,8 @@ def ankle_over(bones, foot, pitch):
 def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
     """Return ``pitch`` of a foot on its ball, or as much lower as its leg needs to reach the ankle [rad].
 
-    hip: place of the hip joint. ball: place of the ball on the floor. c, s: cosine and sine of the foot's heading.
+    It is no lower than -_STEEPEST, with which a leg may still not reach. hip: place of the hip joint. ball: place of
+    the ball on the floor. c, s: cosine and sine of the foot's heading.
     """
     most = REACH * (bones[foot, THIGH] + bones[foot, SHANK])
     # The hip seen from the ball in the foot's frame; done if the leg reaches the ankle as it is.

@@ -24,7 +24,7 @@ SAMPLES = 64
 _SHORTEST, _LONGEST = 0.5, 3.5
 """Shortest and longest cycle [s]."""
 _GAP = 3
-"""Frames between events below which a lift-off is not used."""
+"""Least frames from a landing to a lift-off that is used; from there to the next landing, twice as many."""
 _ROLLING = 12
 """Largest number of frames that a foot rolls before and after it stands still."""
 _HEEL_DOWN, _HEEL_UP = 0.14, 0.26
@@ -42,7 +42,7 @@ class Cycle:
     times: (SAMPLES + 1,) float64 frames of the clip. The left foot lands at phase 0 and lifts at 0.6, the right one
     lands at 0.5 and lifts at 0.1, as far as the clip shows its feet lifting in this order.
     track: (SAMPLES + 1, 3) float64 track pose at these times.
-    stride: length of the track [m]. seconds: duration.
+    stride: distance from the first to the last pose of the track [m]. seconds: duration.
     """
 
     times: Floats
@@ -71,7 +71,8 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
     Raises
     ------
     MotionError
-        If the left foot does not land twice, with one landing of the right foot in between.
+        If the left foot does not land twice within _SHORTEST to _LONGEST seconds, with one landing of the right foot in
+        between.
     """
     track = track_of(clip)
     candidates = _cycles(clip)
@@ -96,7 +97,10 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
 
 
 def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
-    """Return frames (left lands, right lands, left lands again, left lifts, right lifts) of all cycles of a clip."""
+    """Return frames (left lands, right lands, left lands again, left lifts, right lifts) of all cycles of a clip.
+
+    The last one is -1 if the right foot is not on the floor as the left one lands.
+    """
     left, right = foot_stances(clip)
     cycles = []
     # A foot that is down in frame 0 has not landed there, so no cycle begins with it.
@@ -112,7 +116,8 @@ def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
 def foot_stances(clip: Clip) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
     """Return the stances of the left and the right foot of a clip in order: frames of landing and lift-off.
 
-    A foot on the floor in the first frame lands there; one on the floor in the last frame lifts there.
+    A foot on the floor in the first frame lands there; one on the floor in the last frame lifts there, or somewhat
+    before, if its heel had risen most there.
     """
     positions, world = clip.posed
     feet = feet_of(clip.skeleton, positions, world)
@@ -159,7 +164,10 @@ def _stances(planted: NDArray[np.bool_], pitch: Floats) -> list[tuple[int, int]]
 
 
 def _cost(clip: Clip, track: Floats, begin: int, end: int, speed: float | None) -> float:
-    """Return the difference of last and first pose [m], plus the turn [rad] and the deviation from ``speed`` [m/s]."""
+    """Return the difference of last and first pose [m], plus the turn [rad] and the deviation from ``speed`` [m/s].
+
+    The difference is the root mean square over the joints, relative to the places (not headings) of the track.
+    """
     seconds = (end - begin) / CAPTURE_RATE
     joints = clip.joint_positions[[begin, end]] - np.append(track[[begin, end], :2], np.zeros((2, 1)), axis=1)[:, None]
     turn = float(wrap_angle(track[end, 2] - track[begin, 2]))

@@ -102,7 +102,10 @@ def _usual_frames(runs: list[_Run], frames: int) -> float:
 
 
 def _share(run: _Run, usual: float, frames: int) -> Floats:
-    """Return the share (n,) of its time alone that a foot has stood; one cut off by the clip's end lasts as usual."""
+    """Return the share (n,) of its time alone that a foot has stood in each frame of a run.
+
+    At an end of the clip that time counts as ``usual`` frames or more. frames: number of those of the clip.
+    """
     length = float(run.end - run.first)
     begin = float(run.first)
     if run.first == 0 or run.end == frames:

@@ -66,7 +66,8 @@ class ClipModel(NamedTuple):
     above a smooth curve from lift-off to landing, in the swing [m].
     prints: (2, 3) float64, ball relative to the track while the body is over it: ahead, left [m], heading [rad].
     spine: how many of ``upper``, the first ones, lead from the root to the chest.
-    stride: length of the cycle [m]. stand: height of the root at rest [m]. width: half of the step width at rest [m].
+    stride: length of the cycle, at least 0.3 [m]. stand: height of the root at rest [m]. width: half of the step width
+    at rest [m].
     """
 
     mean: Floats
@@ -282,13 +283,13 @@ def _half_width(out: float) -> float:
 
 
 def _even_prints(cycle: Cycle, prints: Floats) -> Floats:
-    """Return the prints (2, 3) made symmetric; those of a cycle that goes sideways are as far apart as at rest."""
+    """Return the prints (2, 3) made symmetric; those of a cycle that goes sideways or back are as wide as at rest."""
     heading = cycle.track[:, 2].mean()
     way = cycle.track[-1, :2] - cycle.track[0, :2]
     ahead = float(cos(heading) * way[0] + sin(heading) * way[1])
     half = max(0.5 * float(prints[0, 1] - prints[1, 1]), _NARROWEST)
     out = min(max(0.5 * float(prints[0, 2] - prints[1, 2]), -_MOST_IN), _MOST_OUT)
-    # Sideways: more than 45 degrees from where the body faces.
+    # Sideways or back: more than 45 degrees from where the body faces.
     if ahead < 0.7 * cycle.stride:
         half = _half_width(out)
     place = float(prints[:, 0].mean())
@@ -378,7 +379,10 @@ def _gentle(waves: Floats) -> Floats:
 
 
 def _standing_height(turn: Floats, hips: Floats, bones: Floats) -> float:
-    """Return the root's height at which both legs are nearly straight over feet side by side [m]."""
+    """Return the root's height at which both legs are nearly straight over feet side by side [m].
+
+    turn: (4,) mean rotation of the root; hips, bones: as of :class:`ClipModel`.
+    """
     heights = []
     for foot, side in ((0, 1.0), (1, -1.0)):
         hip = rotate(turn, hips[foot])

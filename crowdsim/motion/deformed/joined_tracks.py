@@ -133,7 +133,7 @@ def smooth_tracks(tracks: Sequence[Floats], seconds: float = SMOOTHED, step: flo
     tracks : sequence of (N, 4) float64
         x, y [m], heading [rad], phase [cycles] at equal steps of time.
     seconds : float
-        Width of the Hann window [s]. It shrinks toward the ends of a track, so that these stay in place.
+        Width of the Hann window [s]. It is cut on both sides alike toward the ends of a track, which stay in place.
     step : float
         Time between samples [s].
 
@@ -156,7 +156,7 @@ def smooth_joined(tracks: JoinedTracks, seconds: float = SMOOTHED, step: float =
     near = np.minimum(tracks.places, np.repeat(tracks.lengths, tracks.lengths) - 1 - tracks.places)
     total, norm = np.zeros_like(raw), np.zeros((count, 1))
     for offset in range(-reach, reach + 1):
-        # Near the ends of a track the window shrinks on both sides alike.
+        # Near the ends of a track the window is cut on both sides alike.
         weight = np.where(abs(offset) <= near, weights[offset + reach], 0.0)[:, None]
         total += weight * raw[np.clip(np.arange(count) + offset, 0, max(count - 1, 0))]
         norm += weight

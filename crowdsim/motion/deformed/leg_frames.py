@@ -49,7 +49,7 @@ def mean_rotation(q: Floats) -> Floats:
 
 def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
     """Return the quaternion (4,) of the frame whose axes are the unit vectors x, y, z (3,)."""
-    # Divide by the largest of the four components, whichever it is, for accuracy.
+    # Each of the four components times the largest one, for accuracy; then scaled to length one.
     trace = x[0] + y[1] + z[2]
     choices = np.array([trace, x[0], y[1], z[2]])
     best = int(np.argmax(choices))

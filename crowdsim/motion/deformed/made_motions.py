@@ -1,7 +1,8 @@
 """Motions that a folder of captures lacks, made from one of its walks: stands, steps, turns, side steps.
 
 Each is a track with the phases that a simulation would give it, and the walk deformed to that track. At its own speed a
-deformed walk is close to the captured one, so a motion graph joins made and captured motions.
+deformed walk is close to the captured one, so a motion graph joins made and captured motions. Times and rates below are
+those of the tracks, which are played somewhat faster or slower, at the walk's own cadence; side steps are not.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _FRINGE = 0.4
 """Time at both ends of a track that is not shown, as footsteps depend on what lies beyond [s]."""
 _STEP_SECONDS = 1.0
 _SIDE_SECONDS = 1.0
-"""Durations of a step from stand to stand, ahead and to the side [s]."""
+"""Durations of a step of 0.2 m ahead and of one to the side, from stand to stand [s]."""
 _PAUSE = 5
 """Samples of rest between side steps: feet stand long enough for a cut."""
 _SIDE_STEP = 0.40
@@ -78,7 +79,7 @@ class MotionMaker:
         return self._made(f"step_{round(100.0 * length)}", _rested(np.outer(rise, [length, 0.0, 0.0])))
 
     def turn_on_the_spot(self, degrees: float) -> Clip:
-        """Make a turn on the spot, left if positive, from standing to standing, in 0.8 s or more."""
+        """Make a turn on the spot, left if positive, from standing to standing, on a track of 0.8 s or more."""
         angle = float(np.radians(degrees))
         rise = _bell(max(abs(angle) / _SPOT_RATE, 0.8))
         return self._made(_named("turn", degrees), _rested(np.outer(rise, [0.0, 0.0, angle])))

@@ -4,10 +4,11 @@ There is one row per half cycle, the left foot's in even half cycles. Each row d
 track before and after it, so a plan of any long enough part of a track gives the same poses.
 
 Arguments of all helpers: ``model`` (ClipModel); ``samples``, padded rows of tracks, ``step`` seconds apart; ``firsts``
-and ``counts`` (A,), first row and number of the samples of each track, or ``first`` and ``last`` of one; ``halves``
-(A,), half cycle of each track's first row of ``steps``, the rows of footsteps, which begin at ``rows`` (A + 1,);
-``scratch``, room for a number a sample; ``heading`` of a foot [rad]; ``u``, the phase since a foot landed [cycles].
-Columns of samples are named in :mod:`crowdsim.motion.deformed.body_kernels`.
+and ``counts`` (A,), first row and number of the samples of each track, or ``first`` and ``last``, the first row of one
+and the row behind its last (in `_push_apart`, of its footsteps); ``halves`` (A,), half cycle of each track's first row
+of ``steps``, the rows of footsteps, which begin at ``rows`` (A + 1,); ``scratch``, room for a number a sample;
+``heading`` of a foot [rad]; ``u``, the phase since a foot landed [cycles]. Columns of samples are named in
+:mod:`crowdsim.motion.deformed.body_kernels`.
 """
 
 import math
@@ -47,7 +48,7 @@ STEP_COLUMNS = 20
 PAD = 14
 """Samples added before and after each track."""
 _LONGEST_LOOK = 0.6
-"""Time after landing beyond which the track does not affect where a foot stands [s]."""
+"""Time after landing up to which the track tells where a foot stands; beyond, it only gives way to the next one [s]."""
 _AT_REST = 1e-4
 """Half cycles within which a phase counts as that of a stand."""
 _DIGITS = 1.2e-7
@@ -67,7 +68,7 @@ _PASSING = 0.095
 _LONG, _LONG_BY = 0.32, 0.12
 """Distance ahead from which feet may be in line, and range over which the limit fades [m]."""
 _MOST_ASIDE = 0.2
-"""Largest distance that a foot swings or is pushed aside [m]."""
+"""Largest distance that a foot swings aside, or is pushed aside in one pass [m]."""
 _DEEPEST = 0.2
 """Largest drop of the pelvis [m]."""
 _HEEL_FROM, _HEEL_BY = 0.2, 0.3
@@ -130,7 +131,7 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
         count = starts[body + 1] - starts[body]
         first = firsts[body]
         total = count + 2 * PAD
-        # Padding: the track goes on as it begins and ends, or the body stands if it does there.
+        # Padding: the track goes on as it begins and ends; the body stands if it does there, or if there is one sample.
         for row in range(total):
             inside = min(max(row - PAD, 0), count - 1)
             beyond = row - PAD - inside
@@ -171,13 +172,14 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
 def _lack(x, y, heading, side, apart):
     """Return how far a point (x, y) must move to the ``side`` (1 left, -1 right) of a foot at the origin [m].
 
-    apart: required distance to that side [m]. It does not hold for a point well ahead or behind.
+    heading: direction that counts as ahead there [rad]. apart: required distance to that side [m]. It does not hold for
+    a point well ahead or behind.
     """
     c, s = cos_sin(heading)
     along = abs(c * x + s * y)
     # 1 for feet side by side, 0 for those a long step apart.
     beside = min(max((_LONG - along) / _LONG_BY, 0.0), 1.0)
-    # At most 2 _MOST_ASIDE: of two feet that are moved apart, each moves by half, and no farther than _MOST_ASIDE.
+    # At most 2 _MOST_ASIDE: of two feet that are moved apart, each moves by half, by at most _MOST_ASIDE.
     return beside * min(max(apart - side * (c * y - s * x), 0.0), 2.0 * _MOST_ASIDE)
 
 
@@ -185,7 +187,8 @@ def _lack(x, y, heading, side, apart):
 def _push_apart(steps, first, last, half, bodies, most):
     """Move the prints of rows ``first`` to before ``last`` outward, each by half of what it and its neighbors lack.
 
-    A foot that has stood for long when the next one lands stays: its direction was not known when it was put down.
+    A foot that has stood for long when the next one lands does not give way to it, whose direction was not known when
+    it was put down.
 
     steps: rows of footsteps, one per half cycle, of which x and y of the prints [m] are read and moved. half: number of
     the half cycle of row ``first``; even ones are the left foot's. bodies: (H, 4) heading of the body over each print
@@ -201,7 +204,7 @@ def _push_apart(steps, first, last, half, bodies, most):
         lack = max(_lack(x, y, bodies[row - 1, 0], side, apart), _lack(x, y, bodies[row, 0], side, apart))
         c, s = cos_sin(0.5 * (bodies[row - 1, 0] + bodies[row, 0]))
         lack = max(lack, apart - side * (c * y - s * x))
-        # If the foot before stays, this one makes up for all of the lack.
+        # If the foot before does not give way, this one makes up for all of the lack.
         share = 1.0 if bodies[row, 3] - bodies[row - 1, 3] > _STOOD else 0.5
         bodies[row, 2] = min(share * lack, most)
     # Each foot moves by the larger of what its two neighbors ask for.
@@ -217,7 +220,9 @@ def _push_apart(steps, first, last, half, bodies, most):
 
 @kernel
 def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodies):
-    """Plan where each foot stands: beside the track where the body passes over it, never too close to the other foot.
+    """Plan where each foot stands, beside the track where the body passes over it, and how far aside it then swings.
+
+    Feet that would stand too close to each other are moved apart. Fills PRINT and ASIDE of ``steps``.
 
     Parameters
     ----------
@@ -301,7 +306,7 @@ def stand_ankle(model, foot, print_row, u, track, place, turn, spare):
 
 @kernel
 def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratch):
-    """Plan how far the pelvis comes down for legs to reach, smoothly over half a second about each such stance.
+    """Plan how far the pelvis comes down for legs to reach, smoothly within half a second of each such time.
 
     Legs are tested as the foot lands and until it lifts, when the heel may help. Fills the column DROP of ``samples``.
     Parameters as of :func:`plan_prints`.
@@ -342,7 +347,7 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
 def plan_swings(model, samples, firsts, counts, step, halves, rows, steps):
     """Plan how each foot lands and lifts: ankle, pitch and heading there, and the ankle's speed [m/cycle].
 
-    Parameters as of :func:`plan_prints`.
+    Fills LIFT and LAND of ``steps``. Parameters as of :func:`plan_prints`.
     """
     # Phase between the two poses whose difference gives a speed [cycles].
     little = 0.01

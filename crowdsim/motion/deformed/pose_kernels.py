@@ -38,7 +38,7 @@ from crowdsim.motion.deformed.phase_kernels import STANCE
 from crowdsim.motion.deformed.plan_kernels import ASIDE, LAND, LIFT, PAD, PRINT, planned_pitch, stand_ankle
 
 _LEAST_LIFT = 0.045
-"""Height to which a foot is lifted in a step on the spot [m]."""
+"""Height that is added to the way of a foot in a step on the spot [m]; 0.6 of it if the stride is 0."""
 _CLEAR = 0.015
 """Least distance between sole and floor in the middle of a swing [m]."""
 
@@ -116,7 +116,7 @@ def _frame_rotation(x0, x1, x2, y0, y1, y2, z0, z1, z2):
 
     They are unit vectors, the columns of a rotation matrix, which is turned into a quaternion.
     """
-    # Divide by the largest of the four components, whichever it is, for accuracy.
+    # Each of the four components times one that is at least 1/2, for accuracy; then scaled to length one.
     trace = x0 + y1 + z2
     if trace > 0.0:
         w = 1.0 + trace
@@ -148,7 +148,7 @@ def _pose_leg(model, foot, hip, turn, target, forward, out, body):
     """Write rotations of hip, knee, ankle and toe so that the leg ends at ``target``: ankle, pitch, heading, toe bend.
 
     turn: rotation of the root. forward: unit vector x, y in which the knee points. The knee bends by the law of
-    cosines.
+    cosines; a leg that is too short points to the ankle.
     """
     ankle, pitch, yaw, bend = target
     thigh = model.bones[foot, THIGH]

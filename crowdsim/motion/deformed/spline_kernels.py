@@ -11,7 +11,7 @@ from crowdsim.jit import helper
 
 @helper
 def span_of(time, step, first, count):
-    """Return the sample that begins the span containing ``time``, and the share of the span that has passed.
+    """Return the row of the sample that begins the span containing ``time``, and the share of the span that has passed.
 
     time: [s] from sample ``first``, limited to the second and the last but one sample. step: seconds between samples.
     count: samples of the curve, at least 4.

@@ -14,7 +14,7 @@ class GraphArrays(NamedTuple):
     node_frames: (N,) int32, frames L of a node; it has L + 1 track samples.
     node_track: (N,) int32, first row of the node in ``tracks``.
     tracks: (T, 3) float64, track pose (x, y [m], heading [rad]) of every sample relative to its node's first sample.
-    node_motion: (N, 3) float64, last track sample of each node: where its successor starts.
+    node_motion: (N, 3) float64, last track sample of each node, relative to its first.
     node_length: (N,) float64, length of the track [m].
     node_behavior: (N,) int32, index of the behavior, the least preferred is 0.
     node_ends_standing: (N,) bool, True if an agent may stay where the node ends.

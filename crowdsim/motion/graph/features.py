@@ -77,7 +77,7 @@ class CrossingDetector:
         return distance, np.abs(normal[:, 2]) <= self.steepest
 
     def _sides(self, distance: Floats, valid: NDArray[np.bool_]) -> NDArray[np.int8]:
-        """Return -1 behind or 1 in front (F,), 0 before any side has held.
+        """Return -1 behind or 1 in front (F,), 0 before any side has held, from the results of ``_distances``.
 
         The last side persists until the other one has held for ``hold_frames``.
         """

@@ -63,6 +63,7 @@ def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | N
         toe = skeleton.roles.get(f"{side}_toe", ankle)
         ahead = skeleton.offsets[toe] * np.array([1.0, 1.0, 0.0]) if toe != ankle else np.array([1.0, 0.0, 0.0])
         ahead = ahead / np.sqrt(dot(ahead, ahead))
+        # Ankle over the sole, on a floor at 0: near the least height, but not that of single bad frames.
         height = float(np.quantile(positions[:, ankle, 2], 0.05) if like is None else like.ankles[number])
         heel = positions[:, ankle] + rotate(world[:, ankle], -HEEL_BACK * ahead - np.array([0.0, 0.0, height]))
         points = [heel, positions[:, toe]]
@@ -76,7 +77,7 @@ def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | N
 
 
 def stances(feet: Feet, rate: float = CAPTURE_RATE) -> list[Stance]:
-    """Return all stances of at least a tenth of a second, by foot, then in order."""
+    """Return all stances of at least a tenth of a second, by foot, then in order; ``rate`` is that of frames [1/s]."""
     planted = planted_steps(feet, rate)
     moves = standing_moves(np.diff(feet.points[..., :2], axis=0), planted)
     return [
@@ -89,7 +90,8 @@ def stances(feet: Feet, rate: float = CAPTURE_RATE) -> list[Stance]:
 def planted_steps(feet: Feet, rate: float = CAPTURE_RATE, part: bool = False) -> NDArray[np.bool_]:
     """Return (F - 1, 2, P): True if a point stands on the floor from a frame to the next, in a lasting stance.
 
-    part: True for a part of a longer motion, whose first and last stance may last longer than is seen.
+    rate: frames per second. part: True for a part of a longer motion, whose first and last stance may last longer than
+    is seen.
     """
     steps = np.diff(feet.points, axis=0)
     low = feet.points[..., 2] < feet.lowest + NEAR_FLOOR

@@ -81,7 +81,7 @@ class PairAlignments:
         return distance
 
     def rotation_range(self, pivot_a: Floats, pivot_b: Floats, threshold: float) -> tuple[Floats, Floats]:
-        """Return the range of extra rotation about the pivot, low <= 0 <= high (n,), that keeps within ``threshold``.
+        """Return the range of extra rotation about the pivot [rad], low <= 0 <= high (n,), that keeps to ``threshold``.
 
         ``pivot_b`` (n, 2) is moved onto ``pivot_a``, and threshold is a distance as of :meth:`pinned_distance` [m].
         2011 paper, section 3: small steps either way until the threshold is exceeded. A pair whose pinned distance

@@ -67,16 +67,19 @@ def build_motion_graph(
     sources : sequence of MotionSource
         The clips.
     threshold : float
-        Largest distance of moments that join, root mean square over joints and frames [m].
+        Largest distance of moments that join, root mean square over joints and frames [m]; of two standing poses,
+        STANDING_ALLOWANCE times that.
     max_out_edges : int or None
         Keep only so many nearest edges out of each node; the one to the segment that followed in the capture always
         stays.
     branching : float or None
-        Required branching factor. The threshold is then the one up to WIDEST_THRESHOLD that comes nearest to it and
-        keeps at least half of the nodes. If many segments are alike, only ``max_out_edges`` can lower it.
+        Required branching factor. The threshold is then the one up to WIDEST_THRESHOLD that comes nearest to it and, if
+        possible, keeps at least half of the nodes that WIDEST_THRESHOLD would. If many segments are alike, only
+        ``max_out_edges`` can lower it.
     most_drift : float or None
         Leave out transitions that add more than this to the drift of a planted foot [m]; clip names must be unique. Of
-        those from a segment to idle clips, the nearest one stays if no other would: an agent must be able to rest.
+        those from a segment to idle clips, the nearest one stays if no other would: an agent must be able to rest. But
+        a segment whose capture goes on to one that ends standing and can rest no longer counts as ending standing.
     whole : bool
         Leave out none for its drift if segments would fall out of the graph with them.
 
@@ -224,7 +227,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
 
     Only the distances themselves can change the graph. Branching grows with the threshold almost everywhere, but a node
     that joins the component can lower it: bisection finds the neighborhood, then the best threshold there is taken.
-    Graphs that lose more than half of the nodes do not count.
+    Graphs with less than half of the nodes that the largest threshold keeps come last.
     """
     steps = np.unique(candidates.needed[candidates.needed <= WIDEST_THRESHOLD])
     natural = candidates.needed == 0.0

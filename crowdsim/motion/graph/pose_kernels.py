@@ -3,7 +3,7 @@
 Arguments of all helpers: ``table`` (PoseTable); ``node``, its ``frame`` (a part of one counts), and the node
 ``previous`` to it, -1 for none; ``a`` and ``b``, values or quaternions (w, x, y, z), also written a0 to a3 and b0 to
 b3, and ``part``, 0 at a and 1 at b; ``q``, a quaternion; ``out_positions`` (A, J, 3) [m] and ``out_rotations`` (A, J,
-4), the joints of all bodies.
+4), the joints of all bodies, of which :func:`pose_body` fills row ``a``.
 """
 
 import math

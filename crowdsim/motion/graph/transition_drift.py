@@ -54,7 +54,8 @@ class _Standing:
     """When the feet of a clip of F frames stand, and how they move meanwhile.
 
     planted: (F - 1, 2, P) True if a point stands from a frame to the next. moves: (F - 1, 2, 2) movement of the foot on
-    the floor meanwhile [m]. since, until: (F - 1, 2) first step of the stance, and the one behind its last.
+    the floor meanwhile [m]. since, until: (F - 1, 2) first step of the stance, and the one behind its last; both 0 in
+    steps in which the foot does not stand.
     """
 
     planted: NDArray[np.bool_]
@@ -127,7 +128,10 @@ def _heading(graph: MotionGraph, node: int, clip: Clip, first: int) -> float:
 
 
 def _faded_steps(graph: MotionGraph, source: Indices, edges: Indices, like: Feet) -> Floats:
-    """Return steps (E, BLEND_FRAMES, 2, P, 2) of the feet while ``edges`` fade, from the starts of ``source`` [m]."""
+    """Return steps (E, BLEND_FRAMES, 2, P, 2) of the feet while ``edges`` fade [m].
+
+    Axes are those of the track where the left node ``source`` (E,) starts. like: feet of a clip, for their heights.
+    """
     arrays = graph.arrays
     target = arrays.edge_target[edges]
     end = arrays.node_motion[source]

@@ -159,8 +159,8 @@ def _appear(work, a, node, previous, frame, count):
 def follow_feet(work):
     """Follow the feet of all bodies over one step, as :func:`crowdsim.recording.between.frame_between` shows it.
 
-    work: :class:`crowdsim.motion.planted.follow_feet.Step`. Its states change, and each change is noted in order;
-    return the number of changes, of which those beyond the length of its arrays are not noted.
+    work: :class:`crowdsim.motion.planted.follow_feet.Step`. Its states change, and each change of a captured body is
+    noted in order; return the number of these, of which those beyond the length of its arrays are not noted.
     """
     count = 0
     table = work.table
@@ -180,7 +180,8 @@ def follow_feet(work):
             count = _play(work, a, node, previous, since, frame, 0.0, 1.0, count)
             continue
         # The last node ends within the step. An agent that leaves an idle node skips the rest of it: the frames played
-        # would then be too many, so it plays as many of the idle node as usual, and appears in the next one.
+        # would then be too many (over 1.5 times the usual), so it plays as many of the idle node as usual, and enters
+        # the next one at the end of the step.
         last = float(table.node_frames[old])
         advance = last - since + frame
         begin, share, end = 0.0, 1.0, last

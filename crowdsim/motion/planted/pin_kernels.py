@@ -157,7 +157,8 @@ def bent_leg(hip, knee, ankle, left, target, most):
     across = _cross(down, along)
     hinge = _plus(across, left, max(_BENT - _dot(across, left), 0.0))
     hinge = _unit(_plus(hinge, down, -_dot(hinge, down)))
-    # The direction that the shank then has, with the thigh as it is; then the whole leg turns to the target.
+    # The direction that the shank then has, with the thigh as it is (``ahead``: to where shanks bend, behind a body);
+    # then the whole leg turns to the target.
     ahead = _cross(hinge, down)
     wanted = (c * down[0] + s * ahead[0], c * down[1] + s * ahead[1], c * down[2] + s * ahead[2])
     turn = _shortest(_unit(_plus(thigh, wanted, lower)), _unit(way))
@@ -187,7 +188,7 @@ def _reach(hip, knee, ankle, target):
     thigh, shank, whole = _minus(knee, hip), _minus(ankle, knee), _minus(ankle, hip)
     length = math.sqrt(_dot(thigh, thigh)) + math.sqrt(_dot(shank, shank))
     most = max(REACH, math.sqrt(_dot(whole, whole)) / length)
-    # Pythagoras: the hip's largest height above the target at this horizontal distance.
+    # Pythagoras: the hip's largest height above the target at this horizontal distance, 0 if that is too far.
     x, y = hip[0] - target[0], hip[1] - target[1]
     square = most * most * length * length - x * x - y * y
     return most, hip[2] - target[2] - math.sqrt(max(square, 0.0))

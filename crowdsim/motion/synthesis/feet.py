@@ -1,7 +1,8 @@
 """The feet of a plan, frame by frame: planted flat, rolling over heel and ball, or swinging.
 
 Pitch is the angle of the sole, positive with the toes up. A planted foot rolls about its heel while the toes are up and
-about its ball while the heel is up; the swing joins the two with matching velocity.
+about its ball while the heel is up; the swing joins the two with matching velocity. Numbers without a name are choices
+that shape the curves.
 """
 
 from __future__ import annotations

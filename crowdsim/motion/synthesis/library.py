@@ -205,7 +205,7 @@ def _held(clip: Clip) -> Clip:
 
 def synthesize_set(manner: Manner = PLAIN) -> list[tuple[str, str, Clip]]:
     """Return behavior folder, file name and clip of a whole motion set, always the same to the last bit."""
-    # Motions of walking both with and without constrained arms, then those without alone, then those sideways.
+    # Motions of walking that there are with and without constrained arms, then those only without, then those sideways.
     plans = [_walk("walk", manner), _slow("walk_slow", manner)]
     plans += [_short_step("step_25", 0.25, manner), _short_step("step_50", 0.50, manner)]
     constrained = [*map(synthesize, plans), *_walking_turns((10, 20), manner)]

@@ -140,7 +140,7 @@ def synthesize_idle(name: str, frames: int, manner: Manner = PLAIN) -> Clip:
     breath, sway = envelope * sin(2.0 * np.pi * u), envelope * sin(2.0 * np.pi * u + 0.7)
     placed[:, 1] += 0.006 * sway
     placed[:, 0] += 0.003 * breath
-    # Amplitudes in [rad], that of the height in [m].
+    # Amplitudes in [rad], those of places (above) and of the height in [m].
     for column, amount in (
         ("trunk_pitch", -0.012 * breath),
         ("trunk_roll", -0.006 * sway),

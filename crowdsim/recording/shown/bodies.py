@@ -98,8 +98,8 @@ class ShownBodies(ABC):
     def at_time(self, time: float) -> RecordedFrame:
         """Return the state of all agents at a time, also between steps.
 
-        Track poses are interpolated. (node, previous, frame) are those that the simulation passed through: it advances
-        CAPTURE_RATE / steps_per_second frames per step.
+        Track poses are interpolated. (node, previous, frame) are those that the simulation passed through, as
+        :func:`~crowdsim.recording.between.frame_between` finds them.
 
         Parameters
         ----------
@@ -178,7 +178,8 @@ class ShownBodies(ABC):
         agents : (A,) int or None
             Numbers of the agents; by default all.
         blended : bool
-            Whether switches between the levels are blended over 0.4 s; else the new level is shown at once.
+            Whether switches between the levels are blended: bodies over 0.4 s, feet in their next swing; else the new
+            level is shown at once.
 
         Returns
         -------

@@ -125,6 +125,7 @@ class _PlannedBlock:
     def behavior_weights(self, bodies: Ints, time: float) -> Floats:
         """Return the weight (n, behaviors) of each behavior at ``time`` [s]; the weights of a body sum to 1.
 
+        bodies: (n,) tracks of the block.
         The weights are the recorded behaviors, smoothed over BLEND_SECONDS around ``time`` with decreasing influence.
         """
         half = 0.5 * BLEND_SECONDS

@@ -68,14 +68,17 @@ class Stretches(NamedTuple):
 
 
 def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some: Ints) -> Stretches:
-    """Return all stretches of the agents ``some`` (n,) in ``rows``: indices into the range ``columns`` of agents."""
+    """Return all stretches of the agents ``some`` (n,) in ``rows``: indices into the range ``columns`` of agents.
+
+    In the result, rows count from the first of ``rows``, and columns are places in ``some``.
+    """
     phase = recording.phase[rows, columns][:, some].astype(np.float64)
     state = recording.state[rows, columns][:, some]
     node = recording.node[rows, columns][:, some]
     levels = levels_of(state, node, phase)
     steered = levels == Level.STEERED
     here, firsts, ends = _runs(steered)
-    # Without nodes there is nothing to extend stretches by: they are the runs of steered rows themselves.
+    # Without nodes, or stretches, there is nothing to extend: they are the runs of steered rows themselves.
     if not recording.header.motion.mixed or not len(here):
         counts = ends - firsts
         starts = np.cumsum(counts) - counts
@@ -118,6 +121,7 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
 def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rate: int) -> Stretches:
     """Return the stretches with phases equal to those of the nodes at both switches, and their own after IN_STEP.
 
+    Phases that differ there by more than _OUT_OF_STEP stay. Short stretches have their own phases in their middle only.
     ``played`` (rows, columns) are the phases of nodes, as of :func:`played_phases`; ``rate`` the steps per second.
     ``since`` and ``until`` (N,) are the rows from the first steered row, and to the first captured one, of each phase.
     """

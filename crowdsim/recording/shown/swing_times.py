@@ -34,7 +34,7 @@ removes the offset; without offset."""
 
 
 class SwingTimes(NamedTuple):
-    """Times of both feet, left first, after n switches.
+    """Times in the recording of both feet, left first, after n switches.
 
     Attributes
     ----------
@@ -43,9 +43,9 @@ class SwingTimes(NamedTuple):
     end : (n, 2) float64
         Time at which the offset has vanished [s].
     forced : (n, 2) bool
-        Whether it vanishes in a small step of its own, because the body stands.
+        Whether it vanishes in a small step of its own, because the foot is not seen to lift before.
     cut : (n,) float64
-        Time at which the agent disappears [s].
+        Time at which the agent disappears [s]; infinite if it stays.
     """
 
     hold: Floats
@@ -98,6 +98,7 @@ def _foot_phases(
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the phase (T, n, 2) of each foot in its own cycle, 0 when it lands, in the T steps from each switch on.
 
+    The switches are ``some`` (n,). Once the level has changed again, 0 (left) and 0.5 (right) stand for the phases.
     Also return (T, n) bool: whether the agent has stayed on the new level until then, and whether it is absent.
     """
     rate = recording.steps_per_second

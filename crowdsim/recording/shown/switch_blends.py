@@ -187,7 +187,10 @@ class SwitchBlends:
             values[rows] = more
 
     def _leave_rest(self, numbers: Ints, time: float, lapses: Floats, body: Body, later: Body) -> None:
-        """Add the rest of the switches before to old motions, at ``time`` and ``lapses`` seconds later."""
+        """Add the rest of the switches before ``numbers`` (n,) to old motions, which are changed in place.
+
+        They are those at ``time`` [s], ``body``, and ``lapses`` (n,) seconds later, ``later``.
+        """
         earlier = self._before(numbers) & (time - self._times(numbers - 1) < LONGEST)
         earlier[earlier] = self._left(numbers[earlier] - 1, time)
         if earlier.any():

@@ -33,6 +33,7 @@ def choose_moments(recording: RecordedTracks, switches: Switches) -> Switches:
     """Return the switches with the moments at which they are shown: the captured step in which both feet stand best.
 
     A switch to steered is shown less than _EARLY before the last captured step only if no earlier step can be taken.
+    Switches around short steered times, and those without such a step, stay as they are shown.
     """
     count = len(switches.steps)
     if not count:
@@ -80,8 +81,9 @@ def choose_moments(recording: RecordedTracks, switches: Switches) -> Switches:
 def _keep_their_step(switches: Switches, follows: NDArray[np.bool_], rate: int) -> NDArray[np.bool_]:
     """Return (S,) which switches are not moved: those around a steered time that is too short to come in step.
 
-    That takes IN_STEP after its beginning and before its end. If one of the two switches around a short captured time
-    is not moved, neither is the other, as both would be shown at one moment.
+    follows: (S,) whether a switch is of the same agent as the one before it. rate: steps per second. To come in step
+    takes IN_STEP after its beginning and before its end. If one of the two switches around a short captured time is not
+    moved, neither is the other, as both would be shown at one moment.
     """
     steps, steered = switches.steps, switches.steered
     close = np.flatnonzero(follows[1:] & steered[:-1] & (np.diff(steps) < round(2.0 * IN_STEP * rate)))

@@ -218,7 +218,7 @@ def _foot_targets(
 
 
 def _on_feet(skeleton: Skeleton, new: Body, body: Body, feet: Feet, targets: Floats) -> Body:
-    """Return ``body`` with ankles at ``targets`` (n, 2, 3) [m] and on ``feet``, with its heels raised if needed.
+    """Return ``body`` with ankles at ``targets`` (n, 2, 3) [m] and on ``feet``, if needed on raised heels and lowered.
 
     ``new`` is the body of the new motion alone.
     """

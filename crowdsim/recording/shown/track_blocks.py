@@ -53,7 +53,8 @@ class TrackBlock(NamedTuple):
     tracks : JoinedTracks
         Samples at ticks.
     zeros : (A,) float64
-        Time at which the first sample would lie if no samples before the block had been left out [s].
+        Time of the first sample if all are taken as one tick apart, back from the last one [s]: in stands before the
+        block, samples are left out.
     """
 
     agents: Ints
@@ -118,7 +119,7 @@ def _joined(parts: list[TrackBlock]) -> TrackBlock:
 def _read_part(
     recording: RecordedTracks, agents: Ints, block: int, before: int
 ) -> tuple[TrackBlock, NDArray[np.bool_]]:
-    """Return the bodies of some ``agents`` in a block, and (A,) whether the steps of a body begin before the samples.
+    """Return the bodies of some ``agents`` in a block, and (A,) which of them need more samples before.
 
     ``before`` is the number of ticks to read before the block.
     """

@@ -89,7 +89,10 @@ def append_checksums(path: Path) -> None:
 
 
 def require_unchanged(path: Path) -> bool:
-    """Return whether the file has checksums; raise ValueError if they do not agree with its bytes."""
+    """Return whether the file has checksums.
+
+    Raise ValueError if they do not agree with its bytes, or if anything else follows HDF5.
+    """
     with path.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
         content = _kept_frame(stream, size)

@@ -259,7 +259,7 @@ def _frames(given: bytes) -> Iterator[tuple[int, memoryview]]:
 
 
 def put_frames(given: bytes, target: Path) -> list[tuple[int, memoryview]]:
-    """Write the HDF5 of a part file, ``given`` as bytes, to ``target``; return the frames that come after it."""
+    """Write the HDF5 of a part file, ``given`` as bytes, to ``target``; return the frames after the last commit."""
     content = memoryview(given)
     found = list(_frames(given))
     # The last commit may not have reached its places, so its blocks are written again; earlier ones have.

@@ -1,7 +1,8 @@
 """What a page expects of steered people: turns towards their direction, and phases that follow the track.
 
-Arguments of all helpers: ``x``, ``y`` and ``heading`` (T,) integers, the track of one person in the units of a page;
-``t`` a step; ``phase`` an integer, with ``cycle`` units to a cycle; ``units`` (UNITS,) int64:
+Arguments of all helpers: ``x``, ``y`` and ``heading`` (T,) integers, the track of one person in the units of a page,
+or single numbers in :func:`direction` and :func:`expected_turn`; ``t`` a step; ``phase`` an integer, with ``cycle``
+units to a cycle; ``units`` (UNITS,) int64:
 
 - PLACE, TURN, RATE, CYCLE: units of places per meter, of headings per turn, steps per second, and of phases per cycle;
 - MOST: the largest turn of a steered agent in a step, in units of turn;
@@ -32,7 +33,7 @@ _MADE_UP = 0.7
 
 @helper
 def direction(x, y):
-    """Return the angle of a vector [rad], within 1e-5 (Abramowitz and Stegun 4.4.49)."""
+    """Return the angle of the vector (x, y) [rad], within 1e-5 (Abramowitz and Stegun 4.4.49); 0 for the vector 0."""
     a = abs(x)
     b = abs(y)
     if a == 0.0 and b == 0.0:

@@ -58,7 +58,7 @@ def _chances_of_logits() -> NDArray[np.int64]:
 
 _CHANCE = _chances_of_logits()
 _LOGIT = np.minimum(np.searchsorted(_CHANCE, np.arange(_CHANCES)), 2 * _MOST) - _MOST
-"""Logit of each chance: the least one that gives it."""
+"""Logit of each chance: the least one that gives it or a greater one."""
 _SHARE = np.rint(32768 / (np.arange(_PATIENCE + 1) + 1.5)).astype(np.int64)
 """By how much a model adapts after so many decisions, in units of 1 / 32768."""
 

@@ -168,7 +168,7 @@ def pack_tracks(
     """Add all chunks to the block; return the changes, and the nodes that are played, ascending.
 
     Chunk ``c`` is an array ``chunk_c``, coded by :mod:`crowdsim.export.page.tracks.track_kernels`. It holds tracks,
-    frames of nodes, and the phases of ``stretches``.
+    frames of nodes, and the phases of ``stretches``. One more array, ``stretch_exact``, holds the values of _Ends.
     """
     units = coding_units(recording, place_units(chosen))
     # What a decoder finds, chunk by chunk.
@@ -203,7 +203,8 @@ def chunk_spans(steps: int, plan: ChunkPlan) -> Iterator[tuple[int, int]]:
 def _coded(rows: _Rows, units: Ints, stretches: Ints, phases: Ints, own: range) -> tuple[NDArray[np.uint8], Ints]:
     """Return the bytes of a chunk, and headings (N, steps) that a decoder finds; ``phases`` become what it finds.
 
-    ``stretches`` are rows of :meth:`PackedStretches.within`; ``own`` the steps of the chunk without its margins.
+    ``units`` are those of :func:`coding_units`; ``stretches`` rows of :meth:`PackedStretches.within`; ``phases`` those
+    of all stretches, in units of a page; ``own`` the steps of the chunk without its margins.
     """
     here = (rows.state != AgentState.ABSENT).T
     node = np.where(here, rows.node.T, NONE).astype(np.int32)
@@ -319,7 +320,10 @@ class _Changes:
 
 
 def pack_events(block: Block, events: Events) -> None:
-    """Add changes to the block: steps since the previous change, and the new values plus one."""
+    """Add changes to the block: steps since the agent's previous change, or the page's first step, and the new values.
+
+    Nodes and behaviors are written plus one, as -1 stands for none.
+    """
     agent = np.repeat(np.arange(len(events.counts)), events.counts)
     same = np.append(False, agent[1:] == agent[:-1]) if len(agent) else np.zeros(0, bool)
     since = np.where(same, np.diff(events.step, prepend=0), events.step)
