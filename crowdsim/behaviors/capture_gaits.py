@@ -61,11 +61,11 @@ def clips_of_gait(clips: Sequence[Clip], speed: float) -> tuple[tuple[Clip, ...]
             _nearest(gaits, pace) == chosen and max(pace, gaits[chosen]) <= _FARTHEST * min(pace, gaits[chosen])
         )
         (kept if same else out).append(clip)
-    without = f", without {', '.join(f"'{clip.name}'" for clip in out)}" if out else ""
+    names = ", ".join(f"'{clip.name}'" for clip in out)
     speeds = ", ".join(f"{gait:.2f}" for gait in gaits)
     note = (
         f"agents walk at {speed:.2f} m/s; of the captured gaits ({speeds} m/s) the nearest is used, "
-        f"{gaits[chosen]:.2f} m/s{without}"
+        f"{gaits[chosen]:.2f} m/s" + (f", without {names}" if out else "")
     )
     return tuple(kept), (note,)
 

@@ -48,7 +48,7 @@ class PlantedRows(NamedTuple):
         # Rows around both times. Prefix sums: a point stayed planted if its count did not change.
         begin = table.node_first[old_node] + np.floor(old_at).astype(np.int64)
         end = table.node_first[node] + np.ceil(at).astype(np.int64)
-        goes_on = ((node == old_node) & (at > old_at))[:, None, None]
+        goes_on = ((node == old_node) & (at >= old_at))[:, None, None]
         last, first = table.node_first[old_node] + table.node_frames[old_node], table.node_first[node]
         across = lifted[last] - lifted[begin] + lifted[end] - lifted[first]
         stayed: NDArray[np.bool_] = np.where(goes_on, lifted[end] - lifted[begin], across) == 0

@@ -47,6 +47,13 @@ def test_violations_of_arcs_are_those_of_dense_sampling(seed):
         _assert_sampling_agrees(mesh, area, points, radius, posts if radius > 0.0 else ())
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_equal_points_count_as_one(count):
+    mesh = NavMesh(shapely.box(0, 0, 10, 10))
+    np.testing.assert_allclose(mesh.violations([(1.0, 0.2, 0.5)] * count, 0.5), [[0.0, 0.0]])
+    assert len(mesh.violations([(1.0, 0.6, 0.5)] * count, 0.5)) == 0
+
+
 def test_arcs_smaller_than_the_disc_and_many_turns():
     rng = np.random.default_rng(3)
     area = random_area(rng, "boxes", count=12)

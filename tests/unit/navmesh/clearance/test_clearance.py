@@ -107,7 +107,9 @@ def test_violations_at_one_corner_are_exact():
     np.testing.assert_allclose(found, [[2.6, 5.4]], atol=1e-5)  # 4 - 0.4 and 6 + 0.4, from x = 1 on
     assert mesh.first_violation([(1, 5.5), (9, 5.5)], 0.5) == math.inf
     assert len(mesh.violations([(1, 8), (2, 8)], 0.5)) == 0
-    np.testing.assert_allclose(mesh.violations([(1, 0.2), (1, 0.2)], 0.5), [[0.0, 0.0]])
+    for count in (1, 2, 3, 4):
+        np.testing.assert_allclose(mesh.violations([(1, 0.2)] * count, 0.5), [[0.0, 0.0]])
+        assert len(mesh.violations([(1, 0.6)] * count, 0.5)) == 0
     with pytest.raises(GeometryError, match="finite"):
         mesh.violations([(1, math.nan)], 0.5)
     with pytest.raises(GeometryError, match="at least one"):

@@ -41,6 +41,12 @@ SHAPES = {
     "on the border": shapely.box(0, 2, 1, 3),
     "beyond the border": WALL,
     "around all": shapely.box(-50, -50, 50, 50).difference(shapely.box(2, 2, 8, 4)),
+    "island in a hole, beyond the border": shapely.MultiPolygon(
+        [
+            shapely.box(-20, -20, 8.5, 5.5).difference(shapely.box(1, 1, 8, 5)),
+            shapely.box(3, 2, 6, 4).difference(shapely.box(4, 2.5, 5, 3.5)),
+        ]
+    ),
     "line beyond the border": shapely.LineString([(-40, 3), (5, 3)]),
 }
 
