@@ -156,7 +156,7 @@ def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
 
 
 def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
-    """Return the polygons of a geometry; raise PlaceError if there are none, or other shapes."""
+    """Return the polygons of a geometry; raise PlaceError for an empty collection, or other shapes."""
     parts = [geometry]
     while any(part.geom_type == "GeometryCollection" for part in parts):
         parts = [

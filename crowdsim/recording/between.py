@@ -38,7 +38,7 @@ def frame_between(
     # Agents without a node have the index NONE (-1), which finds the 0 at the end.
     last = np.append(node_frames, 0)[old.node]
     # Frames played during the step, at whatever rate the node is played: at most 1.15 times the natural one. An agent
-    # that leaves an idle node skips the rest of it: the sum is then beyond 1.5 times, and the natural rate is used.
+    # that leaves an idle node skips the rest of it: if the sum is then beyond 1.5 times, the natural rate is used.
     same = (new.node == old.node) & (new.frame >= old.frame)
     advance = np.where(same, new.frame - old.frame, last - old.frame + new.frame)
     advance = np.where(same | (2 * advance <= 3 * natural), advance, natural)

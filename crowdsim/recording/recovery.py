@@ -35,7 +35,10 @@ def recover(part: str | os.PathLike[str], output: str | os.PathLike[str] | None 
     Raises
     ------
     RecordingError
-        If there is no such file, a run still writes it, nothing in it is readable, or ``output`` exists.
+        If there is no such file, a run still writes it, nothing in it is readable, it has no step, or ``output``
+        exists.
+    CrowdSimError
+        If the folder of ``output`` does not exist, or its disk is full.
     """
     source = Path(part)
     if source.suffix != ".part" or not source.is_file():

@@ -52,7 +52,7 @@ def _hub_frame(hub: Hub, manner: Manner) -> Floats:
 
 
 def _moved(frame: Floats, placed: Floats, inverse: bool) -> Floats:
-    """Return planar poses (R, 9) moved into a frame (``inverse``) or out of it; headings stay unwrapped."""
+    """Return rows of three planar poses (R, 9), moved into ``frame`` (``inverse``) or out of it; headings unwrapped."""
     out = placed.copy()
     c, s = cos(frame[2]), sin(frame[2])
     for k in (0, 3, 6):

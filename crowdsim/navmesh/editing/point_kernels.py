@@ -38,13 +38,15 @@ def has_room(m, w, corners):
 
 @helper
 def put_corner(m, w, x, y, hint):
-    """Insert the grid point (x, y) as a corner of an obstacle; return its vertex, FULL or STUCK.
+    """Insert the grid point (x, y) [m] as a corner of an obstacle; return its vertex. `settle` must follow.
 
-    `settle` must follow.
+    If that fails, return FULL (no room in the arrays) or STUCK (too many loop turns, or an impossible mesh), both
+    negative; the mesh is useless then.
     """
     v = insert_point(m, x, y, hint, w)
     if v >= 0:
-        # The vertex must stay from now on, and looks for new bottlenecks.
+        # The vertex must stay from now on. LOOKING: it looks for new bottlenecks. CHANGED: if it is new, triangles
+        # around it changed; if it was there before, the mark does no harm.
         m.vertices[v].vref += 1
         touch(w, v)
         w.to_do[v].mark |= LOOKING | CHANGED

@@ -185,7 +185,10 @@ def workshop(vertices: int, uses: int = 0) -> Workshop:
     pairs = np.empty((room, 2), np.int64)
     to_do = np.zeros(vertices, TO_DO)
     progress = np.zeros(1, PROGRESS)
+    # For kernels called on their own; a build and an edit set their own bound (`bound_turns`).
     progress["left"] = TURNS * room
+    # ``gone`` is as long as the pool of uses: to remove an obstacle of more sides asks for a larger one (NO_ROOM). A
+    # search for bottlenecks that needs more than 256 views makes the edit count as stuck.
     return Workshop(
         np.empty(room, np.int64),
         pairs,

@@ -163,9 +163,9 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
     They lead from the arcs to the stand if ``to_goal`` is True, as for the goal; from the stand to the arcs if False.
     Those outside of the ellipse of the view may be missing.
 
-    They are not checked for obstacles that cut them. A disc that touches an obstacle may stand closer to it than its
-    radius, by the tolerance. Its tangents may then miss the begin or the end of an arc by an angle and lead to that
-    place instead: a tangent that is off by this angle dips into a circle by the difference of ``radius`` and ``least``.
+    They are not checked for obstacles that cut them. A disc may stand closer to an obstacle than its ``radius``, down
+    to ``least``. Its tangents may then miss the begin or the end of an arc by an angle and lead to that place instead:
+    a tangent that is off by this angle dips into a circle by the difference of ``radius`` and ``least``.
     """
     sides = m.sides
     vertices = m.vertices
@@ -176,7 +176,7 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
     triangle = stand.triangle
     radius = disc.radius
     margin = TOLERANCE
-    # Off by an angle e, a tangent dips in by radius (1 - cos e), about radius e * e / 2.
+    # Off by an angle e, a tangent dips in by radius (1 - cos e), about radius e * e / 2. For a point both are 0.
     if disc.least > 0.0:
         margin += math.sqrt(2.0 * max(radius - disc.least, 0.0) / radius)
     eye = Viewpoint(x, y, 0.0, radius, disc.tolerance, margin, 0.0, 0.0, 0.0, 0.0)
@@ -205,6 +205,7 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
     count = 0
     for i in range(found):
         tangent = seen[i]
+        # 1 if the corner is on the left as seen from the stand, -1 if on the right; for a point, q is 0.0 or -0.0.
         q = int(math.copysign(1.0, tangent.q))
         for k in range(graph.arc_begin[tangent.vertex], graph.arc_begin[tangent.vertex + 1]):
             # n: direction from the corner to the point of contact, a right angle from the heading.

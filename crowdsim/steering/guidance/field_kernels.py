@@ -280,7 +280,7 @@ def solve(ground, crowding, points, inside, field, state):
 
     Notes
     -----
-    Boxes of equal cost are expanded in the order of their numbers, so results do not depend on the heap.
+    Entries of equal cost leave the heap in the order of their boxes, so results do not depend on how it is arranged.
     """
     boxes = len(ground.widest)
     top = ground.costs[-1]
@@ -311,7 +311,8 @@ def solve(ground, crowding, points, inside, field, state):
             field.cost[box] = cost
             field.length[box] = length + (float(field.length[anchor]) if anchor < boxes else 0.0)
             state[box] = KNOWN_PURE if is_pure else KNOWN
-            # The tested cost may exceed the guess: back to the heap if another box is cheaper now.
+            # The tested cost may exceed the guess: back to the heap if another box is cheaper now; at equal cost this
+            # box goes first.
             if count > 0 and heap[0].key < float(field.cost[box]):
                 heap, count = push(heap, count, float(field.cost[box]), box)
                 continue

@@ -105,11 +105,12 @@ def cadence(speed, angle, turn):
     """Return the cadence [cycles/s] of a steady walk, and what gives it: 0 the walk, 1 side steps, 2 the turn.
 
     At a speed [m/s], ``angle`` [rad] off the heading, turning by ``turn`` [rad/s]. The rate is that of
-    :func:`crowdsim.motion.deformed.phase_kernels.phase_rate` for the motion relative to the hips; all numbers are the
-    constants of that module, which explains them.
+    :func:`crowdsim.motion.deformed.phase_kernels.phase_rate` for the motion relative to the hips. The numbers are those
+    of that module, or made of them.
     """
     off = abs(angle)
-    # The hips turn along with the motion, the less so the slower it is, and the farther it is aside; as of hip_turn.
+    # The hips turn fully along with a motion up to 0.7 rad aside, then less, and not at all from 1.4 rad on; below
+    # 0.4 m/s they turn less, by the square of the speed. As of hip_turn.
     follows = min(speed / 0.4, 1.0)
     hip = 0.0 if off >= 1.4 else min(off, 1.4 - off)
     rest = off - hip * follows * follows
@@ -119,10 +120,14 @@ def cadence(speed, angle, turn):
     c = min(max(c, -1.0), 1.0)
     along = speed * abs(c)
     across = speed * math.sqrt(1.0 - c * c)
+    # Walk ratio, step length squared over speed: 0.39 m s; a cycle is two steps (0.78). Backward it is 1.35 times as
+    # fast. No cycle is longer than 1.6 m.
     rate = math.sqrt(0.39 * along) / 0.78
     if c < 0.0:
         rate *= 1.35
     rate = max(rate, speed / 1.6)
+    # Side steps: 0.5 cycles/s, setting in over the first 0.1 m/s, and 1.1 more per m/s, 1.7 at most. Turns on the spot:
+    # 0.35 cycles/s, setting in over the first 0.2 rad/s, and 0.4 more per rad/s, 1.5 at most.
     aside = min(0.5 * min(1.0, across / 0.1) + 1.1 * across, 1.7)
     turning = abs(turn)
     on_spot = min(0.35 * min(1.0, turning / 0.2) + 0.4 * turning, 1.5)
