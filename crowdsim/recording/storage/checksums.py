@@ -126,7 +126,7 @@ def _hdf5_size(stream: _Bytes, size: int) -> int:
 
 
 def _checksum_outside(stream: _Bytes, size: int, chunks: Ranges) -> int:
-    """Return the checksum of the bytes up to ``size`` that are in none of ``chunks`` (n, 2): first and end, in order."""
+    """Return the checksum of the bytes up to ``size`` outside of ``chunks`` (n, 2), first and end, in order."""
     checksum, place = 0, 0
     # An empty range at the end: what lies behind the last chunk counts, too.
     for first, end in [*chunks.tolist(), (size, size)]:
