@@ -305,7 +305,10 @@ class Simulation(Commandable, Extensible):
         Raises
         ------
         CrowdSimError
-            If a file cannot be written.
+            If the ending is wrong, the folder does not exist, a name is taken by a folder or device, or the disk is
+            full.
+        OSError
+            If the system refuses for another reason, as without permission.
         """
         return self.scenario.save(path, self._commands.given)
 

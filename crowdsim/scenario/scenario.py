@@ -272,7 +272,10 @@ class Scenario(ScenarioFields):
         Raises
         ------
         CrowdSimError
-            If a file cannot be written.
+            If the ending is wrong, the folder does not exist, a name is taken by a folder or device, or the disk is
+            full.
+        OSError
+            If the system refuses for another reason, as without permission.
         """
         path = Path(path)
         renamed = {name: f"{path.stem}-{name}" for name in self._files.made}

@@ -112,7 +112,10 @@ class EnvironmentState:
         return footprints_of(self.timetable.movables[movable], self.assets.layers, placing)
 
     def put(self, movable: int, placing: Placing | None, step: int) -> Edit:
-        """Place a movable at ``placing``, or remove it (None), in all meshes; no search may be under way."""
+        """Place a movable at ``placing``, or remove it (None), in all meshes, in ``step``; return the change.
+
+        No search may be under way.
+        """
         before = self._placings.get(movable)
         freed = None if before is None else self.footprints(movable, before)[0]
         self._put(movable, placing)

@@ -41,9 +41,13 @@ def build_far_body(skeleton: Skeleton) -> BodyMesh:
         parts.limb(elbow, at(elbow), hand, (0.048 * k, 0.03 * k), Tissue.SHIRT)
         parts.limb(hip, at(hip), at(knee), (0.095 * k, 0.062 * k), Tissue.TROUSERS)
         parts.limb(knee, at(knee), at(ankle), (0.062 * k, 0.045 * k), Tissue.TROUSERS)
-        low = min(at(toe)[2], at(ankle)[2]) - 0.005 * k
+        # The shoe, from behind the ankle to ahead of the toe. Its axis rises by 0.03 k from the tip to the heel; the
+        # sole is 0.03 k below the tip.
+        tip_height = min(at(toe)[2], at(ankle)[2]) - 0.005 * k
         heel, tip = at(ankle) + [-0.05 * k, 0.0, 0.0], at(toe) + [0.06 * k, 0.0, 0.0]
-        parts.limb(ankle, [*heel[:2], low + 0.03 * k], [*tip[:2], low], (0.05 * k, 0.042 * k), Tissue.SHOES)
+        parts.limb(
+            ankle, [*heel[:2], tip_height + 0.03 * k], [*tip[:2], tip_height], (0.05 * k, 0.042 * k), Tissue.SHOES
+        )
     return parts.body()
 
 

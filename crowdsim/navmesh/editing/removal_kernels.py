@@ -87,9 +87,10 @@ def _push(w, a, b):
 def _flip_spokes(m, w, v):
     """Flip spokes of vertex v away until four are left or none can be: (a spoke, number of spokes, of fixed ones).
 
-    Exact: a spoke is flipped if both new triangles have an area. If none is constrained, there is one among five or
-    more: spokes whose neighbors are half a turn or more apart, and corners of the outline that do not bend outward,
-    are too few to block all.
+    Four are few enough: the caller joins two opposite ones to one side, which leaves two triangles. Exact: a spoke is
+    flipped if both new triangles have an area. If none is constrained, there is one among five or more: spokes whose
+    neighbors are half a turn or more apart, and corners of the outline that do not bend outward, are too few to block
+    all.
     """
     sides = m.sides
     vertices = m.vertices
@@ -117,7 +118,7 @@ def _flip_spokes(m, w, v):
         a = sides[prv(g)].org
         b = sides[g].org
         c = sides[prv(h)].org
-        # A spoke between two constrained ones stays, so that these can become one side.
+        # A spoke between two constrained ones stays: among four, only opposite spokes can become one side.
         between = sides[before].constraints != 0 and sides[after].constraints != 0
         ax = vertices[a].x
         ay = vertices[a].y
@@ -244,7 +245,7 @@ def remove_vertex(m, w, v):
     not be Delaunay are stacked in ``pairs`` of the workshop w, for the caller to flip.
     """
     sides = m.sides
-    # Down to four spokes, or to three if none is constrained. Of four, two opposite ones become one side (the two
+    # Down to four spokes, if there are more. Of four, two opposite ones become one side (the two
     # constrained ones, if there are such); three without constraints go at once. Anything else cannot be removed.
     h, degree, fixed = _flip_spokes(m, w, v)
     if degree == 4:
