@@ -101,13 +101,14 @@ def place_on_floor(
     floor
         The walkable floor [m]; by default :func:`derive_floor` finds it.
     height
-        Height of the floor in the scene [m]; by default it is found. If both are given nothing is refused: the choice
-        of the storey is the caller's.
+        Height of the floor in the scene [m]; by default it is found, or 0 if there are no solids. If it is given, the
+        choice of the storey is the caller's; if ``floor`` is given as well, no floor is looked for.
 
     Raises
     ------
     PlaceError
-        If the floor or its height cannot be found, or there are two walkable heights over one point.
+        If the floor or its height cannot be found, or if ``height`` is not given and there are two walkable heights
+        over one point.
     GeometryError
         If the given floor is no polygon with an area, or the height is not finite.
     """

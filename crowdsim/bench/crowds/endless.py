@@ -65,9 +65,10 @@ def run_endless(density: float, seed: int, *, both_ways: bool = False, rules: Ru
 
 
 def walk_endless(state: NDArray[Any], length: float, width: float, rules: Rules | None = None) -> EndlessResult:
-    """Step agents in an endless corridor, ``length`` long and ``width`` wide [m], and measure after SETTLING.
+    """Step agents in an endless corridor, ``length`` long and ``width`` wide [m].
 
-    ``state`` is left as it is.
+    Speeds and accelerations are measured after SETTLING, distances over the whole run. ``state`` is ROW[n], with ``gx``
+    1 or -1 for those who walk along +x or -x; it is left as it is.
     """
     # Two walls along x, longer than the copies reach.
     walls = build_walls(np.array([[-9.0, 0.0, length + 9.0, 0.0], [-9.0, width, length + 9.0, width]]))

@@ -14,8 +14,9 @@ from crowdsim.motion.graph.track_kernels import track_pose_between
 def advance(graph, ramp, rows):
     """Advance each row by one step, into its next node if the present one ends.
 
-    The rate changes by at most ``ramp`` [ticks/step]. ``rows`` are a :class:`crowdsim.crowd.systems.animate.Playing`. A
-    row without a next node stays on the last frame of its node. ``next_node`` is set to -1 after it was entered.
+    The rate changes by at most ``ramp`` [ticks/step]. ``rows`` are a :class:`crowdsim.crowd.systems.animate.Playing`,
+    whose cursors are indices of nodes in the agents' motion plans, -1 without one. A row without a next node stays on
+    the last frame of its node. ``next_node`` is set to -1 after it was entered.
     """
     node, frame, origin, blend_offset, next_node = rows.node, rows.frame, rows.origin, rows.blend_offset, rows.next_node
     for i in range(len(node)):

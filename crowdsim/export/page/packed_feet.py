@@ -16,7 +16,12 @@ FRAMES = 1000
 
 
 def pack_feet(block: Block, recording: Recording, chosen: Chosen, played: Ints) -> None:
-    """Add the places of the feet in the nodes ``played``, row by row, and the changes of the feet of the agents.
+    """Add the places of the feet in the nodes ``played``, and the changes of the feet of the agents.
+
+    Places are packed column by column, as differences from row to row: ball x, y [m] and heading [rad] of the left
+    foot, then of the right one, relative to the first row of their node. ``feet_across`` are the axes (2, 3) of the
+    ankle joints that point to the left of their feet. ``feet_counts`` are the numbers of changes, for each agent of
+    the left foot, then of the right one.
 
     ``played`` holds the nodes of the page, ascending, which numbers them in this order. A change has its time since the
     one before of the same foot, mode, node, frames, and a planar pose, as :mod:`crowdsim.motion.planted.pin_kernels`

@@ -15,16 +15,16 @@ _MOST_CORNERS = 64
 
 
 @helper
-def _touch_each_other(points, i, j, k, end):
-    """Return True if the segments from points i to j and from k to ``end`` have a point in common."""
-    ax = points[i, 0]
-    ay = points[i, 1]
-    bx = points[j, 0]
-    by = points[j, 1]
-    cx = points[k, 0]
-    cy = points[k, 1]
-    dx = points[end, 0]
-    dy = points[end, 1]
+def _touch_each_other(snapped, i, j, k, end):
+    """Return True if the segments from corners i to j and from k to ``end`` have a point in common."""
+    ax = snapped[i, 0]
+    ay = snapped[i, 1]
+    bx = snapped[j, 0]
+    by = snapped[j, 1]
+    cx = snapped[k, 0]
+    cy = snapped[k, 1]
+    dx = snapped[end, 0]
+    dy = snapped[end, 1]
     # Their bounding boxes are apart.
     if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx):
         return False
