@@ -33,8 +33,11 @@ def measure_evacuation(tracks: Tracks, _: Places) -> Result:
     recording = tracks.recording
     times = recording.agent_times
     came = np.flatnonzero(~np.isnan(times.entered) & ~times.removed)
+    removed = int(times.removed.sum())
     if not len(came):
-        return Result(name, title, {"characters": 0}, ("Nobody was present: there is nothing to measure.",))
+        why = "All who came were taken out by commands" if removed else "Nobody was present"
+        figures = {"characters": 0, "removed": removed}
+        return Result(name, title, figures, (f"{why}: there is nothing to measure.",))
     arrived = np.sort(times.arrived[came][~np.isnan(times.arrived[came])])
     left = came[np.isnan(times.arrived[came])]
     groups = np.array(recording.header.agents.groups, np.str_)
@@ -45,12 +48,14 @@ def measure_evacuation(tracks: Tracks, _: Places) -> Result:
         **{f"t{share}": times.until_share(share) for share in (50, 95, 100)},
         "left_at_the_end": stayed,
         "agents_left_at_the_end": left.tolist(),
-        "removed": int(times.removed.sum()),
+        "removed": removed,
     }
     sentences = [f"{len(arrived)} of {len(came)} agents have arrived after {recording.duration:.1f} s."]
     for share in (50, 95):
         at = values[f"t{share}"]
         sentences.append(f"{share} % have after {at:.1f} s." if at is not None else f"{share} % never have.")
+    if removed:
+        sentences.append(f"{removed} were taken out by commands, and do not count.")
     if stayed:
         who = ", ".join(f"{count} of {group}" for group, count in stayed.items())
         sentences.append(f"Who has not: {who}.")

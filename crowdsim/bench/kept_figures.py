@@ -13,7 +13,7 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.whole_files import whole_file
 
 COLUMNS = ("benchmark", "figure", "date", "commit", "value", "python", "numba", "load")
-"""Columns of the file. ``date`` is that of the commit; units are in the names of figures. ``load`` is the load average
+"""Columns of the file. ``date`` is the day of the commit; units are in the names of figures. ``load`` is the load average
 of the machine in the minute before, a number of processes that ran or waited, empty if it is not known: times taken on
 a busy machine are too long."""
 
@@ -21,8 +21,8 @@ a busy machine are too long."""
 def keep_figures(result: BenchResult, folder: Path) -> Path:
     """Add the figures of a benchmark to the file of the machine that it ran on.
 
-    Lines are sorted by benchmark, figure and date, so that each line stands below that of the commit before. Figures of
-    the same benchmark and commit are replaced.
+    Lines are sorted by benchmark, figure and date, so that each line stands below those of earlier days; lines of one
+    day are sorted by commit. Figures of the same benchmark and commit are replaced.
 
     Parameters
     ----------

@@ -108,6 +108,9 @@ class RecordedEvents(ShownBodies):
             commands = [json.loads(text) for text in values_of(self._file, "commands")]
             if not all(isinstance(command["at"], int | float) for command in commands):
                 raise ValueError("a command without a time")
+            removed = [agent for command in commands for agent in command.get("remove_agents", {}).get("agents", [])]
+            if not all(agent in range(self.agent_count) for agent in removed):
+                raise ValueError("a command takes out an agent that there is not")
         except (RecordingError, *UNREADABLE) as error:
             raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
         return tuple(commands)

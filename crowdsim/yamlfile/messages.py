@@ -54,13 +54,17 @@ def _follows_from_another(detail: ErrorDetails) -> bool:
 
 
 def _message(detail: ErrorDetails, path: Path, model: type[BaseModel]) -> str:
-    """Return a message for users on an error of pydantic: what is wrong, and what the file may have there."""
+    """Return a message for users on an error of pydantic: what is wrong, and what the file may have there.
+
+    ``path`` leads to the value, or to the key that is unknown or missing; for an item that a list lacks, to the list.
+    """
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     annotation = _annotation(model, path[:-1] if kind in ("extra_forbidden", "missing") and path else path)
     if kind == "extra_forbidden":
         return f"unknown key; {nearest(str(path[-1]), _keys(annotation), 'the keys here are')}"
     if kind == "missing" and isinstance(value, dict):
         return "this key is required and missing"
+    # Here the value is a list: one item is missing, or it has too many or too few.
     if kind in ("missing", "too_long", "too_short"):
         return f"expected {_wanted_list(_annotation(model, path), context)}, got {len(value)}"
     if kind == "literal_error":

@@ -208,7 +208,7 @@ def test_those_who_stop_before_a_gap_drag_no_foot(shared: Path, tmp_path: Path, 
         assert recording.summary["arrived"] == 6
         drift = shown_stances(recording)
     assert len(drift.shown) > 60
-    assert (drift.shown - drift.own).max() <= 0.005
+    assert (drift.shown - drift.own).max() <= 0.002
 
 
 SUBJECTS = {

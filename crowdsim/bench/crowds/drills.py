@@ -23,6 +23,7 @@ from crowdsim.behaviors.library import load_behavior_set
 from crowdsim.constants import STEERING_RATE
 from crowdsim.library import library_folder
 from crowdsim.planning.query.requirements import Requirements
+from crowdsim.recording.measured import flow_of
 from crowdsim.steering.guidance.field import asked_of
 from crowdsim.steering.guidance.ground import build_ground
 from crowdsim.steering.guidance.guidance import PLAIN, Guidance
@@ -87,12 +88,8 @@ class DrillResult:
     acceleration: float
 
     def flow(self) -> float:
-        """Return the rate of arrivals between the first and the last tenth of them [1/s]; 0 for fewer than 20."""
-        times = np.sort(self.arrived[np.isfinite(self.arrived)])
-        few = len(times) // 10
-        if len(times) < 20:
-            return 0.0
-        return float((len(times) - 2 * few) / (times[-few - 1] - times[few]))
+        """Return the flow of arrivals [1/s], as of lines; 0 for fewer than 20."""
+        return flow_of(np.sort(self.arrived[np.isfinite(self.arrived)])) or 0.0
 
 
 def counterflow(against: int) -> Drill:

@@ -22,6 +22,7 @@ def read_all(path: Path) -> None:
             recording.movables_at(time)
         _ = recording.switches, recording.most_present, recording.changes, recording.complete
         _ = recording.measured, recording.paths, recording.levels[:], recording.state_hash[:], recording.commands
+        _ = recording.agent_times
         for name in RecordedFrame._fields:
             getattr(recording, name)[:]
         for agent in range(recording.agent_count):

@@ -83,9 +83,12 @@ def _polygon(region: Any) -> str:
 def cast_of(scenario: Scenario, state: State) -> CrowdPlacement:
     """Return the people of ``state``, in the order of the scenario's groups, with places in their goals."""
     drawn = place_crowd(scenario)
-    # Breadths are those of the capsules, from side to side.
+    # Breadths are those of the capsules, from side to side. Nobody waits before the first step; shares break ties.
     walkers = Walkers(
-        state["speed"].copy(), 2.0 * (state["half"] + state["radius"]), np.zeros(len(state)), state["share"].copy()
+        speeds=state["speed"].copy(),
+        breadths=2.0 * (state["half"] + state["radius"]),
+        delays=np.zeros(len(state)),
+        shares=state["share"].copy(),
     )
     places = np.column_stack((state["x"], state["y"]))
     return drawn._replace(starts=places, headings=state["heading"].copy(), walkers=walkers)

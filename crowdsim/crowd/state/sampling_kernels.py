@@ -301,10 +301,11 @@ def beside_discs(a, i, j, pieces):
     radius, is_capsule = body_of(a, i, j)
     if not is_capsule:
         return 0.0
-    core = max(hypot(a[i, CORE], a[i, CORE + 1]), hypot(a[j, CORE], a[j, CORE + 1]))
+    # Half the core, the longer one of both samples: the centers of neighboring discs are half / pieces apart.
+    half = max(hypot(a[i, CORE], a[i, CORE + 1]), hypot(a[j, CORE], a[j, CORE + 1]))
     # The outlines of two neighboring discs cross halfway between their centers, ``away`` from either: there the discs
     # reach less far off the core than the capsule, which reaches ``radius``.
-    away = 0.5 * core / pieces
+    away = 0.5 * half / pieces
     return radius - math.sqrt(max(radius * radius - away * away, 0.0))
 
 

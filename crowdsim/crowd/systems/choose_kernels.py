@@ -21,7 +21,6 @@ from crowdsim.recording.header import AgentState
 NODES_LEFT = 4
 """Nodes left of a plan when the next path is searched, for agents that walk on through their goal."""
 
-
 AHEAD_SECONDS = 0.4
 """Time before the end of the last node that it has reserved, from which on an agent reserves ahead, or slows down
 [s]."""

@@ -32,11 +32,7 @@ from crowdsim.crowd.systems.give_way import GivingWay
 from crowdsim.crowd.systems.going_on import Progress, Rows, Scratch, Walker, take
 from crowdsim.crowd.systems.replan import reach_goal, standing_near
 from crowdsim.crowd.systems.reserving import Reserving
-from crowdsim.crowd.systems.reserving_kernels import (
-    WAY_METERS,
-    slow_down,
-    slowest,
-)
+from crowdsim.crowd.systems.reserving_kernels import WAY_METERS, slow_down, slowest
 from crowdsim.crowd.systems.surroundings import Surroundings
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import distance
@@ -267,6 +263,7 @@ class Choosing:
             # Repeat the idle node. Agents that have arrived stay so (the states are in that order).
             view.state[row] = max(view.state[row], AgentState.WAITING)
             take(view, row, node, view.origin[row], np.zeros(3))
+            self._giving_way.decided(view, row)
         else:
             self._stand(view, row, agent)
 
@@ -318,7 +315,8 @@ class Choosing:
 
     def _waits(self, view: View, row: int, seconds: float) -> bool:
         """Return True if a row was refused for ``seconds``; see :meth:`_have_waited`."""
-        return bool(self._have_waited(view, seconds)[row])
+        since = int(view.blocked_since[row])
+        return since != NONE and self.plans.step - since >= seconds * self.plans.assets.steps_per_second
 
     def _steps_aside(self, view: View, row: int) -> bool:
         """Let a standing row step to a wall, so that others can pass; return True if it does."""

@@ -253,7 +253,9 @@ def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[MeshAr
 def _tree(graph: GraphArrays, budget: int) -> _Tree:
     """Return empty arrays of the largest size possible; memory that is never written is never taken.
 
-    The last one is a hash table, with a power of two of slots of which at most a quarter is used.
+    All nodes may wait at first, and each of the ``budget`` nodes that are laid adds its edges. For the columns see
+    :mod:`~crowdsim.following.graph_search.graph_search_kernels`. The last array is a hash table, with a power of two of
+    slots of which at most a quarter is used.
     """
     room = len(graph.node_frames) + budget * int(np.diff(graph.edge_start).max(initial=0))
     return _Tree(

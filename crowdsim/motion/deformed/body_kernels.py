@@ -90,7 +90,7 @@ def turned_by(x, y, z):
 
 @helper
 def ease(u):
-    """Return a value from 0 to 1 for u from 0 to 1, without speed or acceleration at the ends."""
+    """Return 0 for u <= 0, 1 for u >= 1, and a curve between without speed or acceleration at the ends."""
     u = min(max(u, 0.0), 1.0)
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
@@ -172,13 +172,14 @@ def standing_yaw(print_yaw, out, heading, u):
     out: heading of the foot relative to a body whose leg is not twisted [rad]. heading: of the body [rad]. A foot on
     its heel does not turn.
     """
+    # Headings of a track are unwrapped, and the print's comes from them, so their difference is not wrapped.
     twist = heading + out - print_yaw
-    # Beyond the free twist the foot follows; b * b / (b + ease) starts without a kink.
+    # Beyond _TWIST the foot follows; b * b / (b + _EASE) starts without a kink.
     beyond = abs(twist) - _TWIST
     if beyond <= 0.0:
         return print_yaw
-    free = ease((u - SOLE_DOWN) / _FREE)
-    return print_yaw + math.copysign(free * beyond * beyond / (beyond + _EASE), twist)
+    pivoting = ease((u - SOLE_DOWN) / _FREE)
+    return print_yaw + math.copysign(pivoting * beyond * beyond / (beyond + _EASE), twist)
 
 
 @helper

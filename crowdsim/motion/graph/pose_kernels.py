@@ -101,8 +101,8 @@ def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, 
     x = _between(root[row, 0], root[after, 0], part)
     y = _between(root[row, 1], root[after, 1], part)
     if w > 0.0:
-        # root(frame) + w * (old - first), with both turned to where the blended heading puts them. apart: by how much
-        # the heading of the root in its track differs between the two.
+        # root(frame) + w * (old - first), turned to the blended heading of the body in the track: root and first by
+        # w * apart, old by (w - 1) * apart. apart: heading of the root in its track, old less first.
         apart = wrap_angle(_yaw(pool[old, 0]) - _yaw(pool[first, 0]))
         x, y = _turned(w * apart, x - w * root[first, 0], y - w * root[first, 1])
         old_x, old_y = _turned((w - 1.0) * apart, float(root[old, 0]), float(root[old, 1]))

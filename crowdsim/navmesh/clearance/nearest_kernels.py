@@ -137,7 +137,7 @@ def _side_to_triangle2(m, h, t):
 def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, vertex_marks):
     """Collect the outlines of the obstacles within ``near`` [m] of the free triangle ``root`` that open sides lead to.
 
-    Some corners farther off are among them. Return (outlines, count, stack), as the arrays grow if they are full;
+    Circles of some vertices farther off are among them. Return (outlines, count, stack), as the arrays grow if they are full;
     ``stack`` is scratch. The marks hold ``root`` + 1 for what was visited.
     """
     sides = m.sides
@@ -158,7 +158,7 @@ def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, verte
         for h in range(3 * t, 3 * t + 3):
             v = sides[h].org
             a = vertices[v]
-            # Every vertex of a free triangle is a corner of an obstacle: a circle, once for each vertex.
+            # Every vertex of a free triangle lies on an obstacle, at a corner or on a side: a circle for each, once.
             if vertex_marks[v] != root + 1:
                 vertex_marks[v] = root + 1
                 outlines[count].x = a.x

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -106,15 +107,16 @@ def shape_of(geometry: Any) -> Dots | Shape:
 def as_geometry(shape: Shape) -> BaseGeometry:
     """Return the geometry that ``shape`` covers; its rings may touch, but not cross each other.
 
-    A clockwise ring is a hole; a counter-clockwise one in it is filled again.
+    A clockwise ring is a hole of the counter-clockwise one before it.
     """
     parts = np.split(shape.points, shape.ends[:-1])
     if shape.winding == 0:
         return shapely.GeometryCollection(
             [shapely.LineString(part) if len(part) > 1 else shapely.Point(part[0]) for part in parts]
         )
-    # From the largest ring to the smallest: what lies in another ring comes after it.
-    covered: BaseGeometry = shapely.Polygon()
-    for ring in sorted((shapely.Polygon(part) for part in parts), key=lambda ring: -ring.area):
-        covered = covered.union(ring) if ring.exterior.is_ccw else covered.difference(ring)
-    return covered
+    # Each polygon's shell comes before its holes, see :func:`rings_of`.
+    rings = [shapely.LinearRing(part) for part in parts]
+    shells = [number for number, ring in enumerate(rings) if ring.is_ccw]
+    return shapely.union_all(
+        [shapely.Polygon(rings[first], rings[first + 1 : end]) for first, end in pairwise([*shells, len(rings)])]
+    )

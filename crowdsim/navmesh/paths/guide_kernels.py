@@ -20,8 +20,8 @@ GUIDE = np.dtype([("side", np.int64), ("left", np.float64), ("right", np.float64
 
 side: one more than the origin, shifted left by 32 bits, plus the vertex at the other end; 0 if the row is empty. left,
 right: distances to the goal [m] from the ends of the side, cut by the radius, for ways that leave the side's triangle
-across it; infinite if no way was followed there. The last row belongs to no side: its ``left`` is the limit [m] up to
-which ways were followed.
+across it; infinite if no way was followed there. The last row belongs to no side: its ``left`` is the limit [m] of keys,
+with meters to go times GREED, up to which ways were followed.
 """
 
 GREED = 1.05
@@ -61,7 +61,8 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     if row.side == 0:
         return otherwise
     limit = guide[guide.size - 1].left
-    # No way was followed across this side: all ways over it are at least as long as the limit.
+    # No way was followed across this side: with meters to go weighted, all ways over it exceed the limit, so they are
+    # longer than limit / GREED. The limit itself will do here.
     if row.left == math.inf:
         return max(limit, otherwise)
     a = vertices[origin]

@@ -48,8 +48,9 @@ def set_node(node, x, y, q, vertex):
 def tangent(a, b):
     """Return (exists, direction x, y) of the taut string from node a to node b; the direction is a unit vector.
 
-    It does not exist if circles overlap by more than PINCH, or one is inside the other; the direction is then at a
-    right angle to the line of the centers. Nor if a and b are at one place; the direction is then (1, 0).
+    It does not exist if circles on opposite sides of the string overlap by more than PINCH, or one on the same side is
+    inside the other by more than that; the direction is then at a right angle to the line of the centers. Nor if a and
+    b are at one place; the direction is then (1, 0). A start or goal is a circle of radius 0 on either side.
     """
     ex = b.x - a.x
     ey = b.y - a.y

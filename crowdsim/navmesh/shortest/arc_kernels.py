@@ -52,7 +52,8 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
     turns = LOOKS * sides.size
     while top > 0:
         turns -= 1
-        if turns < 0:
+        # Each turn finds one more at most, and leaves one more view at most.
+        if turns < 0 or count >= found.size or top >= sights.size:
             raise BoundExceeded
         top -= 1
         sight = sights[top]

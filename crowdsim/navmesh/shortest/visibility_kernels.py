@@ -346,6 +346,8 @@ def see_corners(m, arc_begin, eye, h, view, count):
             count = _report(view.seen, count, w, radius, aim, sight, eye.margin)
         # The view goes on across the two other sides, or across the one it lies on.
         if visible:
+            if top + 1 >= sights.size:
+                raise BoundExceeded
             other = sights[top + 1]
             other.side = prv(g)
             _split(sight, other, zx, zy, aim, eye.tolerance, reach)

@@ -79,7 +79,11 @@ def _ends(spread: Spread, count: int) -> tuple[float, float]:
 
 
 def quantiles(spread: Spread, probabilities: Floats) -> Floats:
-    """Return the quantiles of ``spread``, truncated to its bounds, at ``probabilities`` in [0, 1]."""
+    """Return the quantiles of ``spread``, truncated to its bounds, at ``probabilities`` in [0, 1].
+
+    Of a mix or table, ``probabilities`` are divided among its parts in their order, which keep their shares and are
+    truncated one by one: uniform ones give its distribution, but in general the values do not ascend.
+    """
     low = -math.inf if spread.min is None else spread.min
     high = math.inf if spread.max is None else spread.max
     parts = spread.parts()

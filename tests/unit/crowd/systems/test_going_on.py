@@ -53,11 +53,13 @@ def hashes() -> tuple[list[int], dict[str, int]]:
 
 def test_a_crowd_goes_on_as_it_does_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
     wanted: set[int] = set()
+    behind: set[bool] = set()
     asked: set[tuple[int, bool]] = set()
 
     def noting(*arguments: object) -> tuple[int, int]:
         number, what = choose_kernels.go_on(*arguments)
         wanted.add(what)
+        behind.add(int(arguments[-2].counts[choose_kernels.BEHIND]) > 0)
         return number, what
 
     def noting_asks(*arguments: object) -> tuple[int, int, int]:
@@ -69,6 +71,7 @@ def test_a_crowd_goes_on_as_it_does_in_python(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(choose_motion, "ask_in_turn", noting_asks)
     found, events = hashes()
     assert min(events.values()) > 0, "some are asked to give way, and some arrive"
+    assert behind == {True, False}, "searches end or begin with nodes that are entered"
     assert wanted == {choose_kernels.ALL_DONE, choose_kernels.OTHERWISE, choose_kernels.MAKE_ROOM}
     assert asked == {
         (choose_kernels.ALL_DONE, False),

@@ -9,7 +9,6 @@ from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip
 from crowdsim.motion.deformed.phase_kernels import advance_phases, set_anchors
 from crowdsim.motion.deformed.pose_kernels import pose_bodies
 from crowdsim.motion.deformed.step_plan import StepPlan, plan_steps
-from crowdsim.motion.graph import foot_contacts
 from tests.reference.deformed_bodies import Body, advance, anchor_of, pose_one, upper_rotation
 from tests.unit.motion.deformed.tracks import TRACKS, walk_clip
 
@@ -106,7 +105,3 @@ def test_phases_equal_the_twin() -> None:
     advance_phases(places, velocities, turns, 0.1, phases, anchors)
     assert np.allclose(phases, [phase for phase, _ in expected], atol=1e-12)
     assert np.allclose(anchors, [anchor for _, anchor in expected])
-
-
-def test_the_heel_is_that_of_foot_contacts() -> None:
-    assert body_kernels.HEEL_BACK == foot_contacts.HEEL_BACK
