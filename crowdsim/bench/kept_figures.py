@@ -13,9 +13,9 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.whole_files import whole_file
 
 COLUMNS = ("benchmark", "figure", "date", "commit", "value", "python", "numba", "load")
-"""Columns of the file. ``date`` is the day of the commit; units are in the names of figures. ``load`` is the load average
-of the machine in the minute before, a number of processes that ran or waited, empty if it is not known: times taken on
-a busy machine are too long."""
+"""Columns of the file. ``date`` is the day of the commit; units are in the names of figures. ``load`` is the load
+average of the machine in the minute before, a number of processes that ran or waited, empty if it is not known: times
+taken on a busy machine are too long."""
 
 
 def keep_figures(result: BenchResult, folder: Path) -> Path:

@@ -137,8 +137,8 @@ def _side_to_triangle2(m, h, t):
 def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, vertex_marks):
     """Collect the outlines of the obstacles within ``near`` [m] of the free triangle ``root`` that open sides lead to.
 
-    Circles of some vertices farther off are among them. Return (outlines, count, stack), as the arrays grow if they are full;
-    ``stack`` is scratch. The marks hold ``root`` + 1 for what was visited.
+    Circles of some vertices farther off are among them. Return (outlines, count, stack), as the arrays grow if they are
+    full; ``stack`` is scratch. The marks hold ``root`` + 1 for what was visited.
     """
     sides = m.sides
     vertices = m.vertices

@@ -20,8 +20,8 @@ GUIDE = np.dtype([("side", np.int64), ("left", np.float64), ("right", np.float64
 
 side: one more than the origin, shifted left by 32 bits, plus the vertex at the other end; 0 if the row is empty. left,
 right: distances to the goal [m] from the ends of the side, cut by the radius, for ways that leave the side's triangle
-across it; infinite if no way was followed there. The last row belongs to no side: its ``left`` is the limit [m] of keys,
-with meters to go times GREED, up to which ways were followed.
+across it; infinite if no way was followed there. The last row belongs to no side: its ``left`` is the limit [m] of
+keys, with meters to go times GREED, up to which ways were followed.
 """
 
 GREED = 1.05
