@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
+from crowdsim.analysis.analyze import analyze
 from crowdsim.errors import RecordingError
 from crowdsim.recording.header import AgentState, LayerRecord, ShapeRecord, SolidRecord
 from crowdsim.recording.reader import Recording
@@ -145,3 +146,49 @@ def test_times_are_those_of_the_states(tmp_path, steps):
         )
         assert np.array_equal([column[agent] for column in times[:3]], wanted, equal_nan=True)
         assert not times.removed[agent]
+
+
+def write_present(path, until, commands):
+    """Write a recording of 20 steps in which each agent is present before step ``until[agent]``, and commands."""
+    header = replace(small_header(len(until)), walkable=FLOORS)
+    with RecordingWriter(path, header) as writer:
+        for step in range(20):
+            for command in commands:
+                if round(command["at"] * 20) == step:
+                    writer.add_command(command)
+            states = np.where(step < np.array(until), AgentState.MOVING, AgentState.ABSENT)
+            writer.append(small_frame(header, 90 + step)._replace(state=states), step)
+        writer.finish({})
+
+
+def test_agents_that_a_command_takes_out_have_not_arrived(tmp_path):
+    commands = [{"at": 0.2, "open": "gate"}, {"at": 0.5, "remove_agents": {"agents": [0, 1, 3]}}]
+    # Agent 0 is taken out, 1 has left before, 2 leaves at the same time by itself, 3 never comes, 4 stays.
+    write_present(tmp_path / "removed.h5", [10, 6, 10, 0, 20], commands)
+    with Recording.open(tmp_path / "removed.h5") as recording:
+        times = recording.agent_times
+        found = analyze(recording, only=["evacuation"]).results[0]
+    assert times.removed.tolist() == [True, False, False, False, False]
+    assert np.array_equal(times.arrived, [np.nan, 0.3, 0.5, np.nan, np.nan], equal_nan=True)
+    assert np.array_equal(times.left, [0.5, 0.3, 0.5, np.nan, np.nan], equal_nan=True)
+    assert times.until_share(66) == 0.5
+    assert (found.values["characters"], found.values["arrived"], found.values["removed"]) == (3, 2, 1)
+    assert "1 were taken out by commands, and do not count." in found.sentences
+
+
+def test_nothing_is_measured_if_all_were_taken_out(tmp_path):
+    write_present(tmp_path / "removed.h5", [10, 10], [{"at": 0.5, "remove_agents": {"agents": [0, 1]}}])
+    with Recording.open(tmp_path / "removed.h5") as recording:
+        found = analyze(recording, only=["evacuation"]).results[0]
+    assert found.values == {"characters": 0, "removed": 2}
+    assert found.sentences == ("All who came were taken out by commands: there is nothing to measure.",)
+
+
+@pytest.mark.parametrize("removal", [{"agents": [2]}, {"agents": [-1]}, {"agents": ["a"]}, {"agents": 5}, 5, [1]])
+def test_commands_that_take_out_nobody_there_is_are_refused(tmp_path, removal):
+    write_present(tmp_path / "damaged.h5", [10, 10], [{"at": 0.5, "remove_agents": removal}])
+    with Recording.open(tmp_path / "damaged.h5") as recording:
+        with pytest.raises(RecordingError, match=r"damaged\.h5 is damaged"):
+            _ = recording.commands
+        with pytest.raises(RecordingError, match=r"damaged\.h5 is damaged"):
+            _ = recording.agent_times
