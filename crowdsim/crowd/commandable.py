@@ -67,7 +67,8 @@ class Commandable(ABC):
         Raises
         ------
         ScenarioError
-            If there is no such agent, one has left, or no agent can stand in the goal.
+            If there is no such agent, one has left, no agent can stand in the goal (to stay: not all of them can), or
+            the floor is periodic.
         """
         self._give(set_goal={"agents": _numbers(agents), "goal": _region(goal), "on_arrival": on_arrival})
 
@@ -242,6 +243,8 @@ class Commandable(ABC):
             return
         agents = np.array(sorted(set(asked.agents)), np.int64)
         here = ~self._left[agents]
+        if not here.any():
+            return
         match asked:
             case NewGoal():
                 region, places = places_in(self.scenario.environment, asked.goal, len(agents))

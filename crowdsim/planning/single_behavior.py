@@ -87,12 +87,14 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
 
 
 def _is_cheapest(query: Query, cost: float, lengths: list[float], ways_out: list[float]) -> bool:
-    """Return True if no path can cost less than ``cost``, whatever its worst behavior k.
+    """Return True if no path can cost less than ``cost``, whatever its worst behavior k, the narrowest that it uses.
 
-    A path with worst behavior k is at least lengths[k] meters long; ways_out as of `way_out`.
+    A path with worst behavior k is at least lengths[k] meters long, and each meter costs at least as much as with the
+    preferred behavior, the widest and last one; ways_out as of `way_out`.
     """
+    preferred = float(query.need.costs[-1])
     for k in range(query.need.count - 1, -1, -1):
-        least = lengths[k] * float(query.need.costs[-1]) + least_extra(query, k, lengths[k], ways_out[k])
+        least = lengths[k] * preferred + least_extra(query, k, lengths[k], ways_out[k])
         if cost > least * (1.0 + _ROUNDING):
             return False
     return True

@@ -253,9 +253,9 @@ class Scenario(ScenarioFields):
         )
 
     def save(self, path: str | os.PathLike[str], commands: Sequence[Command] | None = None) -> list[Path]:
-        """Write the scenario to ``path``, and files beside it for meshes and floors that were given in Python.
+        """Write the scenario to ``path``, and beside it files for meshes, and floors with holes, given in Python.
 
-        File names in the scenario are rewritten relative to the new folder. Existing files are replaced.
+        Relative file names in the scenario are rewritten to start from the new folder. Existing files are replaced.
 
         Parameters
         ----------

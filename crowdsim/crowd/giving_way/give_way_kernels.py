@@ -50,7 +50,7 @@ _STRIDE = 6  # frames between two samples of the test against obstacles
 
 @kernel
 def lay_move(graph, moves, move, node, origin, chain):
-    """Write a move, behind the idle ``node`` that started at ``origin`` (3,), into a chain; return its node count."""
+    """Write a move, from the end of an idle ``node`` that began at ``origin``, into a chain; return its node count."""
     chain.nodes[0] = node
     for axis in range(3):
         chain.origins[0, axis] = origin[axis]
@@ -58,7 +58,7 @@ def lay_move(graph, moves, move, node, origin, chain):
     for k in range(moves.lengths[move]):
         o = chain.origins[k]
         edge = moves.edges[move, k]
-        # Each node begins where the one before ends; the offset between both poses fades along it.
+        # Place each node by its edge, behind the end of the one before; the offset between both poses fades along it.
         ex, ey, eh = node_end(graph, np.int64(chain.nodes[k]), o[0], o[1], o[2])
         x, y, h = next_origin(graph, np.int64(edge), moves.twists[move, k], ex, ey, eh)
         chain.nodes[k + 1] = graph.edge_target[edge]

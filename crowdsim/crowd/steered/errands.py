@@ -85,7 +85,9 @@ class Errands:
         # last place is an exit; if agents stay at the end; how near to their spots they must stand [m].
         self._rate = steps_per_second
         self._places = np.array([len(itinerary.goals) for itinerary in groups], np.int64)
-        self._last = np.array([it.rounds * len(it.goals) if it.rounds != NONE else NONE for it in groups], np.int64)
+        self._places_in_all = np.array(
+            [it.rounds * len(it.goals) if it.rounds != NONE else NONE for it in groups], np.int64
+        )
         self._waits = np.array([round(itinerary.wait * steps_per_second) for itinerary in groups], np.int64)
         self._has_exits = np.array([bool(itinerary.choice) for itinerary in groups], np.bool_)
         self._stays = np.array([itinerary.stays for itinerary in groups], np.bool_)
@@ -115,12 +117,12 @@ class Errands:
         shapely.prepare(goal.region)
         self._regions[goal.number : goal.number + 1] = [goal.region]
         self.middles = np.concatenate((self.middles[: goal.number], goal.places[:1], self.middles[goal.number + 1 :]))
-        # Append an itinerary of one place.
+        # Append an itinerary of one place and one round, with no prescribed heading, wait or exit.
         number, none = len(self._places), np.full((1, self._goals.shape[1]), NONE, np.int32)
         self._goals = np.concatenate((self._goals, none))
         self._goals[number, 0] = goal.number
         self._headings = np.concatenate((self._headings, np.full((1, self._headings.shape[1]), np.nan)))
-        self._places, self._last = np.append(self._places, 1), np.append(self._last, 1)
+        self._places, self._places_in_all = np.append(self._places, 1), np.append(self._places_in_all, 1)
         self._waits, self._within = np.append(self._waits, 0), np.append(self._within, STAND_WITHIN)
         self._has_exits, self._stays = np.append(self._has_exits, False), np.append(self._stays, goal.stays)
         self._itinerary[agents] = number
@@ -234,7 +236,7 @@ class Errands:
         Return the rows that leave.
         """
         agents, group = view.agent[there], self._itinerary[view.agent[there]]
-        last = view.reached[there] + 1 == self._last[group]
+        last = view.reached[there] + 1 == self._places_in_all[group]
         stands = np.where(last, self._stays[group], self._waits[group] > 0)
         leaves = there[last & ~stands]
         self.arrived[agents[last & ~stands]] = step
@@ -292,7 +294,7 @@ class Errands:
         agents = view.agent[stops]
         group = self._itinerary[agents]
         # At the last place all of these stay: agents that leave there do not take a spot.
-        last = view.reached[stops] + 1 == self._last[group]
+        last = view.reached[stops] + 1 == self._places_in_all[group]
         view.errand[stops] = np.where(last, Errand.STAYS, Errand.STANDS)
         view.go_step[stops] = step + self._waits[group]
         self.arrived[agents[last]] = step

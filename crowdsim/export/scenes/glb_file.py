@@ -73,7 +73,7 @@ class GltfBuffer:
         """Write a GLB file of ``document`` and the collected arrays, without empty lists, which glTF forbids."""
         document = {**document, "buffers": [{"byteLength": self._length}]}
         document |= {"bufferViews": self.views, "accessors": self.accessors}
-        kept = {name: value for name, value in document.items() if value}
+        kept = {name: value for name, value in document.items() if value != []}
         text = json.dumps(kept, ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode()
         text += b" " * (-len(text) % 4)
         with file.open("wb") as stream:

@@ -24,7 +24,8 @@ def whole_numbers(values: ArrayLike) -> Bytes:
 def decimals(values: ArrayLike, places: int) -> Bytes:
     """Return finite numbers (R,) with ``places`` decimal places, at most six, as characters (R, width) uint8.
 
-    0 stands for no character: where there is no sign, and before shorter numbers.
+    With 0 places they must be integers, which are taken as they are, exact also beyond 2**53. In the result, 0 stands
+    for no character: where there is no sign, and before shorter numbers.
     """
     given = np.asarray(values)
     if not np.isfinite(given).all():

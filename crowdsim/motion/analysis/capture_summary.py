@@ -21,9 +21,10 @@ from crowdsim.motion.graph.transition_drift import clip_stances
 def summarize(
     path: Path, meters_per_unit: float | None = None, joints: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Return one row of a table: figures by name, units in the names, None if there is none; ``problem`` says why.
+    """Return one row of a table: values by column, units in the names, None if there is none.
 
-    A file that cannot be read has a row with nothing but its problem.
+    ``problem`` says why the file or its motion cannot be read, or that a clip is no locomotion. A file that cannot be
+    read has a row with nothing but its name and its problem.
     """
     row: dict[str, Any] = dict.fromkeys(_COLUMNS)
     row["file"] = path.name

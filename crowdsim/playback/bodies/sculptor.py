@@ -286,7 +286,8 @@ def _between(start: Floats, end: Floats, shares: tuple[float, ...]) -> list[Floa
 def _follow(joints: NDArray[np.int32], weights: Floats, joint: int, share: Floats) -> tuple[NDArray[np.int32], Floats]:
     """Return joints and weights (V, 2) of vertices that follow ``joint`` by ``share`` (V,), and else their first one.
 
-    The second of their former joints gives way where the share is not 0. The greater weight comes first.
+    The second of their former joints gives way where the share is over 0.001; a lesser share counts as 0. The greater
+    weight comes first.
     """
     near = np.where(share > 0.5, joint, joints[:, 0])
     far = np.where(share > 0.5, joints[:, 0], joint)

@@ -249,6 +249,7 @@ def _seed(ground, crowding, points, inside, field, state, heap, count):
                 if ground.widest[box] < 0:
                     continue
                 px, py = pin_of(ground, box)
+                # The last half PACE of the line is not tested: a point that much too close to a wall counts as well.
                 cost = line_cost(ground, crowding, px, py, x, y, float(field.cost[box]))
                 if cost < field.cost[box]:
                     length = math.sqrt((x - px) * (x - px) + (y - py) * (y - py))
@@ -257,6 +258,7 @@ def _seed(ground, crowding, points, inside, field, state, heap, count):
                     field.anchor[box] = boxes + n
                     is_pure = cost <= length * ground.costs[-1] * (1.0 + 1e-9)
                     state[box] = KNOWN_PURE if is_pure else KNOWN
+                    # Push the cost as stored (float32): `solve` skips keys that differ from it as outdated.
                     heap, count = push(heap, count, float(field.cost[box]), box)
     return heap, count
 

@@ -220,7 +220,7 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
     The cost is the integral of the behavior's cost per meter times the crowd's factor, plus ``ground.change`` for each
     change of behavior. It is infinite if a tested point is outside of the boxes or no behavior fits there, or if the
     cost exceeds ``most``. Near walls the line is tested in the middle of steps of PACE at most, so up to half a step at
-    its ends may be too close to a wall: the caller must know that a behavior fits at both ends.
+    its ends may be too close to a wall: a caller that needs a behavior to fit at the very ends must know that it does.
     """
     top = len(ground.costs) - 1
     dx = qx - px

@@ -153,7 +153,8 @@ def mend_pins(ground, nobody, raw, labels, first_row, last_row, first_column, la
             ground.pins[box, 0] = raw[box, 0]
             ground.pins[box, 1] = raw[box, 1]
             ground.widest[box] = labels[box]
-            # No behavior fits, or no wall can block a line to the adjacent pins, at most 3 CORNER from the center.
+            # No behavior fits, or no wall can block a line to the adjacent pins, at most 3 CORNER from the center; one
+            # CORNER more is spare.
             if labels[box] < 0 or ground.far[row, column] * FAR_UNIT > ground.reach + 4.0 * CORNER:
                 continue
             px, py = pin_of(ground, box)
@@ -199,7 +200,7 @@ def set_ways(ground, crowding, first_row, last_row, first_column, last_column):
             ground.pure[box] = 0
             if ground.widest[box] < 0:
                 continue
-            # Far from walls all lines are free: adjacent pins are at most 3 CORNER from the center.
+            # Far from walls all lines are free: adjacent pins are at most 3 CORNER from the center; one more is spare.
             open_around = ground.far[row, column] * FAR_UNIT > wide
             px, py = pin_of(ground, box)
             for k in range(8):

@@ -61,6 +61,23 @@ def test_characters_on_call_come_if_they_are_added(locomotion: str, tmp_path: Pa
 
 
 @pytest.mark.parametrize("locomotion", LOCOMOTIONS)
+def test_a_goal_for_those_who_have_just_left_is_no_goal(locomotion: str) -> None:
+    with Simulation(rooms(locomotion)) as simulation:
+        steps(simulation, 2.0)
+        # Both are carried out in the next step.
+        simulation.remove(0)
+        simulation.set_goal([0], (1.0, 5.0))
+        simulation.step()
+        if locomotion == "steered":
+            errands = simulation.crowd.errands
+            assert len(errands.middles) == len(errands._regions)
+        simulation.set_goal([1], (1.0, 5.0))
+        while not simulation.finished:
+            simulation.step()
+        assert simulation.arrived == 1
+
+
+@pytest.mark.parametrize("locomotion", LOCOMOTIONS)
 def test_removed_characters_are_gone_and_do_not_come(locomotion: str, tmp_path: Path) -> None:
     with Simulation(rooms(locomotion)) as simulation:
         steps(simulation, 3.0)

@@ -68,6 +68,8 @@ def require_valid(file: Path, validator: Path | None) -> None:
 def test_joints_are_where_the_recording_shows_them(pair):
     recording, file = pair
     read = Glb(file)
+    assert read.document["scene"] == 0
+    assert len(read.document["scenes"]) == 1
     names = recording.header.motion.skeleton.names
     for skin in read.document["skins"]:
         assert [read.nodes[joint]["name"] for joint in skin["joints"]] == list(names)
