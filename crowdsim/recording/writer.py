@@ -161,7 +161,7 @@ class RecordingWriter:
     def append_packed(self, hashes: NDArray[np.uint64], chunks: Iterable[PackedChunk]) -> None:
         """Append steps that :func:`~crowdsim.recording.packed_steps.pack_steps` has packed, with their state hashes.
 
-        All but the last call need as many steps as a chunk holds, and chunks of all agents.
+        Each call needs the chunks of all agents, and all but the last as many steps as a chunk holds.
         """
         steps = self._open_file()["steps"]
         if self._steps % self._held:

@@ -128,7 +128,10 @@ class _Reader:
         return found.solids
 
     def _on_floor(self) -> Polygon | MultiPolygon:
-        """Return the floor, and drop those parts of mesh files that are floors, ceilings or lie flat on the floor."""
+        """Return the floor; move all solids (on a given floor, those of meshes) so that it is at height 0.
+
+        Drop those of them that are the floor or a ceiling, or lie below the floor or flat on it.
+        """
         given = self.keys.floor
         try:
             floor = self._given_floor()

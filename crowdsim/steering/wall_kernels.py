@@ -245,7 +245,8 @@ def free_ahead(walls, x, y, ux, uy, width, farthest):
         width = min(before, width) - _TOLERANCE
     # 32 strides of at least _LEAST_STRIDE come to 1.6 m, the farthest that callers look (Rules.wall_horizon).
     for _ in range(32):
-        # A ball of radius `room` is free. The shortest stride bounds the number of evaluations.
+        # A ball of radius `room` counts as free, although far distances may be up to 8 % too large. The shortest stride
+        # bounds the number of evaluations.
         room = distance_at(walls, x + way * ux, y + way * uy) - width
         if room < 0.5 * _TOLERANCE:
             return min(way, farthest)

@@ -114,7 +114,7 @@ def draw_endless(density: float, seed: int, both_ways: bool) -> NDArray[Any]:
     """Return people at a ``density`` [1/m2], at different places of three rows, each displaced a little.
 
     Their speeds are quantiles of the usual distribution in random order, so that the mean free speed is the same for
-    all seeds: that of 26 random draws would vary by 0.05 m/s, as much as the lowest band is wide.
+    all seeds: that of 26 random draws, as many as at 0.5/m2, would vary by 0.05 m/s (one standard deviation).
     """
     rng = np.random.default_rng(seed)
     # Places half a meter apart along the corridor, in three rows.
@@ -127,6 +127,7 @@ def draw_endless(density: float, seed: int, both_ways: bool) -> NDArray[Any]:
     way = np.where(goals == 0, 1.0, -1.0)
     state = make_agents(rng, np.column_stack((x, y)), goals, np.column_stack((way, np.zeros(count))))
     state["gx"] = way
+    # Among agents of one goal the lower key goes first [m]: those farther along. `with_copies` sets togo.
     state["key"] = 2.0 * LENGTH - way * x
     state["speed"] = shuffled_speeds(rng, count)
     return state

@@ -12,9 +12,12 @@ from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL, FRAME_ROWS
 from crowdsim.steering.wall_kernels import distance_at, wall_room
 
-_ROUNDED = 0.1
-"""Amount by which an interpolated distance of the grid may exceed the true one [m]: half a diagonal of its spacing of
-0.1 m is 0.07 m, and distances are rounded to centimeters."""
+_EXCESS = 0.1
+"""Amount by which an interpolated distance near walls may exceed the true one [m].
+
+Half a diagonal of the grid's spacing of 0.1 m is 0.07 m, the rest is spare. Distances are rounded down; far ones are up
+to 8 % too large.
+"""
 
 
 @kernel
@@ -76,6 +79,6 @@ def closest_wall(rows, walls, torso, leg_radius, limit):
         half = mine.half if torso else 0.0
         radius = mine.radius if torso else leg_radius
         # Skip bodies for which the grid of distances says that no wall can be nearer than the least gap.
-        if distance_at(walls, mine.x, mine.y) - half - radius - _ROUNDED < gap:
+        if distance_at(walls, mine.x, mine.y) - half - radius - _EXCESS < gap:
             gap = min(gap, wall_gap(mine, walls, half, radius))
     return gap

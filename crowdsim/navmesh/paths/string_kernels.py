@@ -57,7 +57,7 @@ def tighten(nodes, count, i, last):
         else:
             # One of the two tangents does not exist.
             return -1, first
-    # If no node is left between start and goal, this tangent has not been asked for.
+    # If no node is left between start and goal, the loop has not tested that this tangent exists.
     exists, _, _ = tangent(nodes[0], nodes[1])
     return count if exists else -1, first
 

@@ -48,7 +48,7 @@ class Prices(NamedTuple):
     terms: NDArray[np.float64]
     """(4,) as :data:`crowdsim.planning.labels.labelling_kernels.TERMS`."""
     change: NDArray[np.float64]
-    """(n, n) cost of a change from one behavior to another."""
+    """(n, n) cost of a change from one behavior to another, with a part of the least length of a section."""
 
 
 class RoadGraph(NamedTuple):
@@ -204,7 +204,7 @@ def costs_from(points, ways, costs, turned, change, source, heap, out):
     """Fill ``out`` (states,) with the least cost from any state of point ``source`` (Dijkstra); return the heap.
 
     points, ways, costs, turned, change: as of :class:`RoadGraph` and :class:`Prices`. heap: scratch, which may grow.
-    Least lengths of sections do not count, so that the costs bound those of a search from below.
+    Sections that are too short cost nothing extra here, so that the costs bound those of a search from below.
     """
     n = costs.size
     out[:] = math.inf
