@@ -51,8 +51,10 @@ class RankPart:
         self._held = steps_held(header)
         self._shares = share_out(header.agents.count, ranks.size)
         self._mine = self._shares.of(ranks.rank)
+        # Of each step not yet written: rows (PRESENT) of the agents in the region of this rank.
         self._waiting: list[NDArray[Any]] = []
-        # By block of steps: their number; chunks without their content, which is in the file, and its length [bytes].
+        # Of each block written: its number of steps; its chunks, without their content, which is in the file, and the
+        # length of that [bytes].
         self._blocks: list[tuple[int, list[tuple[PackedChunk, int]]]] = []
 
     def __enter__(self) -> Self:

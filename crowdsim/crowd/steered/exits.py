@@ -159,11 +159,13 @@ class ExitChoice:
         view.following[rows] = PLAIN  # the field followed so far leads to the old exit
 
     def _follow_the_first(self, view: View) -> None:
-        """Let all members go to the exit of the first one of their party, as long as that one is in the world."""
+        """Let members who walk to an exit go to that of the first one of their party, while it is in the world."""
         there = np.zeros(len(self.goals), np.bool_)
         there[view.agent] = True
         first = self._cast.first[view.agent]
         goals = self.goals[first]
+        # A member still on its route goes to another goal than its exit. The first one has no exit (NONE) once a command
+        # gave it another goal.
         walks = (view.errand == Errand.WALKS) & (view.goal == self.goals[view.agent])
         follows = np.flatnonzero(walks & there[first] & (goals != NONE) & (goals != view.goal))
         self._change(view, follows, goals[follows])

@@ -344,6 +344,7 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
         # Take out the node of least f and lay it down.
         pop(tree.heap, count)
         count -= 1
+        # The node taken out has the least f, which is ``promised``.
         promised = tree.heap[count].key
         row = expanded
         laid, nearest = _lay(graph, space, rules, start, start_node, goal, tree, tree.heap[count].item, row)
@@ -371,18 +372,18 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
             if graph.node_idle[target]:
                 continue
             px, py, ph = next_origin(graph, e, 0.0, x, y, heading)
-            cost = tree.place[row, WALKED] + graph.node_length[target] + hypot(x - px, y - py)
+            walked = tree.place[row, WALKED] + graph.node_length[target] + hypot(x - px, y - py)
             px, py, ph = node_end(graph, target, px, py, ph)
             child = _key(rules, target, px, py, ph)
             if tree.closed[_slot(tree.closed, child)] == child:
                 continue
             gap = hypot(goal[0] - px, goal[1] - py)
             ends = graph.node_ends_standing[target] or not rules.end_standing
-            if ends and gap < rules.bend_reach and cost <= promised + HASTE:
+            if ends and gap < rules.bend_reach and walked <= promised + HASTE:
                 length = _bend_branch(graph, space, rules, goal, row, np.int64(e), px, py, ph, tree, chain, out)
                 if length > 0:
                     return FOUND, length, expanded
-            count = _put(tree, count, made, row, np.int64(e), cost + rules.weight * gap)
+            count = _put(tree, count, made, row, np.int64(e), walked + rules.weight * gap)
             made += 1
     length = _list_branch(tree, out, best)
     return (BLOCKED if count == 0 else OUT_OF_BUDGET), length, expanded

@@ -155,7 +155,7 @@ def _clear_way(m, w, a, b, crossed):
     vertices = m.vertices
     pairs = w.pairs
     room = pairs.shape[0]
-    # New sides, as pairs; each crossed side leaves at most one.
+    # New sides, as pairs; each crossed side leaves at most one, so that half of the room, and 8, are spare.
     fresh = np.empty((2 * crossed + 8, 2), np.int64)
     made = 0
     head = 0

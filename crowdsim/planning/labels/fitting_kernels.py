@@ -304,7 +304,7 @@ def label_spans(spans, total, costs, turned, terms, length):
     """
     count = costs.size
     ends = np.zeros(count, np.int64)
-    own = np.empty(total + 1, SPAN)
+    own = np.empty(total, SPAN)
     blocked = np.empty((total, 2))
     rows = 0
     for b in range(count):

@@ -76,6 +76,7 @@ def crowding_of(
     counts = np.ones(len(at)) if counts is None else counts
     rows = -int(-ground.rows * BOX // weighing.cell)
     columns = -int(-ground.columns * BOX // weighing.cell)
+    # Density in units of 1 / GRAIN per square meter: integers add up to the same in any order of the agents.
     weights = np.zeros((rows, columns), np.int64)
     add_agents(at, counts, ground.left, ground.bottom, weighing.cell, weights)
     load = np.empty((rows, columns), np.float32)
