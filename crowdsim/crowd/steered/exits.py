@@ -164,8 +164,8 @@ class ExitChoice:
         there[view.agent] = True
         first = self._cast.first[view.agent]
         goals = self.goals[first]
-        # A member still on its route goes to another goal than its exit. The first one has no exit (NONE) once a command
-        # gave it another goal.
+        # A member still on its route goes to another goal than its exit. The first one has no exit (NONE) once a
+        # command gave it another goal.
         walks = (view.errand == Errand.WALKS) & (view.goal == self.goals[view.agent])
         follows = np.flatnonzero(walks & there[first] & (goals != NONE) & (goals != view.goal))
         self._change(view, follows, goals[follows])
