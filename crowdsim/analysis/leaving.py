@@ -55,7 +55,7 @@ def measure_evacuation(tracks: Tracks, _: Places) -> Result:
         at = values[f"t{share}"]
         sentences.append(f"{share} % have after {at:.1f} s." if at is not None else f"{share} % never have.")
     if removed:
-        sentences.append(f"{removed} were taken out by commands, and do not count.")
+        sentences.append(f"Taken out by commands, and not counted: {removed}.")
     if stayed:
         who = ", ".join(f"{count} of {group}" for group, count in stayed.items())
         sentences.append(f"Who has not: {who}.")

@@ -173,7 +173,7 @@ def test_agents_that_a_command_takes_out_have_not_arrived(tmp_path):
     assert np.array_equal(times.left, [0.5, 0.3, 0.5, np.nan, np.nan], equal_nan=True)
     assert times.until_share(66) == 0.5
     assert (found.values["characters"], found.values["arrived"], found.values["removed"]) == (3, 2, 1)
-    assert "1 were taken out by commands, and do not count." in found.sentences
+    assert "Taken out by commands, and not counted: 1." in found.sentences
 
 
 def test_nothing_is_measured_if_all_were_taken_out(tmp_path):
