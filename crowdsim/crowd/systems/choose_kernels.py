@@ -2,7 +2,12 @@
 
 Rows are processed in order, and each reads the timelines that earlier ones reserved in the same step.
 
-Arguments of all helpers are those of :mod:`crowdsim.crowd.systems.reserving_kernels`.
+Arguments of all helpers: ``rows`` (columns of all rows), ``progress`` and ``scratch`` as of
+:mod:`crowdsim.crowd.systems.going_on`; ``row``, one of the rows, and ``agent``, the number of its agent; ``table``
+(:class:`crowdsim.crowd.search.plan_table.PlanTable`), the plans of all agents; ``obstacles``, ``everyone`` (the
+timelines of all rows) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of its node from
+which a row goes on. ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`). Rates are in
+ticks per step, FRAME_TICKS of which are a frame.
 """
 
 import numpy as np
