@@ -27,8 +27,14 @@ from crowdsim.scenario.loader import load_scenario
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 _FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
-_CROWDS = {"1,000 steered, 120 s": (500, 120, 90, 30), "10,000 steered, 20 s": (5000, 20, 240, 100)}
-"""Number of people in each of two groups, duration [s], and length and width of the floor [m]."""
+_CROWDS = {
+    "1,000 captured, 120 s": ("captured", 500, 120, 150, 60),
+    "1,000 auto, 120 s": ("auto", 500, 120, 150, 60),
+    "1,000 steered, 120 s": ("steered", 500, 120, 150, 60),
+    "1,000 close, 120 s": ("steered", 500, 120, 90, 30),
+    "10,000 steered, 20 s": ("steered", 5000, 20, 240, 100),
+}
+"""Locomotion, number of people in each of two groups, duration [s], and length and width of the floor [m]."""
 
 _MOMENTS, _POSES = 25, 5000
 """Largest number of moments at which bodies are compared, and approximate number of bodies in all: each needs new
@@ -57,7 +63,7 @@ _TIMES_OF_FRAMES = """() => {
 
 
 def measure() -> Measurement:
-    """Return a row for each of two scenarios and two steered crowds."""
+    """Return a row for each of two scenarios and some crowds."""
     rows: list[dict[str, Any]] = []
     with TemporaryDirectory() as name, _browser() as browser:
         folder = Path(name)
@@ -77,10 +83,10 @@ def _scenarios(folder: Path) -> Iterator[tuple[str, str]]:
     A crowd walks to and fro between both ends of a floor, half of it from each end.
     """
     yield from (("corridor", "corridor"), ("plaza", "plaza"))
-    for number, (name, (count, seconds, long, wide)) in enumerate(_CROWDS.items()):
+    for number, (name, (locomotion, count, seconds, long, wide)) in enumerate(_CROWDS.items()):
         near, far = f"[1, 1, {0.35 * long:g}, {wide - 1}]", f"[{0.65 * long:g}, 1, {long - 1}, {wide - 1}]"
         groups = [
-            f"  - {{name: {group}, locomotion: steered, count: {count}, start: {{rectangle: {start}}}, "
+            f"  - {{name: {group}, locomotion: {locomotion}, count: {count}, start: {{rectangle: {start}}}, "
             f"goals: [{{rectangle: {goal}}}, {{rectangle: {start}}}], repeat: 9}}"
             for group, start, goal in (("east", near, far), ("west", far, near))
         ]

@@ -164,14 +164,31 @@ def cadence(speed: float, angle: float, turning: float) -> tuple[float, int]:
     return max(rates), rates.index(max(rates))
 
 
+class NodeRows:
+    """Tracks of nodes, in integers of which 10,000 are a meter or a radian; ``ticks`` are a frame."""
+
+    def __init__(self, frames: Sequence[int], rows: np.ndarray, ticks: int) -> None:
+        self.frames, self.rows, self.ticks = list(frames), rows, ticks
+        self.first = np.cumsum([0, *(count + 1 for count in self.frames)])
+
+    def at(self, node: int, tick: int) -> tuple[np.ndarray, float]:
+        """Return x, y [m] and heading [rad] in a frame of a node, and how much of a seam is left."""
+        count = self.frames[node]
+        rows = self.rows[self.first[node] : self.first[node] + count + 1] / 10_000.0
+        left = [1.0 - 3.0 * (k / 12) ** 2 + 2.0 * (k / 12) ** 3 if k < 12 else 0.0 for k in range(count + 2)]
+        frame = min(tick / self.ticks, count)
+        track = np.array([np.interp(frame, np.arange(count + 1), column) for column in rows.T])
+        return track, float(np.interp(frame, np.arange(count + 2), left))
+
+
 class TrackReader:
     """Reads what ``code_chunk`` has written, agent by agent, in lists of integers."""
 
-    def __init__(self, data: bytes, units: Sequence[int]) -> None:
-        self.reader = RangeReader(data)
+    def __init__(self, data: bytes, units: Sequence[int], nodes: NodeRows) -> None:
+        self.reader, self.nodes = RangeReader(data), nodes
         places, turns = map(int, units[:6]), map(int, units[6:])
         self.place, self.turn, self.rate, self.cycle, self.most, self.natural = places
-        self.phase_step, self.turn_step = turns
+        self.phase_step, self.turn_step, self.played_turn_step = turns
 
     def _wrapped(self, value: int) -> int:
         return (value + self.turn // 2) % self.turn - self.turn // 2
@@ -184,15 +201,25 @@ class TrackReader:
         ahead = direction(float(dx), float(dy)) * self.turn / (2.0 * math.pi)
         return speed, math.floor(ahead + 0.5)
 
-    def track(self, steered: Sequence[int]) -> tuple[list[int], list[int], list[int]]:
-        """Return x, y and headings of a run of steps, as long as ``steered``."""
-        x, y = self._places(steered)
-        return x, y, self._headings(steered, x, y)
+    def track(self, node: Sequence[int]) -> tuple[list[int], list[int], list[int], list[int]]:
+        """Return x, y, headings and frames of a run of steps; ``node``: what is played in each, -1 for none."""
+        track: list[tuple[int, int, int, int]] = []
+        for played, first, end in runs([each >= 0 for each in node]):
+            if played:
+                frames = self._frames(node[first:end])
+                track += self._played(track, list(node[first:end]), frames)
+            else:
+                x, y = self._places([each[0] for each in track], [each[1] for each in track], end)
+                headings = self._headings([each[2] for each in track], x, y)
+                track += zip(x[first:], y[first:], headings[first:], [0] * (end - first), strict=True)
+        x, y, headings, frames = (list(column) for column in zip(*track, strict=True))
+        return x, y, headings, frames
 
-    def _places(self, steered: Sequence[int]) -> tuple[list[int], list[int]]:
-        read, x, y = self.reader, [], []
+    def _places(self, x: list[int], y: list[int], end: int) -> tuple[list[int], list[int]]:
+        """Return x and y, which are known so far, up to step ``end``."""
+        read = self.reader
         (ax, ay), (bx, by), before = (0, 0), (0, 0), 0
-        for t, steers in enumerate(steered):
+        for t in range(len(x), end):
             if t < 2:
                 x.append(read.whole(("first x", t)) + (x[-1] if t else 0))
                 y.append(read.whole(("first y", t)) + (y[-1] if t else 0))
@@ -201,38 +228,90 @@ class TrackReader:
             lately = size_class((2 * size + before) // 3)
             some = min(lately // 3, 2)
             before = size
-            if steers:
-                speed, ahead = self._speed_and_ahead(x[-1] - x[-2], y[-1] - y[-2])
-                way = min(int(10.0 * speed), 15), 16 * ahead // self.turn % 16
-                recent = tuple(map(coarse_class, (ax, ay, bx, by)))
-                now = read.mixed("x", ((lately, signed_class(ax)), recent, (way, some)), lately, 6)
-                kind, up = signed_class(ay)
-                contexts = (
-                    (min(abs(now), 29), kind // 2, up, some),
-                    (signed_class(now), coarse_class(ay), coarse_class(ax)),
-                    (way, signed_class(now)),
-                )
-                (bx, by), ax = (ax, ay), now
-                ay = read.mixed("y", contexts, size_class(abs(ax)), 6)
-            else:
-                ax = read.number(("plain x", lately), 7)
-                ay = read.number(("plain y", size_class(abs(ax)), some), 7)
+            speed, ahead = self._speed_and_ahead(x[-1] - x[-2], y[-1] - y[-2])
+            way = min(int(10.0 * speed), 15), 16 * ahead // self.turn % 16
+            recent = tuple(map(coarse_class, (ax, ay, bx, by)))
+            now = read.mixed("x", ((lately, signed_class(ax)), recent, (way, some)), lately, 6)
+            kind, up = signed_class(ay)
+            contexts = (
+                (min(abs(now), 29), kind // 2, up, some),
+                (signed_class(now), coarse_class(ay), coarse_class(ax)),
+                (way, signed_class(now)),
+            )
+            (bx, by), ax = (ax, ay), now
+            ay = read.mixed("y", contexts, size_class(abs(ax)), 6)
             x.append(ax + 2 * x[-1] - x[-2])
             y.append(ay + 2 * y[-1] - y[-2])
         return x, y
 
+    def _frames(self, node: Sequence[int]) -> list[int]:
+        """Return frames of captured steps; a node that another one follows was played to its end."""
+        read, last = self.reader, 0
+        frames = [read.whole("first frame")]
+        for old, new in pairwise(node):
+            if new != old:
+                last += read.number("change", 8)
+                frames.append(frames[-1] + self.natural + last - self.nodes.ticks * int(self.nodes.frames[old]))
+            else:
+                last += read.number(("frame", signed_class(last)), 6)
+                frames.append(frames[-1] + self.natural + last)
+        return frames
+
+    def _played(
+        self, before: Sequence[tuple[int, int, int, int]], node: Sequence[int], frames: Sequence[int]
+    ) -> list[tuple[int, int, int, int]]:
+        """Return the track (x, y, heading, frame) of captured steps that come after the steps ``before``.
+
+        A node's track goes on from an origin. What that is off from the end of the node before fades.
+        """
+        read, nodes, track, off = self.reader, self.nodes, [], False
+        to_world = np.array([self.place, self.place, self.turn / (2.0 * math.pi)])
+        origin = seam = np.zeros(3)
+        for t, (now, frame) in enumerate(zip(node, frames, strict=True)):
+            if t == 0 and not before:
+                shown = np.array([read.whole((f"first {each}", 0)) for each in ("x", "y", "turn")], float)
+            elif t == 0:
+                shown = np.array(before[-1][:3], float)
+                if len(before) > 1:
+                    shown[:2] += np.subtract(before[-1][:2], before[-2][:2])
+            else:
+                if now != node[t - 1] or frame < frames[t - 1]:
+                    whole, left = nodes.at(node[t - 1], nodes.ticks * int(nodes.frames[node[t - 1]]))
+                    ended = self._moved(origin, whole * to_world) + left * seam
+                    along, across, turn = (read.number(("seam", k), 8) for k in range(3))
+                    origin = self._moved(ended, np.array([0.5 * along, 0.5 * across, turn * self.played_turn_step]))
+                    seam = ended - origin
+                own, left = nodes.at(now, frame)
+                shown = self._moved(origin, own * to_world) + left * seam
+            if t or before:
+                off = bool(read.bit(("off", frame < 12 * nodes.ticks, off)))
+                if off:
+                    by = np.array([read.number(("off", k), 7) for k in range(3)]) * (1, 1, self.played_turn_step)
+                    shown, origin = shown + by, origin + by
+            if t == 0:
+                own = nodes.at(now, frame)[0] * to_world
+                heading = shown[2] - own[2]
+                away = self._moved(np.array([0.0, 0.0, heading]), own)
+                origin = np.array([*(shown - away)[:2], heading])
+            x, y, h = np.floor(shown + 0.5).astype(int).tolist()
+            track.append((x, y, h, frame))
+        return track
+
+    def _moved(self, origin: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """Return a pose in units of a page, seen from an origin, as it is in the world."""
+        angle = 2.0 * math.pi / self.turn * origin[2]
+        c, s = math.cos(angle), math.sin(angle)
+        return origin + (c * way[0] - s * way[1], s * way[0] + c * way[1], way[2])
+
     def _turn_class(self, turn: int) -> int:
         return min(max(10 * turn // self.most, -10), 10)
 
-    def _headings(self, steered: Sequence[int], x: list[int], y: list[int]) -> list[int]:
-        read, headings, last, before, ways = self.reader, [], 0, 0, (0, 0, 0)
-        for t, steers in enumerate(steered):
+    def _headings(self, headings: list[int], x: list[int], y: list[int]) -> list[int]:
+        """Return headings, which are known so far, of all steps of x and y."""
+        read, last, before, ways = self.reader, 0, 0, (0, 0, 0)
+        for t in range(len(headings), len(x)):
             if t < 2:
                 headings.append(read.whole(("first turn", t)) + (headings[-1] if t else 0))
-                continue
-            if not steers:
-                last += self.turn_step * read.number(("on", signed_class(last // self.turn_step)), 8)
-                headings.append(headings[-1] + last)
                 continue
             speed, ahead = self._speed_and_ahead(x[t - 1] - x[t - 2], y[t - 1] - y[t - 2])
             pace = min(int(16.0 * speed), 23)
@@ -254,15 +333,6 @@ class TrackReader:
             ways = (*ways[1:], way)
             headings.append(headings[-1] + last)
         return headings
-
-    def frames(self, count: int) -> list[int]:
-        """Return the frames of a node that is played for ``count`` steps."""
-        read, last = self.reader, 0
-        frames = [read.whole("first frame")]
-        while len(frames) < count:
-            last += read.number(("frame", signed_class(last)), 6)
-            frames.append(frames[-1] + self.natural + last)
-        return frames
 
     def phases(self, track: tuple[list[int], list[int], list[int]], first: int, end: int) -> list[int]:
         """Return the phases of steps ``first`` to before ``end`` of a track of all steps of a chunk."""

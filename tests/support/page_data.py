@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.reference.track_decoding import TrackReader, runs
+from tests.reference.track_decoding import NodeRows, TrackReader, runs
 
 
 def unzigzag(values: np.ndarray) -> np.ndarray:
@@ -58,6 +58,10 @@ class PageData:
                 value, bits = 0, 0
         return np.array(found, np.int64)
 
+    def varints(self, name: str) -> np.ndarray:
+        """Return all numbers of a named array of varints."""
+        return self.numbers(self.array(name))
+
     def present(self, bits: int = 3) -> np.ndarray:
         """Return (steps, N) whether each agent is present; with the bits 4, whether it is steered."""
         counts, since = (self.numbers(self.array(f"event_{name}")) for name in ("counts", "steps"))
@@ -91,18 +95,16 @@ class PageData:
         out = [np.full(here.shape, np.nan) for _ in range(3)]
         units = self.facts["units"]
         scales = (1 / units["place"], 1 / units["place"], 2 * np.pi / units["turn"])
-        steered = self.present(4)
+        rows = [unzigzag(self.varints("node_tracks")).reshape(3, -1).cumsum(axis=1).T, units["frame"]]
+        nodes, played = NodeRows(self.varints("node_frames").tolist(), *rows), self.nodes() - 1
         for number in range(-(-len(here) // self.facts["chunk"])):
             low = max(number * self.facts["chunk"] - self.facts["margin"], 0)
             high = min((number + 1) * self.facts["chunk"] + self.facts["margin"], len(here))
-            reader = TrackReader(self.array(f"chunk_{number}").tobytes(), self.facts["coding"])
+            reader = TrackReader(self.array(f"chunk_{number}").tobytes(), self.facts["coding"], nodes)
             for agent in range(here.shape[1]):
                 for there, first, end in runs(here[low:high, agent]):
                     if there:
-                        read = reader.track(steered[low + first : low + end, agent].astype(int).tolist())
+                        read = reader.track(played[low + first : low + end, agent].tolist())
                         for column in range(3):
                             out[column][low + first : low + end, agent] = np.array(read[column]) * scales[column]
-                for node, first, end in runs(self.nodes()[low:high, agent]):
-                    if node:
-                        reader.frames(end - first)
         return (*out, here)

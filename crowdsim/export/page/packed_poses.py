@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from crowdsim.export.page.choice import Chosen
 from crowdsim.export.page.packing import Block, Ints, first_differences, zigzag
-from crowdsim.export.page.tracks.track_chunks import PHASES, PackedStretches
+from crowdsim.export.page.tracks.track_chunks import PHASES, PackedStretches, node_tracks
 from crowdsim.motion.clips.kinematics import rotation_vectors
 from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, on_legs_of
@@ -44,7 +44,7 @@ def skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
 
 
 def pack_nodes(block: Block, motion: MotionRecord, played: Ints) -> list[str]:
-    """Add the poses of the nodes ``played`` to the block, column by column, as differences; return the nodes' names."""
+    """Add poses and tracks of the nodes ``played``, column by column, as differences; return the nodes' names."""
     joints = motion.skeleton.joint_count
     frames = motion.node_frames[played].astype(np.int64)
     rows = [
@@ -59,6 +59,7 @@ def pack_nodes(block: Block, motion: MotionRecord, played: Ints) -> list[str]:
     # One column after the other: the root's position, then the rotation vector of each joint.
     columns = np.concatenate([root, whole.reshape(len(some), 3 * joints)], axis=1)
     block.add_varints("node_rows", zigzag(first_differences(columns).T.ravel()))
+    block.add_varints("node_tracks", zigzag(first_differences(node_tracks(motion).rows[some]).T.ravel()))
     return [motion.node_names[node] for node in played.tolist()]
 
 

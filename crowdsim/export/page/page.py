@@ -18,7 +18,7 @@ from crowdsim.export.choice import Choice, choose
 from crowdsim.export.options import ExportOptions
 from crowdsim.export.page.choice import Chosen, shown_of
 from crowdsim.export.page.packed_bodies import LEVELS, pack_bodies, pack_looks
-from crowdsim.export.page.packed_feet import pack_feet
+from crowdsim.export.page.packed_feet import feet_units, pack_feet
 from crowdsim.export.page.packed_place import pack_density, pack_paths, pack_place
 from crowdsim.export.page.packed_poses import (
     ROOTS,
@@ -204,6 +204,7 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
         "chunk": plan.steps,
         "margin": plan.margin,
         "units": page_units(motion, place_units(chosen)),
+        "feet": feet_units(place_units(chosen)),
         "coding": coding_units(recording, place_units(chosen)).tolist(),
         "bounds": bounds,
         "ends": None if header.ends is None else [header.ends.axis, header.ends.low, header.ends.high],
@@ -230,7 +231,7 @@ def page_units(motion: MotionRecord, places: int) -> dict[str, int]:
     return {
         "place": places,
         "turn": TURNS,
-        "turn_step": turn_step(motion, places),
+        "turn_step": turn_step(places),
         "phase": PHASES,
         "phase_step": phase_step(places),
         "exact": FRACTIONS,

@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from crowdsim.export.page.tracks.context_kernels import MIXED, MODELS, ROWS
 from crowdsim.export.page.tracks.expected_kernels import (
     CYCLE,
     PHASE_STEP,
     PLACE,
+    PLAYED_TURN_STEP,
     RATE,
     TURN,
     TURN_STEP,
@@ -16,15 +18,17 @@ from crowdsim.export.page.tracks.expected_kernels import (
     direction,
     expected_phase,
 )
-from crowdsim.export.page.tracks.mixing_kernels import new_mixer, put_mixed
+from crowdsim.export.page.tracks.mixing_kernels import Coder, new_mixer, put_mixed
+from crowdsim.export.page.tracks.played_kernels import TOLERANCE, NodeTracks
 from crowdsim.export.page.tracks.range_kernels import EVEN, finish, new_state, put_bit, put_number
-from crowdsim.export.page.tracks.track_kernels import MIXED, MODELS, ROWS, code_chunk
+from crowdsim.export.page.tracks.track_kernels import code_chunk
 from crowdsim.jit import kernel
 from crowdsim.motion.deformed.phase_kernels import STAND, advance_phases, hip_turn, phase_rate
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from tests.reference import track_decoding
-from tests.reference.track_decoding import RangeReader, TrackReader, runs
+from tests.reference.track_decoding import NodeRows, RangeReader, TrackReader, runs
 
-UNITS = np.array([720, 1 << 17, 10, 50_000, 5216, 600, 15, 163], np.int64)
+UNITS = np.array([720, 1 << 17, 10, 50_000, 5216, 600, 15, 163, 16], np.int64)
 ROUNDED, SLACK = np.zeros(2), np.array([365.0, 167.0])
 
 
@@ -108,16 +112,35 @@ def test_mixed_numbers_come_back_and_take_as_many_bits_as_the_context_that_tells
     assert 8 * size <= 1.15 * len(values) + 1500
 
 
+FRAMES = np.array([18, 30, 24, 7], np.int32)
+FIRST = (np.cumsum(FRAMES + 1) - FRAMES - 1).astype(np.int32)
+
+
+def walking_nodes():
+    """Nodes that walk ahead and turn, each on its own way."""
+    rows = np.concatenate(
+        [
+            np.arange(count + 1)[:, None] * [200 + 20 * number, 5 * number, 30 * number]
+            for number, count in enumerate(FRAMES)
+        ]
+    )
+    return NodeTracks(FIRST, FRAMES, rows.astype(np.int64))
+
+
+def coder(size):
+    return Coder(new_state(), np.zeros(size, np.uint8), np.full((MODELS, 2), EVEN, np.uint16), new_mixer(MIXED, ROWS))
+
+
 def walked(rng, count, steps):
-    """Tracks (4, N, T), exact headings, phases (N, T) of people who push and turn, as far as their rules allow."""
+    """Exact tracks (3, N, T), frames (N, T), phases (N, T) of people who push and turn, as far as their rules allow."""
     change = rng.normal(0.0, 9.0, (2, count, steps))
     change *= np.minimum(1.0, 18.0 / np.maximum(np.hypot(*change), 1e-9))
     velocity = np.cumsum(change, axis=2) + 45.0
-    places = np.rint(np.cumsum(velocity, axis=2)).astype(np.int64)
+    places = np.cumsum(velocity, axis=2)
     heading = np.arctan2(velocity[1], velocity[0]) * UNITS[TURN] / (2 * np.pi)
     frame = np.cumsum(rng.choice([600, 600, 600, 590, 300], (count, steps)), axis=1)
     phases = np.cumsum(rng.integers(3800, 4600, (count, steps)), axis=1)
-    return np.stack([*places, np.zeros_like(frame), frame]), heading, phases
+    return np.stack([*places, heading]), frame, phases
 
 
 @pytest.mark.parametrize("slack", [ROUNDED, SLACK])
@@ -125,59 +148,91 @@ def walked(rng, count, steps):
 def test_a_slow_twin_reads_the_tracks_of_a_chunk(wild, slack):
     rng = np.random.default_rng(2)
     count, steps = 12, 60
-    tracks, exact, phases = walked(rng, count, steps)
+    exact, frame, phases = walked(rng, count, steps)
     if wild:
-        tracks[:, 3:] = rng.integers(-(2**20), 2**20, tracks[:, 3:].shape)
-        exact[3:] = rng.uniform(-(2.0**20), 2.0**20, exact[3:].shape)
+        exact[:, 3:] = rng.uniform(-(2.0**20), 2.0**20, exact[:, 3:].shape)
+        frame[3:] = rng.integers(0, 2**20, frame[3:].shape)
         phases[5:] = np.cumsum(rng.integers(0, 10**6, phases[5:].shape), axis=1)
     here = np.ones((count, steps), np.uint8)
     here[1, 20:23] = here[2, :] = here[4, 1:] = here[4, 2:4] = 0
     here[4, 4:6] = 1
     steered = here * (np.arange(count) % 3 > 0)[:, None].astype(np.uint8)
-    steered[5, 30:] = 0
+    steered[5, 30:] = steered[7, :1] = steered[8, 1:9] = 0
     node = np.where((here > 0) & (steered == 0), np.arange(steps) // 17, -1).astype(np.int32)
     spans = [(who, first, end) for who in range(count) for there, first, end in runs(here[who]) if there]
     starts = np.cumsum([0, *[end - first for _, first, end in spans]])
     stretches = np.array([(*span, start) for span, start in zip(spans, starts[:-1].tolist(), strict=True)], np.int64)
     asked = np.concatenate([phases[who, first:end] for who, first, end in spans])
     shown, own = asked.copy(), np.array([0, steps])
-    models = np.full((MODELS, 2), EVEN, np.uint16), new_mixer(MIXED, ROWS)
-    out = np.zeros(24 * (tracks.size + shown.size) + 64, np.uint8)
-    spread = here, steered, node, stretches, shown, own, UNITS, slack
-    size = code_chunk(tracks, exact, *spread, *models, new_state(), out)
-    reader = TrackReader(out[:size].tobytes(), UNITS)
+    tracks, nodes = np.zeros((4, count, steps), np.int64), walking_nodes()
+    tracks[3] = frame
+    coding = coder(24 * (tracks.size + shown.size) + 64)
+    size = code_chunk(tracks, exact, here, node, nodes, stretches, shown, own, UNITS, slack, coding)
+    reader = TrackReader(coding.out[:size].tobytes(), UNITS, NodeRows(FRAMES.tolist(), nodes.rows, FRAME_TICKS))
     for who in range(count):
-        read = np.zeros((3, steps), np.int64)
+        read = np.zeros((4, steps), np.int64)
         for there, first, end in runs(here[who]):
             if there:
-                read[:, first:end] = reader.track(steered[who, first:end].tolist())
-        there = here[who] > 0
-        assert (read[:, there] == tracks[:3, who, there]).all()
-        off = (read[2, there] - exact[who, there] + UNITS[TURN] / 2) % UNITS[TURN] - UNITS[TURN] / 2
-        assert np.abs(off).max(initial=0.0) <= 0.5 * UNITS[TURN_STEP] + (0.7 * slack[1] if slack[0] == 0 else slack[0])
-        for played, first, end in runs(node[who]):
-            if played >= 0:
-                assert reader.frames(end - first) == tracks[3, who, first:end].tolist()
+                read[:, first:end] = reader.track(node[who, first:end].tolist())
+        there, played = here[who] > 0, node[who] >= 0
+        assert (read[:3, there] == tracks[:3, who, there]).all()
+        assert (read[3, played] == frame[who, played]).all()
+        off = np.abs(read[:2] - exact[:2, who]).max(axis=0)
+        assert (off[there & ~played] <= 0.5).all()
+        assert (off[played] <= TOLERANCE + 0.5).all()  # shown within the tolerance, and here rounded
+        off = np.abs((read[2] - exact[2, who] + UNITS[TURN] / 2) % UNITS[TURN] - UNITS[TURN] / 2)
+        most = 0.5 * UNITS[TURN_STEP] + (0.7 * slack[1] if slack[0] == 0 else slack[0])
+        assert (off[there & ~played] <= most).all()
+        assert (off[played] <= UNITS[PLAYED_TURN_STEP] + 0.5).all()
         for owner, first, end, at in stretches.tolist():
             if owner == who:
-                assert reader.phases(tuple(read.tolist()), first, end) == shown[at : at + end - first].tolist()
+                assert reader.phases(tuple(read[:3].tolist()), first, end) == shown[at : at + end - first].tolist()
     assert np.abs(shown - asked).max() <= 0.5 * UNITS[PHASE_STEP]
     if not wild:
         # Of steered people: two accelerations of some 4 bits each, a turn, a phase; models learn for a while.
         assert 8 * size <= 40 * here.sum()
 
 
+def test_people_who_play_nodes_take_few_bits():
+    """Nodes go on from seams that differ each time: these take bits, the steps between them hardly any."""
+    rng = np.random.default_rng(6)
+    count, steps, nodes = 20, 300, walking_nodes()
+    rows = NodeRows(FRAMES.tolist(), nodes.rows, FRAME_TICKS)
+    reader = TrackReader(bytes(8), UNITS, rows)
+    to_world = np.array([UNITS[PLACE], UNITS[PLACE], UNITS[TURN] / (2.0 * np.pi)])
+    exact, frame = np.zeros((3, count, steps)), np.zeros((4, count, steps), np.int64)
+    node = np.zeros((count, steps), np.int32)
+    for who in range(count):
+        origin, seam, now, at = rng.uniform(-9e3, 9e3, 3), np.zeros(3), int(rng.integers(4)), 0
+        for t in range(steps):
+            length = int(FRAMES[now]) * FRAME_TICKS
+            if at >= length:
+                own, left = rows.at(now, length)
+                ended = reader._moved(origin, own * to_world) + left * seam
+                origin = reader._moved(ended, rng.normal(0.0, (5.0, 5.0, 100.0)))
+                seam, at, now = ended - origin, at - length, (now + 1) % 4
+            own, left = rows.at(now, at)
+            exact[:, who, t] = reader._moved(origin, own * to_world) + left * seam
+            frame[3, who, t], node[who, t] = at, now
+            at += 600
+    coding, none = coder(24 * frame.size), np.zeros((0, 4), np.int64)
+    own = np.array([0, steps])
+    here = np.ones((count, steps), np.uint8)
+    size = code_chunk(frame, exact, here, node, nodes, none, np.zeros(0, np.int64), own, UNITS, ROUNDED, coding)
+    seams = np.count_nonzero(np.diff(frame[3], axis=1) < 0)
+    assert 8 * size <= 24 * seams + 0.6 * node.size + 3000
+    assert np.abs(frame[:2] - exact[:2]).max() <= TOLERANCE + 0.5
+
+
 def test_errors_of_headings_cancel_within_a_second():
     """Bodies show smoothed headings: single ones may be off by 1 degree, smoothed ones by a fifth of that."""
     rng = np.random.default_rng(5)
-    tracks, exact, phases = walked(rng, 40, 200)
-    exact += np.cumsum(rng.choice([-2600.0, 0.0, 0.0, 700.0], exact.shape), axis=1)
-    spread = np.ones((40, 200), np.uint8), np.ones((40, 200), np.uint8), np.full((40, 200), -1, np.int32)
-    none, own = np.zeros((0, 4), np.int64), np.array([0, 200])
-    models = np.full((MODELS, 2), EVEN, np.uint16), new_mixer(MIXED, ROWS)
-    rest = none, phases.ravel(), own, UNITS, SLACK, *models, new_state(), np.zeros(24 * tracks.size, np.uint8)
-    code_chunk(tracks, exact, *spread, *rest)
-    off = (tracks[2] - exact + UNITS[TURN] / 2) % UNITS[TURN] - UNITS[TURN] / 2
+    exact, _, phases = walked(rng, 40, 200)
+    exact[2] += np.cumsum(rng.choice([-2600.0, 0.0, 0.0, 700.0], exact[2].shape), axis=1)
+    spread = np.ones((40, 200), np.uint8), np.full((40, 200), -1, np.int32), walking_nodes()
+    none, own, tracks = np.zeros((0, 4), np.int64), np.array([0, 200]), np.zeros((4, 40, 200), np.int64)
+    code_chunk(tracks, exact, *spread, none, phases.ravel(), own, UNITS, SLACK, coder(24 * tracks.size))
+    off = (tracks[2] - exact[2] + UNITS[TURN] / 2) % UNITS[TURN] - UNITS[TURN] / 2
     assert np.abs(off).max() <= SLACK[0]
     window = np.hanning(11)[1:-1] / np.hanning(11).sum()
     smooth = np.array([np.convolve(row, window, "valid") for row in off])

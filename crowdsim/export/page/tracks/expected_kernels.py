@@ -7,7 +7,8 @@ units to a cycle; ``units`` (UNITS,) int64:
 - PLACE, TURN, RATE, CYCLE: units of places per meter, of headings per turn, steps per second, and of phases per cycle;
 - MOST: the largest turn of a steered agent in a step, in units of turn;
 - NATURAL: by how much frames usually go on in a step;
-- PHASE_STEP, TURN_STEP: units by which a phase and a turn may differ from the expected one.
+- PHASE_STEP, TURN_STEP: units by which a phase and a turn may differ from the expected one;
+- PLAYED_TURN_STEP: the same for turns of captured people.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ import math
 from crowdsim.jit import helper
 from crowdsim.motion.deformed.phase_kernels import BOTH_FEET, REFERENCE, STAND
 
-PLACE, TURN, RATE, CYCLE, MOST, NATURAL, PHASE_STEP, TURN_STEP = range(8)
-UNITS = 8
+PLACE, TURN, RATE, CYCLE, MOST, NATURAL, PHASE_STEP, TURN_STEP, PLAYED_TURN_STEP = range(9)
+UNITS = 9
 """Number of units."""
 
 REST = 5

@@ -75,6 +75,18 @@ class Mixer(NamedTuple):
     weights: NDArray[np.int32]
 
 
+class Coder(NamedTuple):
+    """A range coder: its state, the bytes that it writes (B,) uint8, and the models of decisions, mixed ones apart.
+
+    ``state`` and ``models`` are those of :mod:`crowdsim.export.page.tracks.range_kernels`.
+    """
+
+    state: NDArray[np.int64]
+    out: NDArray[np.uint8]
+    models: NDArray[np.uint16]
+    mixer: Mixer
+
+
 def new_mixer(models: int, rows: int) -> Mixer:
     """Return a mixer of so many models, and rows of weights, that has seen nothing."""
     chances = np.full(models, EVEN, np.uint16)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.export.page.choice import Chosen
 from crowdsim.export.page.packing import Block, Ints
+from crowdsim.export.page.tracks.context_kernels import MIXED, MODELS, ROWS
 from crowdsim.export.page.tracks.expected_kernels import PHASE_STEP, PLACE, RATE, TURN_STEP
-from crowdsim.export.page.tracks.mixing_kernels import new_mixer
+from crowdsim.export.page.tracks.mixing_kernels import Coder, new_mixer
+from crowdsim.export.page.tracks.played_kernels import TRACK_UNITS, NodeTracks
 from crowdsim.export.page.tracks.range_kernels import EVEN, new_state
-from crowdsim.export.page.tracks.track_kernels import MIXED, MODELS, ROWS, code_chunk
+from crowdsim.export.page.tracks.track_kernels import code_chunk
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.recording.header import AgentState, MotionRecord
 from crowdsim.recording.reader import Recording
@@ -35,8 +37,8 @@ FRACTIONS = 64
 footsteps after them are extrapolated from these."""
 TURNS = 1 << 17
 """Integer units per turn for headings."""
-_TURN_STEP, _FINE_TURN_STEP, _COARSE_TURN_STEP = 16, 64, 163
-"""Units by which expected turns are corrected: if there are captured nodes, whose feet turn with the track; else of few
+_PLAYED_TURN_STEP, _FINE_TURN_STEP, _COARSE_TURN_STEP = 16, 64, 163
+"""Units by which expected turns are corrected: of captured agents, whose feet turn with the track; of few steered
 agents, and of many. Steered agents turn by 32 of the last ones in a step at most, or half of that, and so on."""
 _OFF, _SUM_OFF = 0.0175, 0.008
 """Largest error of a coarse heading, and of the sum of the errors so far [rad]. Bodies show the mean of nine."""
@@ -88,10 +90,8 @@ def place_units(chosen: Chosen) -> int:
     return FINE_PLACES if len(chosen.agents) * chosen.steps <= _FEW else PLACES
 
 
-def turn_step(motion: MotionRecord, places: int) -> int:
-    """Return the step by which turns are coded [units of turn], for so many units of place per meter."""
-    if len(motion.node_names):
-        return _TURN_STEP
+def turn_step(places: int) -> int:
+    """Return the step by which turns of steered agents are coded [units of turn], by the units of place per meter."""
     return _FINE_TURN_STEP if places == FINE_PLACES else _COARSE_TURN_STEP
 
 
@@ -171,6 +171,7 @@ def pack_tracks(
     frames of nodes, and the phases of ``stretches``. One more array, ``stretch_exact``, holds the values of _Ends.
     """
     units = coding_units(recording, place_units(chosen))
+    nodes = node_tracks(recording.header.motion)
     # What a decoder finds, chunk by chunk.
     phases = np.rint(stretches.phases).astype(np.int64)
     found, exact = _Changes(len(chosen.agents)), _Ends(units, stretches, phases)
@@ -179,7 +180,7 @@ def pack_tracks(
         first = min(number * plan.steps - low, len(rows.x))
         own = range(first, min(first + plan.steps, high - low))
         found.take(rows, low + first, slice(own.start, own.stop))
-        coded, headings = _coded(rows, units, stretches.within(low, high), phases, own)
+        coded, headings = _coded(rows, units, nodes, stretches.within(low, high), phases, own)
         exact.take(rows, headings, low, own)
         block.add(f"chunk_{number}", coded)
     block.add("stretch_exact", exact.values)
@@ -188,7 +189,7 @@ def pack_tracks(
 
 def coding_units(recording: Recording, places: int) -> Ints:
     """Return the units by which tracks are coded, see :mod:`crowdsim.export.page.tracks.expected_kernels`."""
-    rate, steps = recording.steps_per_second, (phase_step(places), turn_step(recording.header.motion, places))
+    rate, steps = recording.steps_per_second, (phase_step(places), turn_step(places), _PLAYED_TURN_STEP)
     # Rounded to an even number: at 10 and at 20 steps a second it is then a multiple of _COARSE_TURN_STEP.
     most = 2 * round(0.5 * _TURN_RATE / rate * TURNS / (2.0 * np.pi))
     return np.array([places, TURNS, rate, PHASES, most, CAPTURE_RATE // rate * FRAME_TICKS, *steps], np.int64)
@@ -200,7 +201,18 @@ def chunk_spans(steps: int, plan: ChunkPlan) -> Iterator[tuple[int, int]]:
         yield max(first - plan.margin, 0), min(first + plan.steps + plan.margin, steps)
 
 
-def _coded(rows: _Rows, units: Ints, stretches: Ints, phases: Ints, own: range) -> tuple[NDArray[np.uint8], Ints]:
+def node_tracks(motion: MotionRecord) -> NodeTracks:
+    """Return the tracks of all nodes, rounded as pages hold them; zeros of older recordings, which do not tell them."""
+    rows = np.zeros((len(motion.pool_root), 3), np.int64)
+    if len(motion.pool_tracks):
+        rows = np.rint(motion.pool_tracks.astype(np.float64) * TRACK_UNITS).astype(np.int64)
+    first, frames = (np.ascontiguousarray(values, np.int32) for values in (motion.node_first, motion.node_frames))
+    return NodeTracks(first, frames, rows)
+
+
+def _coded(
+    rows: _Rows, units: Ints, nodes: NodeTracks, stretches: Ints, phases: Ints, own: range
+) -> tuple[NDArray[np.uint8], Ints]:
     """Return the bytes of a chunk, and headings (N, steps) that a decoder finds; ``phases`` become what it finds.
 
     ``units`` are those of :func:`coding_units`; ``stretches`` rows of :meth:`PackedStretches.within`; ``phases`` those
@@ -208,29 +220,22 @@ def _coded(rows: _Rows, units: Ints, stretches: Ints, phases: Ints, own: range) 
     """
     here = (rows.state != AgentState.ABSENT).T
     node = np.where(here, rows.node.T, NONE).astype(np.int32)
-    places = int(units[PLACE])
-    columns = (
-        (rows.x.T, here, places),
-        (rows.y.T, here, places),
-        (np.zeros_like(rows.x.T), here, 1.0),  # headings: the coder fills them in
-        (rows.frame.T, node != NONE, FRAME_TICKS),
+    places, per_radian = float(units[PLACE]), TURNS / (2.0 * np.pi)
+    exact = np.stack(
+        [
+            np.where(here, values.T, 0.0).astype(np.float64) * per
+            for values, per in ((rows.x, places), (rows.y, places), (rows.heading, per_radian))
+        ]
     )
-    tracks = np.stack([_whole(values, some, float(per)) for values, some, per in columns])
-    per_radian = TURNS / (2.0 * np.pi)
-    headings = np.where(here, rows.heading.T, 0.0).astype(np.float64) * per_radian
+    tracks = np.zeros((4, *here.shape), np.int64)  # the coder fills in all but frames
+    tracks[3] = np.rint(np.where(node != NONE, rows.frame.T, 0.0).astype(np.float64) * FRAME_TICKS)
     # Only coarse headings are chosen for few bits; others are rounded.
     slack = np.array([_OFF, _SUM_OFF]) * (per_radian if units[TURN_STEP] == _COARSE_TURN_STEP else 0.0)
-    models = np.full((MODELS, 2), EVEN, np.uint16), new_mixer(MIXED, ROWS)
     out = np.zeros(_LARGEST * (tracks.size + len(phases)) + 64, np.uint8)
-    steered = np.ascontiguousarray(rows.steered.T).astype(np.uint8)
-    spans = here.astype(np.uint8), steered, node, stretches, phases, np.array([own.start, own.stop], np.int64)
-    size = code_chunk(tracks, headings, *spans, units, slack, *models, new_state(), out)
+    coder = Coder(new_state(), out, np.full((MODELS, 2), EVEN, np.uint16), new_mixer(MIXED, ROWS))
+    spans = np.array([own.start, own.stop], np.int64)
+    size = code_chunk(tracks, exact, here.astype(np.uint8), node, nodes, stretches, phases, spans, units, slack, coder)
     return out[:size], tracks[2]
-
-
-def _whole(values: NDArray[np.floating[Any]], some: NDArray[np.bool_], units: float) -> Ints:
-    """Return values times ``units``, rounded to integers; 0 where they do not count."""
-    return np.rint(np.where(some, values, 0.0).astype(np.float64) * units).astype(np.int64)
 
 
 class _Ends:

@@ -1,6 +1,7 @@
 // Tracks out of the page itself. A track source has: facts `rate`, `steps`, `agents`, and what others call here:
 // `frameAt(time, frame)`, `valueAt(agent, step)`, `eventAt(agent, step)`, `stretches`. A server can be another one.
 
+import { NodeTracks } from "./node_tracks.js";
 import { TrackDecoder } from "./track_decoder.js";
 import { varints } from "./unpack.js";
 import { wrapAngle } from "./quaternions.js";
@@ -29,7 +30,7 @@ export class FileSource {
     this.rate = facts.rate;
     this.steps = facts.steps;
     this.count = facts.agents.length;
-    this.nodeFrames = varints(block.array("node_frames"));
+    this.nodes = new NodeTracks(block);
     this.chunks = new Map();
     this.readEvents();
     this.stretches = readStretches(block, this.count);
@@ -99,24 +100,22 @@ export class FileSource {
     const high = Math.min((number + 1) * length + margin, this.steps);
     const span = high - low, size = this.count * span;
     const [x, y, heading, frame] = [0, 1, 2, 3].map((k) => new Float32Array(size).fill(k < 3 ? NaN : 0));
-    const decoder = new TrackDecoder(this.block.array(`chunk_${number}`), coding, span);
-    const steered = new Uint8Array(span), turn = (2 * Math.PI) / units.turn;
+    const decoder = new TrackDecoder(this.block.array(`chunk_${number}`), coding, span, this.nodes);
+    const node = new Int32Array(span), turn = (2 * Math.PI) / units.turn;
     for (let agent = 0; agent < this.count; agent++) {
       const base = agent * span;
-      steered.fill(0);
-      for (const [first, end] of this.runs(agent, low, high, (e) => (this.eventState[e] & STEERED ? 1 : -1))) {
-        steered.fill(1, first - low, end - low);
+      node.fill(-1);
+      for (const [first, end] of this.runs(agent, low, high, (e) => this.eventNode[e])) {
+        node.fill(this.eventNode[this.eventAt(agent, first)], first - low, end - low);
       }
       for (const [first, end] of this.runs(agent, low, high, (e) => (this.eventState[e] & 3 ? 1 : -1))) {
-        decoder.track(steered, first - low, end - low);
+        decoder.track(node, first - low, end - low);
         for (let t = first - low; t < end - low; t++) {
-          x[base + t] = decoder.x[t] / units.place;
-          y[base + t] = decoder.y[t] / units.place;
-          heading[base + t] = decoder.heading[t] * turn;
+          x[base + t] = decoder.shown[3 * t] / units.place;
+          y[base + t] = decoder.shown[3 * t + 1] / units.place;
+          heading[base + t] = decoder.shown[3 * t + 2] * turn;
+          if (node[t] >= 0) frame[base + t] = decoder.frame[t] / units.frame;
         }
-      }
-      for (const [first, end] of this.runs(agent, low, high, (e) => this.eventNode[e])) {
-        decoder.frames(frame, base + first - low, end - first, 1 / units.frame);
       }
       for (const { begin, stop, phases } of this.stretches[agent]) {
         const first = Math.max(begin, low), end = Math.min(stop, high);
@@ -204,7 +203,7 @@ export class FileSource {
     if (node < 0) return;
     // Nodes may be played slower or faster. Who leaves an idle node skips what is left of it.
     const natural = CAPTURE_RATE / this.rate, newNode = this.eventNode[next];
-    const to = newNode < 0 ? 0 : chunk.frame[i + 1], last = this.nodeFrames[node];
+    const to = newNode < 0 ? 0 : chunk.frame[i + 1], last = this.nodes.frames[node];
     const same = newNode === node && to >= from;
     let advance = same ? to - from : last - from + to;
     if (!same && 2 * advance > 3 * natural) advance = natural;

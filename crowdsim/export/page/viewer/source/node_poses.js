@@ -1,16 +1,8 @@
 // Rows of the nodes of a motion graph, and bodies that play them: crowdsim/motion/graph/pose_kernels.py in JavaScript.
 
+import { BLEND_FRAMES, blendWeight } from "./node_tracks.js";
 import { Varints, varints } from "./unpack.js";
 import { difference, multiply, partThen, wrapAngle } from "./quaternions.js";
-
-const BLEND_FRAMES = 12;
-
-/** Share of the old node left so many frames after a seam. */
-function blendWeight(frame) {
-  if (frame >= BLEND_FRAMES) return 0;
-  const u = frame / BLEND_FRAMES;
-  return 1 - u * u * (3 - 2 * u);
-}
 
 export class NodePoses {
   constructor(block) {

@@ -6,9 +6,10 @@ import { REACH } from "./body_parts.js";
 import { bendLeg } from "./switch_blends.js";
 import { Varints, varints } from "./unpack.js";
 
-const FADES = 2; // a mode; 0: as its node has it, 1: it stands
+const STANDS = 1, FADES = 2; // modes; 0: as its node has it
+const COLUMNS = ["times", "modes", "nodes", "since", "fading", "x", "y", "yaws"];
 const FARTHEST = 0.2, LOWEST = 0.1, NOTHING = 1e-9;
-const UNIT = 10000, FRAMES = 1000; // of meters, radians and seconds; of frames
+const UNIT = 10000; // of meters and radians
 const SIDES = ["left", "right"];
 
 const four = (values, joint) => Array.from(values.subarray(4 * joint, 4 * joint + 4));
@@ -43,15 +44,30 @@ export class PlantedFeet {
         this.places[6 * row + column] = value / UNIT;
       }
     }
-    const changes = new Varints(block.array("feet_changes"));
-    this.changes = Array.from(varints(block.array("feet_counts")), (count) => {
-      let ticks = 0;
+    const { feet: units } = block.facts;
+    const columns = Object.fromEntries(COLUMNS.map((name) => [name, new Varints(block.array(`feet_${name}`))]));
+    const whole = (name) => columns[name].next();
+    this.changes = Array.from(varints(block.array("feet_counts")), (count, number) => {
+      let ticks = 0, stood = null, before = null;
       return Array.from({ length: count }, () => {
-        ticks += changes.next();
-        const mode = changes.next(), node = changes.next();
-        const since = changes.next() / FRAMES, until = changes.next() / FRAMES;
-        const pose = [changes.signed() / UNIT, changes.signed() / UNIT, changes.signed() / UNIT];
-        return { time: ticks / UNIT, mode, node, since, until, pose };
+        ticks += whole("times");
+        const mode = whole("modes"), node = whole("nodes"), since = whole("since") / units.frame;
+        const until = since + whole("fading") / units.frame;
+        let pose = [columns.x.signed() / units.place, columns.y.signed() / units.place, columns.yaws.signed() / units.angle];
+        if (mode === STANDS) {
+          // Seen from where the foot stood last; or, if it stands on, beside where it stood at the end of that node.
+          if (stood !== null && stood === before) {
+            const last = this.bodies.nodes.frames[stood.node];
+            const begins = this.placeInClip(number % 2, stood.node, stood.since);
+            const ends = this.placeInClip(number % 2, stood.node, last), way = pose;
+            pose = placed(stood.pose, inFrame(begins, ends)).map((value, k) => value + way[k]);
+          } else if (stood !== null) {
+            pose = placed(stood.pose, pose);
+          }
+        }
+        before = { time: ticks / units.time, mode, node, since, until, pose };
+        if (mode === STANDS) stood = before;
+        return before;
       });
     });
   }
@@ -68,7 +84,7 @@ export class PlantedFeet {
     // Rounding may put a change just before or behind the time: it holds in its own node only.
     for (const number of [low - 1, low - 2, low]) {
       const one = all[number];
-      if (one && one.node === node && one.since <= frame + 2e-3) return one;
+      if (one && one.node === node && one.since <= frame + 6e-3) return one;
     }
     return null;
   }
@@ -152,6 +168,12 @@ export class PlantedFeet {
 function inFrame(a, b) {
   const c = Math.cos(a[2]), s = Math.sin(a[2]), dx = b[0] - a[0], dy = b[1] - a[1];
   return [c * dx + s * dy, -s * dx + c * dy, b[2] - a[2]];
+}
+
+/** Planar pose b, seen from a, in the world. */
+function placed(a, b) {
+  const c = Math.cos(a[2]), s = Math.sin(a[2]);
+  return [a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], a[2] + b[2]];
 }
 
 function far(a, b) {

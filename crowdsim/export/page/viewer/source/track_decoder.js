@@ -2,19 +2,18 @@
 
 import { direction, expectedPhase, nextStand, passes, rest, wrapped } from "./expected.js";
 import { MixingDecoder } from "./mixing.js";
+import { BLEND_FRAMES, turned } from "./node_tracks.js";
 import { WHOLE } from "./range_decoder.js";
 
-const PLACE_BITS = 6, TURN_BITS = 7, NEAR_BITS = 6, PHASE_BITS = 6, PLAIN_BITS = 7, ON_BITS = 8, FRAME_BITS = 6;
+const PLACE_BITS = 6, TURN_BITS = 7, NEAR_BITS = 6, PHASE_BITS = 6;
+const OFF_BITS = 7, SEAM_BITS = 8, FRAME_BITS = 6, CHANGE_BITS = 8;
 const CLASSES = 9, SIGNED = 2 * CLASSES, MOST_ACROSS = 29, PACES = 16, WAYS = 16;
 const SPEEDS = 24, TURNS = 21, WANTED = 49, NEARS = 8, KINDS = 7, AWAYS = 16;
 
 // Where the models of each kind begin.
 const FIRST_X = WHOLE, FIRST_Y = 3 * WHOLE, FIRST_TURN = 5 * WHOLE, FIRST_FRAME = 7 * WHOLE, FIRST_PHASE = 8 * WHOLE;
-const PLAIN_X = 9 * WHOLE;
-const PLAIN_Y = PLAIN_X + (CLASSES << PLAIN_BITS);
-const ON = PLAIN_Y + ((3 * CLASSES) << PLAIN_BITS);
-const FRAME = ON + (SIGNED << ON_BITS);
-const FOLLOWS = FRAME + (SIGNED << FRAME_BITS);
+const IS_OFF = 9 * WHOLE, OFF = IS_OFF + 4, SEAM = OFF + (3 << OFF_BITS), FRAME = SEAM + (3 << SEAM_BITS);
+const CHANGE = FRAME + (SIGNED << FRAME_BITS), FOLLOWS = CHANGE + (1 << CHANGE_BITS);
 const STAYS = FOLLOWS + 2 * KINDS;
 const MODELS = STAYS + KINDS;
 
@@ -57,20 +56,42 @@ function coarse(value) {
   return value > 0 ? 4 + kind : 4 - kind;
 }
 
-/** Reads one agent after the other. coding: units, see expected_kernels.py; x, y, heading: of the agent read last. */
+/**
+ * Reads one agent after the other. coding: units, see expected_kernels.py; nodes: a NodeTracks. shown: x, y and heading
+ * of the agent read last, three a step; x, y and heading: the same in whole units; frame: in ticks.
+ */
 export class TrackDecoder {
-  constructor(bytes, coding, span) {
+  constructor(bytes, coding, span, nodes) {
     this.reader = new MixingDecoder(bytes, MODELS, MIXED, ROWS);
+    this.nodes = nodes;
     [this.place, this.turn, this.rate, this.cycle, this.most, this.natural, this.phaseStep, this.turnStep] = coding;
-    [this.x, this.y, this.heading, this.ahead] = [0, 1, 2, 3].map(() => new Int32Array(span));
+    this.playedTurnStep = coding[8];
+    [this.x, this.y, this.heading, this.ahead, this.frame] = [0, 1, 2, 3, 4].map(() => new Int32Array(span));
+    this.shown = new Float64Array(3 * span);
     this.speed = new Float64Array(span);
     this.expected = { phase: 0, kind: 0 };
   }
 
-  /** Places and headings from step `first` to before `end`. steered: whether the agent is, by step. */
-  track(steered, first, end) {
-    this.places(steered, first, end);
-    this.headings(steered, first, end);
+  /** The track from step `first` to before `end`. node: what an agent plays in each step, -1 if it is steered. */
+  track(node, begin, stop) {
+    for (let first = begin, end = begin; first < stop; first = end) {
+      const played = node[first] >= 0;
+      while (end < stop && node[end] >= 0 === played) end += 1;
+      if (played) {
+        this.frames(node, first, end);
+        this.played(node, begin, first, end);
+      } else {
+        this.places(begin, first, end);
+        this.headings(begin, first, end);
+        for (let t = first; t < end; t++) this.show(t, this.x[t], this.y[t], this.heading[t]);
+      }
+    }
+  }
+
+  show(t, x, y, heading) {
+    this.shown[3 * t] = x;
+    this.shown[3 * t + 1] = y;
+    this.shown[3 * t + 2] = heading;
   }
 
   /** Speed and direction of the step to `t`. */
@@ -80,41 +101,36 @@ export class TrackDecoder {
     this.ahead[t] = Math.floor((direction(dx, dy) * this.turn) / (2 * Math.PI) + 0.5);
   }
 
-  places(steered, first, end) {
+  places(begin, first, end) {
     const { reader, x, y, turn, speed, ahead } = this;
     let ax = 0, ay = 0, bx = 0, by = 0, before = 0;
     for (let t = first; t < end; t++) {
-      if (t < first + 2) {
-        const second = WHOLE * (t - first);
-        x[t] = reader.whole(FIRST_X + second) + (t > first ? x[t - 1] : 0);
-        y[t] = reader.whole(FIRST_Y + second) + (t > first ? y[t - 1] : 0);
-        if (t > first) this.findWay(t);
+      if (t < begin + 2) {
+        const second = WHOLE * (t - begin);
+        x[t] = reader.whole(FIRST_X + second) + (t > begin ? x[t - 1] : 0);
+        y[t] = reader.whole(FIRST_Y + second) + (t > begin ? y[t - 1] : 0);
+        if (t > begin) this.findWay(t);
         continue;
       }
       const lately = sizeClass(Math.floor((2 * (Math.abs(ax) + Math.abs(ay)) + before) / 3));
       const some = Math.min(Math.floor(lately / 3), 2);
       before = Math.abs(ax) + Math.abs(ay);
-      if (steered[t]) {
-        const pace = Math.min(Math.floor(10 * speed[t - 1]), PACES - 1);
-        const way = WAYS * pace + rest(Math.floor((WAYS * ahead[t - 1]) / turn), WAYS);
-        const cx = coarse(ax), cy = coarse(ay), dx = coarse(bx), dy = coarse(by);
-        const recent = CLASSES * (CLASSES * (CLASSES * cx + cy) + dx) + dy;
-        bx = ax;
-        by = ay;
-        ax = reader.mixed(
-          X[0] + ((SIGNED * lately + signed(ax)) << PLACE_BITS), X[1] + (recent << PLACE_BITS),
-          X[2] + ((3 * way + some) << PLACE_BITS), X_ROW + (lately << PLACE_BITS), PLACE_BITS,
-        );
-        const size = Math.abs(ax), sign = signed(ax);
-        const across = 10 * Math.min(size, MOST_ACROSS) + 2 * (sizeClass(Math.abs(by)) >> 1) + (by > 0 ? 1 : 0);
-        ay = reader.mixed(
-          Y[0] + ((3 * across + some) << PLACE_BITS), Y[1] + ((CLASSES * (CLASSES * sign + cy) + cx) << PLACE_BITS),
-          Y[2] + ((SIGNED * way + sign) << PLACE_BITS), Y_ROW + (sizeClass(size) << PLACE_BITS), PLACE_BITS,
-        );
-      } else {
-        ax = reader.number(PLAIN_X + (lately << PLAIN_BITS), PLAIN_BITS);
-        ay = reader.number(PLAIN_Y + ((3 * sizeClass(Math.abs(ax)) + some) << PLAIN_BITS), PLAIN_BITS);
-      }
+      const pace = Math.min(Math.floor(10 * speed[t - 1]), PACES - 1);
+      const way = WAYS * pace + rest(Math.floor((WAYS * ahead[t - 1]) / turn), WAYS);
+      const cx = coarse(ax), cy = coarse(ay), dx = coarse(bx), dy = coarse(by);
+      const recent = CLASSES * (CLASSES * (CLASSES * cx + cy) + dx) + dy;
+      bx = ax;
+      by = ay;
+      ax = reader.mixed(
+        X[0] + ((SIGNED * lately + signed(ax)) << PLACE_BITS), X[1] + (recent << PLACE_BITS),
+        X[2] + ((3 * way + some) << PLACE_BITS), X_ROW + (lately << PLACE_BITS), PLACE_BITS,
+      );
+      const size = Math.abs(ax), sign = signed(ax);
+      const across = 10 * Math.min(size, MOST_ACROSS) + 2 * (sizeClass(Math.abs(by)) >> 1) + (by > 0 ? 1 : 0);
+      ay = reader.mixed(
+        Y[0] + ((3 * across + some) << PLACE_BITS), Y[1] + ((CLASSES * (CLASSES * sign + cy) + cx) << PLACE_BITS),
+        Y[2] + ((SIGNED * way + sign) << PLACE_BITS), Y_ROW + (sizeClass(size) << PLACE_BITS), PLACE_BITS,
+      );
       x[t] = ax + 2 * x[t - 1] - x[t - 2];
       y[t] = ay + 2 * y[t - 1] - y[t - 2];
       this.findWay(t);
@@ -126,18 +142,13 @@ export class TrackDecoder {
     return Math.min(Math.max(Math.floor((10 * turn) / this.most), -10), 10) + 10;
   }
 
-  headings(steered, first, end) {
+  headings(begin, first, end) {
     const { reader, heading, turn, most, turnStep, speed, ahead } = this;
     const pace = (t) => Math.min(Math.floor(16 * speed[t]), SPEEDS - 1);
     let last = 0, before = 0, lately = 0;
     for (let t = first; t < end; t++) {
-      if (t < first + 2) {
-        heading[t] = reader.whole(FIRST_TURN + WHOLE * (t - first)) + (t > first ? heading[t - 1] : 0);
-        continue;
-      }
-      if (!steered[t]) {
-        last += turnStep * reader.number(ON + (signed(Math.floor(last / turnStep)) << ON_BITS), ON_BITS);
-        heading[t] = heading[t - 1] + last;
+      if (t < begin + 2) {
+        heading[t] = reader.whole(FIRST_TURN + WHOLE * (t - begin)) + (t > begin ? heading[t - 1] : 0);
         continue;
       }
       const now = pace(t - 1), next = pace(t), wanted = wrapped(ahead[t - 1] - heading[t - 1], turn);
@@ -168,15 +179,65 @@ export class TrackDecoder {
     }
   }
 
-  /** Frames of a node into `out` from `at` on, while it is played for so many steps. */
-  frames(out, at, count, scale) {
-    const { reader } = this;
-    let last = 0, value = reader.whole(FIRST_FRAME);
-    out[at] = value * scale;
-    for (let k = 1; k < count; k++) {
-      last += reader.number(FRAME + (signed(last) << FRAME_BITS), FRAME_BITS);
-      value += this.natural + last;
-      out[at + k] = value * scale;
+  /** Frames of the nodes that are played. */
+  frames(node, first, end) {
+    const { reader, frame, nodes } = this;
+    let last = 0;
+    frame[first] = reader.whole(FIRST_FRAME);
+    for (let t = first + 1; t < end; t++) {
+      if (node[t] !== node[t - 1]) {
+        last += reader.number(CHANGE, CHANGE_BITS);
+        frame[t] = frame[t - 1] + this.natural + last - nodes.frames[node[t - 1]] * nodes.ticks;
+      } else {
+        last += reader.number(FRAME + (signed(last) << FRAME_BITS), FRAME_BITS);
+        frame[t] = frame[t - 1] + this.natural + last;
+      }
+    }
+  }
+
+  /** Places and headings while nodes are played: see played_kernels.py. */
+  played(node, begin, first, end) {
+    const { reader, nodes, frame, x, y, heading, turn, place, playedTurnStep: step } = this;
+    const fading = BLEND_FRAMES * nodes.ticks;
+    const [origin, seam, ended, shown] = [0, 1, 2, 3].map(() => new Float64Array(3)), way = new Float64Array(2);
+    let wasOff = 0;
+    for (let t = first; t < end; t++) {
+      if (t === begin) {
+        [FIRST_X, FIRST_Y, FIRST_TURN].forEach((model, k) => (shown[k] = reader.whole(model)));
+      } else if (t === first) {
+        [x, y, heading].forEach((column, k) => (shown[k] = column[t - 1]));
+        if (t > begin + 1) {
+          shown[0] += x[t - 1] - x[t - 2];
+          shown[1] += y[t - 1] - y[t - 2];
+        }
+      } else {
+        if (node[t] !== node[t - 1] || frame[t] < frame[t - 1]) {
+          const last = node[t - 1];
+          nodes.trackAt(last, nodes.frames[last] * nodes.ticks, origin, seam, place, turn, ended);
+          const along = reader.number(SEAM, SEAM_BITS), across = reader.number(SEAM + (1 << SEAM_BITS), SEAM_BITS);
+          turned(ended[2], turn, way);
+          origin[0] = ended[0] + 0.5 * (way[0] * along - way[1] * across);
+          origin[1] = ended[1] + 0.5 * (way[1] * along + way[0] * across);
+          origin[2] = ended[2] + reader.number(SEAM + (2 << SEAM_BITS), SEAM_BITS) * step;
+          for (let k = 0; k < 3; k++) seam[k] = ended[k] - origin[k];
+        }
+        nodes.trackAt(node[t], frame[t], origin, seam, place, turn, shown);
+      }
+      if (t > begin) {
+        const isOff = reader.bit(IS_OFF + 2 * (frame[t] < fading ? 1 : 0) + wasOff);
+        wasOff = isOff;
+        for (let k = 0; isOff && k < 3; k++) {
+          const by = reader.number(OFF + (k << OFF_BITS), OFF_BITS) * (k === 2 ? step : 1);
+          shown[k] += by;
+          origin[k] += by;
+        }
+      }
+      if (t === first) nodes.originOf(node[t], frame[t], shown, place, turn, origin);
+      x[t] = Math.floor(shown[0] + 0.5);
+      y[t] = Math.floor(shown[1] + 0.5);
+      heading[t] = Math.floor(shown[2] + 0.5);
+      if (t > begin) this.findWay(t);
+      this.show(t, shown[0], shown[1], shown[2]);
     }
   }
 

@@ -1,0 +1,258 @@
+"""Code the tracks of captured people by the nodes that they play.
+
+A track follows its node: it is the node's own track, put where the node begins, its origin. The difference of that to
+where the node before ends fades in the first frames (:mod:`crowdsim.motion.graph.track_kernels`). So what is coded is
+where nodes begin, seen from the ends of those before. Where that is not enough, as for agents who have just steered, it
+is coded by how much a track is off, and its origin is moved by that.
+
+A page shows the track so found, not rounded to whole units: places are off by TOLERANCE units at most, headings by one
+step of turns.
+
+Arguments of all helpers: ``state``, ``out`` and ``models`` of the coder, as of
+:mod:`crowdsim.export.page.tracks.range_kernels`; ``nodes``, a :class:`NodeTracks`; of one person, for T steps:
+``exact`` (3, T) float64 x, y and heading in units of place and turn, ``track`` (4, T) integers, the same as a decoder
+finds them and the frame in ticks, ``node`` (T,) the nodes; ``begin``, the step from which the person is present,
+``first`` and ``end``, the steps from and before which columns are coded; ``units`` as of
+:mod:`crowdsim.export.page.tracks.expected_kernels`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.export.page.tracks.context_kernels import (
+    CHANGE,
+    CHANGE_BITS,
+    FIRST_FRAME,
+    FIRST_TURN,
+    FIRST_X,
+    FIRST_Y,
+    FRAME,
+    FRAME_BITS,
+    IS_OFF,
+    OFF,
+    OFF_BITS,
+    SEAM,
+    SEAM_BITS,
+    signed_class,
+)
+from crowdsim.export.page.tracks.expected_kernels import NATURAL, PLACE, PLAYED_TURN_STEP, TURN
+from crowdsim.export.page.tracks.range_kernels import put_bit, put_number, put_whole
+from crowdsim.jit import helper
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
+from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, blend_weight
+
+TRACK_UNITS = 10_000
+"""Integer units per meter and radian of the tracks of nodes."""
+TOLERANCE = 0.7
+"""Largest error of a place [units of place]."""
+_LEAST_SHARE = 0.1
+"""Share of a seam that must have faded to measure it in full."""
+_WHOLE_TURN = 2.0 * math.pi * TRACK_UNITS
+
+
+class NodeTracks(NamedTuple):
+    """Tracks of the nodes of a recording.
+
+    Attributes
+    ----------
+    first, frames : (nodes,) int32
+        Node n has the rows ``first[n]`` to ``first[n] + frames[n]``, both included.
+    rows : (P, 3) int64
+        x, y and heading relative to the first row of the node, in TRACK_UNITS.
+    """
+
+    first: NDArray[np.int32]
+    frames: NDArray[np.int32]
+    rows: NDArray[np.int64]
+
+
+@helper
+def _turned(angle, turn):
+    """Return cosine and sine of an angle, ``turn`` of which are a whole turn.
+
+    By their series (error below 1e-12): those of a library may differ in the last bits from the viewer's.
+    """
+    quarter = math.floor(4.0 * angle / turn + 0.5)
+    r = (angle - quarter * (0.25 * turn)) * (2.0 * math.pi / turn)
+    s = r * r
+    c = 1.0 / 40320.0 - s * (1.0 / 3628800.0 - s / 479001600.0)
+    c = 1.0 - s * (0.5 - s * (1.0 / 24.0 - s * (1.0 / 720.0 - s * c)))
+    d = 1.0 / 362880.0 - s * (1.0 / 39916800.0 - s / 6227020800.0)
+    d = r * (1.0 - s * (1.0 / 6.0 - s * (1.0 / 120.0 - s * (1.0 / 5040.0 - s * d))))
+    side = quarter % 4
+    if side == 1:
+        return -d, c
+    if side == 2:
+        return -c, -d
+    if side == 3:
+        return d, -c
+    return c, d
+
+
+@helper
+def _in_node(nodes, node, frame):
+    """Return the track (x, y, heading) in a frame of a node [TRACK_UNITS], and the share of a seam left there.
+
+    Between rows, all of them go along straight lines.
+    """
+    frame = min(frame, nodes.frames[node] * FRAME_TICKS)
+    whole = frame // FRAME_TICKS
+    part = (frame - whole * FRAME_TICKS) / FRAME_TICKS
+    row = nodes.first[node] + whole
+    now = nodes.rows[row]
+    after = nodes.rows[min(row + 1, nodes.first[node] + nodes.frames[node])]
+    left = blend_weight(whole)
+    left += part * (blend_weight(whole + 1) - left)
+    return (
+        now[0] + part * (after[0] - now[0]),
+        now[1] + part * (after[1] - now[1]),
+        now[2] + part * (after[2] - now[2]),
+        left,
+    )
+
+
+@helper
+def _track_at(nodes, node, frame, origin, seam, units):
+    """Return the track (x, y, heading) in a frame of a node that begins at ``origin`` [units of place and turn].
+
+    ``seam`` (3,) is the difference that fades: the end of the node before, less ``origin``.
+    """
+    x, y, h, left = _in_node(nodes, node, frame)
+    c, s = _turned(origin[2], float(units[TURN]))
+    to_place = units[PLACE] / TRACK_UNITS
+    return (
+        origin[0] + to_place * (c * x - s * y) + left * seam[0],
+        origin[1] + to_place * (s * x + c * y) + left * seam[1],
+        origin[2] + units[TURN] / _WHOLE_TURN * h + left * seam[2],
+    )
+
+
+@helper
+def _begins(node, frame, t):
+    """Return whether another node begins in step ``t``, or the same one again."""
+    return node[t] != node[t - 1] or frame[t] < frame[t - 1]
+
+
+@helper
+def _seam_of(nodes, exact, track, node, t, end, ended, units):
+    """Return where the node that begins in step ``t`` has its origin, seen from ``ended``, the end of the one before.
+
+    That is along and across [half units of place] and the turn [steps], rounded. It is measured in the first step in
+    which nothing of the seam is left, or the last one of the node.
+    """
+    frame = track[3]
+    turn = float(units[TURN])
+    for later in range(t + 1, end):
+        if frame[t] >= BLEND_FRAMES * FRAME_TICKS or _begins(node, frame, later):
+            break
+        t = later
+    x, y, h, left = _in_node(nodes, node[t], frame[t])
+    share = 1.0 / max(1.0 - left, _LEAST_SHARE)
+    # exact = origin + own track, turned by the origin + left * (ended - origin), solved for the origin.
+    off = exact[2, t] - units[TURN] / _WHOLE_TURN * h - ended[2]
+    heading = (off - turn * math.floor(off / turn + 0.5)) * share
+    c, s = _turned(ended[2] + heading, turn)
+    to_place = units[PLACE] / TRACK_UNITS
+    dx = (exact[0, t] - to_place * (c * x - s * y) - ended[0]) * share
+    dy = (exact[1, t] - to_place * (s * x + c * y) - ended[1]) * share
+    c, s = _turned(ended[2], turn)
+    return (
+        math.floor(2.0 * (c * dx + s * dy) + 0.5),
+        math.floor(2.0 * (c * dy - s * dx) + 0.5),
+        math.floor(heading / units[PLAYED_TURN_STEP] + 0.5),
+    )
+
+
+@helper
+def put_played(state, out, models, nodes, exact, track, node, begin, first, end, units):
+    """Code places and headings from step ``first`` to before ``end``, in all of which nodes are played."""
+    x, y, heading, frame = track[0], track[1], track[2], track[3]
+    turn = float(units[TURN])
+    step = units[PLAYED_TURN_STEP]
+    # Where the node begins, the difference that fades, where the node before ends, and the track as it is shown.
+    origin, seam, ended, shown = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    was_off = 0
+    for t in range(first, end):
+        if t == begin:
+            put_whole(state, out, models, FIRST_X, math.floor(exact[0, t] + 0.5))
+            put_whole(state, out, models, FIRST_Y, math.floor(exact[1, t] + 0.5))
+            put_whole(state, out, models, FIRST_TURN, math.floor(exact[2, t] + 0.5))
+            for k in range(3):
+                shown[k] = math.floor(exact[k, t] + 0.5)
+        elif t == first:
+            # It has steered: expect that it goes on as in the last step.
+            shown[0], shown[1], shown[2] = x[t - 1], y[t - 1], heading[t - 1]
+            if t > begin + 1:
+                shown[0] += x[t - 1] - x[t - 2]
+                shown[1] += y[t - 1] - y[t - 2]
+        else:
+            if _begins(node, frame, t):
+                last = node[t - 1]
+                ended[0], ended[1], ended[2] = _track_at(
+                    nodes, last, nodes.frames[last] * FRAME_TICKS, origin, seam, units
+                )
+                seen = _seam_of(nodes, exact, track, node, t, end, ended, units)
+                for k in range(3):
+                    put_number(state, out, models, SEAM + (k << SEAM_BITS), SEAM_BITS, seen[k])
+                c, s = _turned(ended[2], turn)
+                origin[0] = ended[0] + 0.5 * (c * seen[0] - s * seen[1])
+                origin[1] = ended[1] + 0.5 * (s * seen[0] + c * seen[1])
+                origin[2] = ended[2] + seen[2] * step
+                for k in range(3):
+                    seam[k] = ended[k] - origin[k]
+            shown[0], shown[1], shown[2] = _track_at(nodes, node[t], frame[t], origin, seam, units)
+        if t > begin:
+            # How far is it off?
+            off_x = exact[0, t] - shown[0]
+            off_y = exact[1, t] - shown[1]
+            asked = exact[2, t] - shown[2]
+            asked = (asked - turn * math.floor(asked / turn + 0.5)) / step
+            is_off = 1 if max(abs(off_x), abs(off_y)) > TOLERANCE or abs(asked) > 1.0 else 0
+            fades = 1 if frame[t] < BLEND_FRAMES * FRAME_TICKS else 0
+            put_bit(state, out, models, IS_OFF + 2 * fades + was_off, is_off)
+            was_off = is_off
+            if is_off:
+                moved = math.floor(off_x + 0.5), math.floor(off_y + 0.5), math.floor(asked + 0.5)
+                for k in range(3):
+                    put_number(state, out, models, OFF + (k << OFF_BITS), OFF_BITS, moved[k])
+                    by = moved[k] * (step if k == 2 else 1)
+                    shown[k] += by
+                    origin[k] += by
+        if t == first:
+            # The origin of the node that is played: so that the track is where it is shown.
+            px, py, h, _ = _in_node(nodes, node[t], frame[t])
+            to_place = units[PLACE] / TRACK_UNITS
+            origin[2] = shown[2] - turn / _WHOLE_TURN * h
+            c, s = _turned(origin[2], turn)
+            origin[0] = shown[0] - to_place * (c * px - s * py)
+            origin[1] = shown[1] - to_place * (s * px + c * py)
+        x[t] = math.floor(shown[0] + 0.5)
+        y[t] = math.floor(shown[1] + 0.5)
+        heading[t] = math.floor(shown[2] + 0.5)
+
+
+@helper
+def put_frames(state, out, models, nodes, track, node, first, end, units):
+    """Code frames from step ``first`` to before ``end``, in all of which nodes are played.
+
+    They usually go on by NATURAL in a step; coded is the change of what they go on beyond that. A node that is followed
+    by another one is expected to have been played to its end.
+    """
+    frame = track[3]
+    last = 0
+    for t in range(first, end):
+        if t == first:
+            put_whole(state, out, models, FIRST_FRAME, frame[t])
+            continue
+        off = frame[t] - frame[t - 1] - units[NATURAL]
+        if node[t] != node[t - 1]:
+            off += nodes.frames[node[t - 1]] * FRAME_TICKS
+            put_number(state, out, models, CHANGE, CHANGE_BITS, off - last)
+        else:
+            put_number(state, out, models, FRAME + (signed_class(last) << FRAME_BITS), FRAME_BITS, off - last)
+        last = off
