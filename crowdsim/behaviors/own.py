@@ -95,6 +95,8 @@ def _made(
             f"{folder}: no clip walks ahead for a whole cycle of steps that '{name}' could be made of; "
             "add a clip that walks straight on for four steps or more"
         )
+    # All movements are made, also those that the captures show: which captured pieces join is known only when the graph
+    # of all behaviors is built, and there is no second try then, as there is for a set made of captures alone.
     made = captured_set(captures, (FRONTAL,), make_all=True)
     behavior = made.behaviors[FRONTAL]
     clips = behavior.clips

@@ -85,8 +85,11 @@ class RankedRun:
         self.crowd = SteeredCrowd(scenario, workers, cast, ranks=self.ranks)
         self.step_limit = round(scenario.duration * scenario.steps_per_second)
         self._digests: list[int] = []
+        """Of each step: the sum of the digests of the own rows."""
         self._environments: list[bytes] = []
+        """Of each step: the state of the place. This and the changes are noted in rank 0 only."""
         self._changes: list[tuple[int, str | None, int]] = []
+        """Number of a solid, its new footprint (WKT [m], None if it is gone), and the step from which it holds."""
 
     def run(self, output: Path, progress: Callable[[int, int, Any], None] | None = None) -> dict[str, Any] | None:
         """Step to the end, and write the recording ``output``; return its summary in rank 0, None in the others.

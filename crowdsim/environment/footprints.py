@@ -209,7 +209,7 @@ def _pieces(corners: Floats, owners: Ints, low: float, high: float) -> tuple[Sha
 def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[np.bool_]]:
     """Clip triangles to a band: the corners (k, 9, 2) of their convex parts, in no order, and which exist (k, 9).
 
-    There are up to nine: the three corners (k, 3, 3), and where three edges cross the two bounds of the band.
+    Nine candidates: the three corners (k, 3, 3), and where three edges cross the two bounds of the band.
     """
     heights = corners[:, :, 2]
     points, valid = [corners[:, :, :2]], [(heights >= low) & (heights <= high)]

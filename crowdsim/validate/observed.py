@@ -91,7 +91,7 @@ def observe(scenario: Scenario, recording: Recording, seconds: float) -> Observe
     # Steps of first crossings, with fractions, of which the whole part is used: the last step before the crossing.
     # Without the rounding, a crossing at a step could come out just below it.
     steps = {
-        name: rate * _first_times(line, cast.head_count).round(6) for name, line in recording.measured.lines.items()
+        name: (rate * _first_times(line, cast.head_count)).round(6) for name, line in recording.measured.lines.items()
     }
     # Read many steps at once, as a file is slow to open for each.
     for begin in range(0, recording.steps, STEPS_AT_ONCE):

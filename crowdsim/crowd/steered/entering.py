@@ -41,7 +41,7 @@ class Entering:
     """Let agents enter, those with the earliest time first.
 
     An agent whose place is taken tries again in the next step, after AWAITS_SECONDS at others in its start region,
-    to which a straight line leads.
+    to which a straight line leads. ``regions`` are the start regions of the groups, by number of the group.
     """
 
     def __init__(
@@ -55,7 +55,8 @@ class Entering:
         regions: Sequence[BaseGeometry],
         ranks: Ranks = ONE_RANK,
     ) -> None:
-        self._ranks, self._regions = ranks, regions
+        self._ranks = ranks
+        self._regions = regions
         self._boundary = boundary
         self._world, self._place, self._cast, self._errands, self._exits = world, place, cast, errands, exits
         self.entered = np.full(cast.head_count, -1, np.int64)

@@ -160,7 +160,7 @@ def own_timeline(rows, row, timeline, gone, playback, everyone):
 
 
 @helper
-def prepare(graph, rows, row, table, progress, obstacles, everyone, scratch):
+def prepare(rows, row, table, progress, obstacles, everyone, scratch):
     """Publish the way ahead of a row, and lay its present node and the next ones of its plan into ``scratch.chain``.
 
     ``obstacles`` are those of a body with a radius of 1 m. Sets the way and the rank of the row. Return the obstacles
@@ -220,8 +220,7 @@ def reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, 
     ahead.
     Its way and rank are set in any case; its timeline, rates and ``reserved`` (last reserved node) on success only.
     """
-    shared = graph, rows, row, table, progress, obstacles, everyone, scratch
-    kept_clear, available, leaves = prepare(*shared)
+    kept_clear, available, leaves = prepare(rows, row, table, progress, obstacles, everyone, scratch)
     chain, timeline = scratch.chain, scratch.timeline
     own_rate = rates_of(table, np.int64(rows.agent[row]))[np.int64(rows.cursor[row]) + 1]
     # First at its own rate, then as slowly as possible.
@@ -243,8 +242,7 @@ def ask_on(graph, rows, row, table, progress, obstacles, everyone, scratch, play
     ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`. It tries the row's own rate only. Return how many
     rows give way: the first ones of ``asking.trail``; -1 if no reservation is possible.
     """
-    shared = graph, rows, row, table, progress, obstacles, everyone, scratch
-    kept_clear, available, leaves = prepare(*shared)
+    kept_clear, available, leaves = prepare(rows, row, table, progress, obstacles, everyone, scratch)
     chain, draft, timeline = scratch.chain, scratch.draft, scratch.timeline
     own_rate = rates_of(table, np.int64(rows.agent[row]))[np.int64(rows.cursor[row]) + 1]
     mine = playback_of(graph, rows, row, playback, own_rate)

@@ -1,6 +1,6 @@
-"""Exact arrival: turn the last transitions of a motion so that it ends at the goal (2011 paper, section 6).
+"""Exact arrival: bend a motion at its last edges so that it ends at the goal (2011 paper, section 6).
 
-The motion that a search has found is bent as a planar chain, whose joints are the planted feet at its transitions. Its
+The motion that a search has found is bent as a planar chain, whose joints are the planted feet at its edges. Its
 distance from the path, discs and joints are tested as the search tests those of its branches.
 
 Arguments of all helpers: ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``guide``,
@@ -36,7 +36,7 @@ _WITHIN = 0.9
 
 @helper
 def _read_chain(graph, search, chain, count, bent):
-    """Fill ``chain`` with the last ``bent`` transitions of the solution as joints, with the turn that each has now.
+    """Fill ``chain`` with the last ``bent`` edges of the solution as joints, with the turn that each has now.
 
     The chain's end is the end of the solution.
     """
@@ -57,7 +57,7 @@ def _read_chain(graph, search, chain, count, bent):
 
 @helper
 def _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
-    """Turn the last ``bent`` transitions to the goal; return True if they end there, with the heading unless it is nan.
+    """Bend the last ``bent`` edges to the goal; return True if they end there, with the heading unless it is nan.
 
     within: largest distance from the goal [m]. heading, tolerance: [rad]. ``chain`` is filled and bent; the heading of
     ``goal`` is scratch.
@@ -143,7 +143,7 @@ def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, withi
     Returns
     -------
     (bent, arc): number of nodes at the end that were laid anew, rows of ``laid`` from 0 on, and the arc length beside
-    their end. (0, 0.0) if no bent motion arrives and is free, or if there are less than two transitions.
+    their end. (0, 0.0) if no bent motion arrives and is free, or if there are less than two edges.
     """
     hints = np.full(len(layers), np.int64(NONE))
     last = guide.pose.shape[0] - 1

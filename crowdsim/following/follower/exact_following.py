@@ -37,7 +37,7 @@ def follow_exactly(
     options: FollowOptions | None = None,
     arrival: float = 0.01,
 ) -> tuple[FollowResult, float]:
-    """Follow a path to a stand within ``arrival`` meters of its end, by turning the last transitions.
+    """Follow a path to a stand within ``arrival`` meters of its end, by bending the motion at its last edges.
 
     Of the solutions within the tolerance of ``options`` (10 cm by default), take the first that ends there, or can be
     bent to it. If none can, searches with other tolerances, a wider range of headings and other numbers of branches

@@ -214,7 +214,7 @@ class PathFollower:
         return _result(status, search.best_step[:count], search.best_place[:count], reached, expansions)
 
     def arrive(self, within: float, heading_tolerance: float | None = None) -> FollowResult | None:
-        """Turn the last transitions of the latest solution so that it ends at the end of the path; None if that fails.
+        """Bend the latest solution at its last edges so that it ends at the end of the path; None if that fails.
 
         Distance from the path, discs and joints of what is bent are tested as the search tests them. Only for searches
         that end standing; others pass the end on their way.

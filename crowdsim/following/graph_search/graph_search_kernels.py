@@ -173,10 +173,10 @@ def _bend_branch(graph, space, rules, goal, row, edge, x, y, heading, tree, chai
     """Bend the branch through ``row`` and ``edge``, which ends at (x, y, heading), to the goal.
 
     Return the number of nodes of the bent branch, which is left in ``out``; 0 if none arrives and is free, or if it has
-    less than two transitions. First the last two joints are bent, then twice as many each time, so that most of the
+    less than two edges. First the last two joints are bent, then twice as many each time, so that most of the
     branch stays as it was found free.
     """
-    # One joint per transition of the branch.
+    # One joint per edge of the branch, at most MOST_BENT.
     joints = np.int64(0)
     at = row
     while at >= 0 and joints < MOST_BENT:
@@ -186,7 +186,7 @@ def _bend_branch(graph, space, rules, goal, row, edge, x, y, heading, tree, chai
     while bent < joints:
         bent = min(2 * bent, joints)
         at = row
-        # The chain's joints from the last transition back.
+        # The chain's joints from the last edge back.
         _link(graph, tree, chain, bent - 1, at, edge)
         for j in range(bent - 2, -1, -1):
             before = np.int64(tree.link[at, PARENT])

@@ -1,6 +1,6 @@
 """Inverse branch kinematics: a branch of a motion graph is a planar chain, bent to a goal (2011 paper, section 6).
 
-A joint is the planted foot at a transition; turning it rotates all that comes after it.
+A joint is the planted foot at an edge of the branch; turning it rotates all that comes after it.
 
 Arguments of all helpers are those of :func:`bend_chain`, and the pose e of the chain's end: ex, ey [m], eh [rad].
 ``joint`` (J, 2) are places [m], ``limit`` (J, 2) least and largest turn and ``turn`` (J,) present turn of each [rad],

@@ -152,15 +152,15 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
 
     Over the first BLEND_FRAMES frames the difference between the last pose of the previous node and the first of this
     one fades out. The difference fades, not the old pose, which would hold the feet back. It fades in the world: the
-    headings of both tracks may differ by ``apart`` although the bodies' do not, and a root that turned with the fading
-    track would drag the planted foot along.
+    headings of both tracks may differ although the bodies' do not, and a root that turned with the fading track would
+    drag the planted foot along.
 
     Parameters
     ----------
     table: :class:`crowdsim.motion.graph.pose_table.PoseTable`.
     node, previous: (A,) int32, present node and the one before it (-1 for none).
     frame: (A,) float64 frames into the node; poses are interpolated between frames.
-    pose: (A, 3) float64 world track pose then.
+    pose: (A, 3) float64 world track pose then, with the faded blend offset: x, y [m], heading [rad].
     out_positions, out_rotations: (A, J, 3) [m] and (A, J, 4) float32 unit quaternions, filled.
     """
     for a in range(len(node)):

@@ -143,8 +143,8 @@ def bent_leg(hip, knee, ankle, left, target, most):
     """Return the rotations of thigh and shank, in the world, that bring the ankle to ``target`` or as near as it gets.
 
     The knee bends by the law of cosines in its plane, then the leg turns the shortest way, as in
-    :func:`crowdsim.motion.clips.leg_solver.bend_legs`. left: axis about which a straight knee bends. most: share of its
-    length to which the leg may stretch.
+    :func:`crowdsim.motion.clips.leg_solver.bend_legs`. left: axis about which a knee bends that is nearly
+    straight or bent backward. most: share of its length to which the leg may stretch.
     """
     thigh, shank, way = _minus(knee, hip), _minus(ankle, knee), _minus(target, hip)
     upper, lower = math.sqrt(_dot(thigh, thigh)), math.sqrt(_dot(shank, shank))
@@ -198,7 +198,8 @@ def _reach(hip, knee, ankle, target):
 def _put_leg(feet, foot, positions, rotations, a, target, yaw, most, left):
     """Bend a leg of body ``a`` to bring its ankle to ``target``, and turn its foot by ``yaw`` about the vertical [rad].
 
-    ``left`` is the unit vector to the left of the body, about which the knee bends if it is straight.
+    ``left`` is the unit vector to the left of the body, about which the knee bends if it is nearly straight or bent
+    backward.
     """
     hip, knee, ankle = (
         _joint(positions, a, feet.legs[foot, 0]),

@@ -140,7 +140,7 @@ def triangles_near(m, x0, y0, x1, y1, reach, marks, mark, found, hint):
     Return (found, count).
 
     The triangles are found[:count]; the array grows as needed. ``marks`` (nt,) hold ``mark`` for them afterwards;
-    before, all must be smaller. Point 0 is in the box, within rounding. ``hint`` is a triangle near it, or NONE.
+    none may hold it before. Point 0 is in the box, within rounding. ``hint`` is a triangle near it, or NONE.
     """
     sides = m.sides
     vertices = m.vertices

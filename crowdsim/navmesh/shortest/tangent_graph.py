@@ -69,7 +69,7 @@ class RadiusGraph:
 
     @contextmanager
     def scratch(self) -> Iterator[ShortestScratch]:
-        """Lend scratch memory to one thread; it is kept for the next search."""
+        """Lend scratch memory to one thread; it is kept for the next search, but dropped after an error."""
         with self._lock:
             found = self._idle.pop() if self._idle else None
         if found is None:

@@ -237,6 +237,7 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
     cost = label_cells(cuts, widest, costs, turned, terms, best, starts, befores, labels)
     sections = np.empty((cells, 3))
     count = 0
+    # One section of behavior 0 is always allowed: the cost is infinite only if it exceeds the largest float.
     if cost == math.inf:
         return sections[:0], cost
     # Join neighboring cells of one behavior to sections.

@@ -31,7 +31,10 @@ def why_not(query: Query) -> str:
 
 
 def _too_narrow_below(query: Query, failure: PathNotFound) -> str:
-    """Return why the lowest layer has no path: a blocked end, or the narrowest place of its widest way."""
+    """Return why the lowest layer has no path.
+
+    It is a blocked end, no way at all, or the narrowest place of its widest way.
+    """
     mesh, radius = query.meshes[0], query.need.search_radius
     if (mesh.clearances(query.ends, radius) < radius - CONTACT_TOLERANCE).any():
         return f"{failure}; choose a place with more room"

@@ -4,7 +4,7 @@ A taut path has one radius around each corner. But the cheapest path through a g
 outward and then goes around it as wide as the next behavior needs: it refracts where the cost per meter changes
 (Snell's law).
 
-``points`` (n, 2) is the polyline [m] and ``sections`` (k, 3) its sections; ``layers`` (m, 5, 2), ``radii`` (n, m) and
+``points`` (p, 2) is the polyline [m] and ``sections`` (k, 3) its sections; ``layers`` (m, 5, 2), ``radii`` (n, m) and
 ``hints`` (m,) are those of :mod:`crowdsim.planning.roadmap.measuring_kernels`, ``costs`` (n,) those of a meter;
 ``spread`` is the largest shift [m]; ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
 """
@@ -43,7 +43,7 @@ _REPAIRS = 3
 """Largest number of attempts; after each, stations whose pieces cut a corner are fixed."""
 
 PLACE = np.dtype(
-    [(name, np.float64) for name in ("x", "y", "nx", "ny", "at", "most")]
+    [(name, np.float64) for name in ("x", "y", "nx", "ny", "at")]
     + [("piece", np.int64), ("near", np.int64), ("label", np.int64), ("shift", np.int64)],
     align=True,
 )
@@ -56,7 +56,7 @@ number of the place chosen, SHIFTS // 2 for its own.
 
 @helper
 def place_stations(points, sections, costs, least, stations):
-    """Place ``stations`` along the polyline (n, 2) with sections (k, 3) as of `annotate`; return its length [m].
+    """Place ``stations`` along the polyline (p, 2) with sections (k, 3) as of `annotate`; return its length [m].
 
     ``least`` is the least length of a section [m]. Stations within :data:`BESIDE` of a narrow section, their own or the
     one before or behind it, may shift if that section is longer than this by :data:`_SPARE`; the two ends of the path
@@ -239,7 +239,7 @@ def through_stations(points, stations, spread, line, owners):
 
 @helper
 def shifted_path(layers, hints, radii, costs, points, sections, section, spread, stack, least):
-    """Return the path (n, 2) with stations shifted aside by at most ``spread`` [m] where that is cheaper; else no rows.
+    """Return the path (q, 2) with stations shifted aside by at most ``spread`` [m] where that is cheaper; else no rows.
 
     No rows either if its pieces still cut corners after _REPAIRS attempts. section: least length of a section [m].
     least: clearance that the legs must keep [m]. hints: changed. Others as of `shift_path`.

@@ -100,7 +100,8 @@ class PlantedFeet:
     def states_at(self, time: float, agents: Ints, node: NDArray[np.int32], frame: Floats) -> Floats:
         """Return the states (n, 2, COLUMNS) of the feet of ``agents`` (n,), which play ``frame`` of ``node`` (n,).
 
-        Zeros, for a foot that nothing corrects, if no change holds in this frame.
+        Zeros, for a foot that nothing corrects, if no change holds in this frame. ``time`` is that in the recording
+        [s].
         """
         states = np.zeros((len(agents), 2, COLUMNS))
         if not len(self._keys):

@@ -77,7 +77,8 @@ def set_pins(ground, first_row, last_row, first_column, last_column):
             ground.widest[box] = fits
             if fits == top:
                 continue
-            # No behavior fits anywhere in the box if a wall is so near that even the far corner lacks clearance.
+            # No behavior fits anywhere in the box if a wall is so near that even the far corner lacks clearance. Below
+            # 0.23 m, so for any ``least`` up to 0.4 m, ``far`` is the distance itself, rounded down.
             if (ground.far[row, column] + 1) * FAR_UNIT + CORNER < ground.least:
                 continue
             # Try a grid of 5 x 5 points.
