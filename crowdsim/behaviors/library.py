@@ -117,8 +117,9 @@ def load_behavior_set(
     library : Path or None
         Folder of behavior folders; None for the built-in one.
     captures : Path or None
-        Folder of the user's own walks. Frontal walking and, with the arms edited, arm-constrained walking are made from
-        its files that match ``capture_patterns``; ``motion_set`` is then ignored.
+        Folder of the user's own walks. From its files that match ``capture_patterns`` all behaviors are made: frontal
+        as captured, arm-constrained with the arms edited, lateral synthesized; other names raise BehaviorError.
+        ``motion_set`` is then ignored.
     capture_patterns : sequence of str
         Patterns of file names.
     motion_set : str
@@ -126,7 +127,7 @@ def load_behavior_set(
     meters_per_unit, joints
         Unit and joint names of captures, if they cannot be found automatically.
     beside : Path or None
-        Folder that these paths are relative to; None for the working directory.
+        Folder that paths in ``names`` are relative to; None for the working directory.
     speed : float or None
         Speed that agents walk at, which picks one of several captured gaits [m/s]; None for all clips.
 
@@ -138,7 +139,7 @@ def load_behavior_set(
     Raises
     ------
     BehaviorError
-        If a file is wrong, or behaviors contradict each other.
+        If a file is wrong, or one that no plan can use is among behaviors of the library alone.
     MotionError
         If a clip cannot be read, cut or joined.
 
@@ -153,7 +154,8 @@ def load_behavior_set(
     library = library_folder("behaviors") if library is None else library
     folders = {folder.name: folder for folder in (behavior_folder(name, beside or Path(), library) for name in names)}
     files = {name: read_behavior(name, folder.parent) for name, folder in folders.items()}
-    own = {name: file for name, file in files.items() if file.captured}
+    # Made of captures. An own behavior that lists ``idle`` or ``transitions`` is read as those of the library are.
+    captured = {name: file for name, file in files.items() if file.captured}
     if captures is not None:
         if any(is_own(name) for name in names):
             raise BehaviorError("own behaviors go with a built-in set; put these captures in a behavior of their own")
@@ -163,7 +165,7 @@ def load_behavior_set(
     clips = {
         name: _library_clips(file, folders[name], tuple(files))
         for name, file in files.items()
-        if name not in own and name not in styled
+        if name not in captured and name not in styled
     }
     if styled:  # imported late, as the default set does not need the synthesizer
         from crowdsim.behaviors.styled import styled_clips
@@ -172,11 +174,11 @@ def load_behavior_set(
     radii = {name: _radii(files[name], clips[name].clips, bands) for name in clips}
     left_out: dict[str, Set[tuple[str, int, int]]] = {}
     notes: list[str] = []
-    if own:  # imported late, as it compiles how clips are deformed
+    if captured:  # imported late, as it compiles how clips are deformed
         from crowdsim.behaviors.own import read_own
 
         others = {name: (files[name], clips[name]) for name in clips}
-        found = read_own(own, folders, others, _measured(bands), layer_names(bands))
+        found = read_own(captured, folders, others, _measured(bands), layer_names(bands))
         files |= found.files
         for name, behavior in found.found.items():
             clips[name], radii[name], left_out[name] = behavior.clips, behavior.radii, behavior.left_out
@@ -185,6 +187,7 @@ def load_behavior_set(
     behaviors = tuple(
         files[name].behavior(radii[name], folders[name], _turning(name, clips[name], bands)) for name in order
     )
+    # An own behavior that no plan can use is only noted: its width is known only once its captures are measured.
     if any(is_own(name) for name in names):
         notes += never_used(behaviors)
         notes += [note_on_width(each, layer_names(bands)) for each in behaviors if each.folder.parent != library]

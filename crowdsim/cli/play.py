@@ -37,6 +37,12 @@ def play(
             help="Time of the picture in seconds [default: a busy moment]; repeat it for several, OUT-12.5.png.",
         ),
     ] = None,
+    start: Annotated[
+        float | None, typer.Option(min=0.0, metavar="S", help="Time at which a film begins in seconds.")
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option(min=0.0, metavar="S", help="Time at which a film ends in seconds.")
+    ] = None,
     view: Annotated[str, typer.Option("--view", help="overview, top, or follow, which needs --agent.")] = "overview",
     agent: Annotated[int | None, typer.Option("--agent", min=0, help="Agent to follow.")] = None,
     color: Annotated[
@@ -55,6 +61,8 @@ def play(
     times = list(dict.fromkeys(time or ()))
     if times and shot is None:
         raise typer.BadParameter("only --shot takes a time", param_hint="--time")
+    if film is None and (start is not None or end is not None):
+        raise typer.BadParameter("only --film takes a part of the time", param_hint="--start, --end")
     camera: dict[str, Any] = {"view": view, "agent": agent, "color_by": color}
     if size is not None:
         camera["size"] = read_size(size)
@@ -77,7 +85,7 @@ def play(
                 written = [take_shot(recording, shot, time=times[0] if times else None, **camera)]
             typer.echo("\n".join(map(str, written)))
         elif film is not None:
-            _make_film(recording, film, camera)
+            _make_film(recording, film, {**camera, "start": start or 0.0, "end": end})
         else:
             _open_window(recording, camera)
     if film is not None:

@@ -325,10 +325,10 @@ def limit_change(mine, rules, want):
 
 @helper
 def face(mine, rules, want):
-    """Set the turn of the body in this step: towards the facing of ``want``, its velocity unless a rule set another.
+    """Set the turn of the body in this step: towards the facing of ``want``.
 
-    If that velocity is small, the facing becomes the guidance. Turned shoulders take the side that needs the smaller
-    turn.
+    That is the agent's present velocity, not the wanted one, unless a rule set another direction. If it is small, it
+    becomes the guidance. Turned shoulders take the side that needs the smaller turn.
     """
     most = rules.turn_rate * rules.step
     # Facings set by rules are unit vectors. Below 0.25 m/s the direction of the velocity is noise: face along guidance,

@@ -29,6 +29,7 @@ USAGE = 2
         ["play", "a.h5", "--size", "0x0", "--shot", "a.png"],
         ["play", "a.h5", "--shot", "a.png", "--film", "a.mp4"],
         ["play", "a.h5", "--film", "a.mp4", "--time", "3"],
+        ["play", "a.h5", "--shot", "a.png", "--start", "3"],
     ],
     ids=" ".join,
 )

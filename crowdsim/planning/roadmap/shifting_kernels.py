@@ -268,7 +268,7 @@ def shifted_path(layers, hints, radii, costs, points, sections, section, spread,
             a = owners[i]
             b = owners[i + 1]
             # The path between two stations that stay is as it was, and clear.
-            if stations[a].shift == middle and stations[b].shift == middle and b - a <= 1:
+            if stations[a].shift == middle and stations[b].shift == middle:
                 triangle = triangle_near(m, line[i + 1, 0], line[i + 1, 1], triangle)
                 continue
             # A straight piece that cuts a corner: the stations at its ends stay from now on.

@@ -116,6 +116,15 @@ def test_the_unit_and_axis_a_dae_states_are_applied(tmp_path):
     assert any("0.01 m" in line for line in scene.report)
 
 
+@pytest.mark.parametrize("meter", ["abc", "", "-1", "0", "inf"])
+def test_a_unit_of_a_dae_that_is_no_number_of_meters_is_refused(tmp_path, meter):
+    path = written(tmp_path, desk(), "a.dae")
+    stated = f'<unit name="odd" meter="{meter}"/><up_axis>Y_UP</up_axis>'
+    path.write_text(path.read_text().replace("<up_axis>Y_UP</up_axis>", stated))
+    with pytest.raises(PlaceError, match="its unit is not a number of meters; give 'units'"):
+        read_mesh_file(path)
+
+
 def test_units_that_parts_of_a_glb_note_are_reported_and_not_applied(tmp_path):
     mesh = desk(True)
     mesh.metadata["units"] = "0.01 * meters"

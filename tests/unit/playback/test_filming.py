@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from crowdsim.cli.app import app
 from crowdsim.cli.errors_shown import TERMINATED
 from crowdsim.errors import CrowdSimError
 from crowdsim.playback.backdrop import Backdrop
@@ -67,6 +69,18 @@ def test_the_first_picture_is_lit_as_those_after_it(recording, tmp_path, view):
     shirts = [picture[np.ptp(picture, axis=-1) > 70] for picture in pictures]
     assert min(map(len, shirts)) > 50
     assert abs(shirts[0].mean() - shirts[1].mean()) < 4.0
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_a_part_of_a_recording_is_filmed_by_the_command(recording, tmp_path):
+    file = tmp_path / "out.mp4"
+    arguments = ["play", str(recording.path), "--film", str(file), "--size", "160x90", "--start", "1.0", "--end", "1.5"]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    assert len(pictures_of(file)) == 16
+    refused = CliRunner().invoke(app, [*arguments[:-1], "1000"])
+    assert refused.exit_code == 2
+    assert "a film cannot go from 1 to 1000 s" in str(refused.output) + str(refused.exception)
 
 
 @pytest.mark.usefixtures("can_draw")

@@ -142,7 +142,7 @@ def _put_places(state, out, models, mixer, x, y, begin, first, end, units):
 def _put_headings(state, out, models, mixer, x, y, headings, begin, first, end, stop, units, slack):
     """Code headings from step ``first`` to before ``end``.
 
-    ``headings`` are the exact ones (T,) float64 [units of turn], and (T,) what a decoder finds, which they become.
+    ``headings``: the exact ones (T,) float64 [units of turn], and (T,), filled with what a decoder finds.
     Turns are coded as :func:`choose_turn` says, within ``slack`` (2,). ``stop`` is the step before which the person is
     present.
     """
