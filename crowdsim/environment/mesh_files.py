@@ -156,8 +156,8 @@ def _up_axis(name: str, content: bytes, ending: str, up: str | None, report: lis
 def _meters(name: str, content: bytes, ending: str, units: str | None, report: list[str]) -> float:
     """Return the meters of a unit of the file, and report the source unless it is ``units``.
 
-    A file that gives none is in meters. Raise PlaceError if a DAE file gives what is no number above 0. ``name`` is that
-    of the file, for messages.
+    A file that gives none is in meters. Raise PlaceError if a DAE file gives one that is no number above 0. ``name`` is
+    that of the file, for messages.
     """
     if units is not None:
         return meters_per_unit(units)
