@@ -30,8 +30,8 @@ _FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable
 _CROWDS = {
     "1,000 captured, 120 s": ("captured", 500, 120, 150, 60),
     "1,000 auto, 120 s": ("auto", 500, 120, 150, 60),
-    "1,000 steered, 120 s": ("steered", 500, 120, 150, 60),
-    "1,000 close, 120 s": ("steered", 500, 120, 90, 30),
+    "1,000 steered in the open, 120 s": ("steered", 500, 120, 150, 60),
+    "1,000 steered, 120 s": ("steered", 500, 120, 90, 30),
     "10,000 steered, 20 s": ("steered", 5000, 20, 240, 100),
 }
 """Locomotion, number of people in each of two groups, duration [s], and length and width of the floor [m]."""
@@ -63,7 +63,7 @@ _TIMES_OF_FRAMES = """() => {
 
 
 def measure() -> Measurement:
-    """Return a row for each of two scenarios and some crowds."""
+    """Return a row for each of two scenarios, and of each crowd in _CROWDS."""
     rows: list[dict[str, Any]] = []
     with TemporaryDirectory() as name, _browser() as browser:
         folder = Path(name)

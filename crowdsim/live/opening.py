@@ -43,7 +43,7 @@ def pack_opening(simulation: Simulation) -> bytes:
         "gaits": pack_gaits(block, motion),
         "bodies": pack_bodies(block, motion.skeleton, count),
         "levels": LEVELS,
-        "units": page_units(motion, PLACES),
+        "units": page_units(PLACES),
         "bounds": bounds,
         "ends": None if header.ends is None else [header.ends.axis, header.ends.low, header.ends.high],
         "most": count,

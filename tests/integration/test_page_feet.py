@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from crowdsim.export.page.packed_feet import FRAMES, PLACES, TIMES
-from crowdsim.export.page.page import write_page
+from crowdsim.export.page.page import PageOptions, write_page
+from crowdsim.export.page.tracks import track_chunks
 from crowdsim.motion.planted.pin_kernels import FADES, MODE, NODE, SINCE, STANDS, UNTIL, YAW, X
 from crowdsim.recording.reader import Recording
 from tests.support.page_data import read_page, unzigzag
@@ -25,10 +26,29 @@ def seen(a, b):
     return np.array([c * x + s * y, c * y - s * x, turn])
 
 
-@pytest.mark.parametrize("name", ["corridor", "plaza"])
-def test_changes_of_feet_come_back(recorded, tmp_path, name):
+def changes(recording, page, number):
+    """Times after the page's first step, and states, of the changes of a foot: what holds there, and what follows."""
+    begin = page.facts["first"] / recording.steps_per_second
+    end = begin + page.facts["steps"] / recording.steps_per_second
+    agent = page.facts["agents"][number // 2]
+    times, states = recording.planted_feet.changes_of(agent, number % 2)
+    first = max(int(np.count_nonzero(times <= begin)) - 1, 0)
+    last = int(np.count_nonzero(times < end))
+    names = [recording.header.motion.node_names[int(node)] for node in states[:, NODE]]
+    some = [k for k in range(first, last) if names[k] in page.facts["nodes"]]
+    return np.maximum(times[some] - begin, 0.0), states[some]
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("corridor", PageOptions()), ("plaza", PageOptions()), ("plaza", PageOptions(start=8.0, end=30.0))],
+)
+@pytest.mark.parametrize("few", [True, False])
+def test_changes_of_feet_come_back(recorded, tmp_path, monkeypatch, name, options, few):
+    if not few:
+        monkeypatch.setattr(track_chunks, "_FEW", 0)
     with Recording.open(recorded(name)) as recording:
-        write_page(recording, tmp_path / "page.html")
+        write_page(recording, tmp_path / "page.html", options)
         page = read_page(tmp_path / "page.html")
         frames = page.varints("node_frames")
         first = np.cumsum(np.asarray(frames) + 1) - np.asarray(frames) - 1
@@ -49,7 +69,7 @@ def test_changes_of_feet_come_back(recorded, tmp_path, name):
 
         off, times_off, checked = [], [], 0
         for number, count in enumerate(page.varints("feet_counts")):
-            times, states = recording.planted_feet.changes_of(number // 2, number % 2)
+            times, states = changes(recording, page, number)
             assert count == len(times)
             ticks, stood, before = 0, None, None
             for time, state in zip(times, states, strict=True):

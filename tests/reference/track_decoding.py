@@ -172,7 +172,7 @@ class NodeRows:
         self.first = np.cumsum([0, *(count + 1 for count in self.frames)])
 
     def at(self, node: int, tick: int) -> tuple[np.ndarray, float]:
-        """Return x, y [m] and heading [rad] in a frame of a node, and how much of a seam is left."""
+        """Return x, y [m] and heading [rad] in a frame of a node, and how much of a offset is left."""
         count = self.frames[node]
         rows = self.rows[self.first[node] : self.first[node] + count + 1] / 10_000.0
         left = [1.0 - 3.0 * (k / 12) ** 2 + 2.0 * (k / 12) ** 3 if k < 12 else 0.0 for k in range(count + 2)]
@@ -266,7 +266,7 @@ class TrackReader:
         """
         read, nodes, track, off = self.reader, self.nodes, [], False
         to_world = np.array([self.place, self.place, self.turn / (2.0 * math.pi)])
-        origin = seam = np.zeros(3)
+        origin = offset = np.zeros(3)
         for t, (now, frame) in enumerate(zip(node, frames, strict=True)):
             if t == 0 and not before:
                 shown = np.array([read.whole((f"first {each}", 0)) for each in ("x", "y", "turn")], float)
@@ -277,12 +277,12 @@ class TrackReader:
             else:
                 if now != node[t - 1] or frame < frames[t - 1]:
                     whole, left = nodes.at(node[t - 1], nodes.ticks * int(nodes.frames[node[t - 1]]))
-                    ended = self._moved(origin, whole * to_world) + left * seam
-                    along, across, turn = (read.number(("seam", k), 8) for k in range(3))
+                    ended = self._moved(origin, whole * to_world) + left * offset
+                    along, across, turn = (read.number(("offset", k), 8) for k in range(3))
                     origin = self._moved(ended, np.array([0.5 * along, 0.5 * across, turn * self.played_turn_step]))
-                    seam = ended - origin
+                    offset = ended - origin
                 own, left = nodes.at(now, frame)
-                shown = self._moved(origin, own * to_world) + left * seam
+                shown = self._moved(origin, own * to_world) + left * offset
             if t or before:
                 off = bool(read.bit(("off", frame < 12 * nodes.ticks, off)))
                 if off:

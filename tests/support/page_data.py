@@ -62,8 +62,8 @@ class PageData:
         """Return all numbers of a named array of varints."""
         return self.numbers(self.array(name))
 
-    def present(self, bits: int = 3) -> np.ndarray:
-        """Return (steps, N) whether each agent is present; with the bits 4, whether it is steered."""
+    def present(self) -> np.ndarray:
+        """Return (steps, N) whether each agent is present."""
         counts, since = (self.numbers(self.array(f"event_{name}")) for name in ("counts", "steps"))
         states = self.array("event_states")
         here = np.zeros((self.facts["steps"], len(counts)), bool)
@@ -72,7 +72,7 @@ class PageData:
             step = 0
             for _ in range(count):
                 step += int(since[row])
-                here[step:, agent] = states[row] & bits > 0
+                here[step:, agent] = states[row] & 3 > 0
                 row += 1
         return here
 
@@ -102,9 +102,23 @@ class PageData:
             high = min((number + 1) * self.facts["chunk"] + self.facts["margin"], len(here))
             reader = TrackReader(self.array(f"chunk_{number}").tobytes(), self.facts["coding"], nodes)
             for agent in range(here.shape[1]):
+                whole = np.zeros((4, high - low), np.int64)
                 for there, first, end in runs(here[low:high, agent]):
                     if there:
-                        read = reader.track(played[low + first : low + end, agent].tolist())
+                        whole[:, first:end] = reader.track(played[low + first : low + end, agent].tolist())
                         for column in range(3):
-                            out[column][low + first : low + end, agent] = np.array(read[column]) * scales[column]
+                            out[column][low + first : low + end, agent] = whole[column, first:end] * scales[column]
+                # Phases come behind the track.
+                for begin, stop in self.stretches().get(agent, []):
+                    first, end = max(begin, low) - low, min(stop, high) - low
+                    if first < end:
+                        reader.phases(tuple(whole[:3].tolist()), first, end)
         return (*out, here)
+
+    def stretches(self) -> dict[int, list[tuple[int, int]]]:
+        """Return the first step of each stretch in which an agent is steered, and the step after its last, by agent."""
+        names = ("agents", "begins", "firsts", "ends", "stops")
+        found: dict[int, list[tuple[int, int]]] = {}
+        for agent, begin, *rest in zip(*(self.varints(f"stretch_{name}").tolist() for name in names), strict=True):
+            found.setdefault(agent, []).append((begin, begin + sum(rest)))
+        return found

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.export.page.choice import Chosen
+from crowdsim.export.page.packed_poses import rows_of_nodes
 from crowdsim.export.page.packing import Block, Ints, first_differences, zigzag
 from crowdsim.export.page.tracks.track_chunks import FINE_PLACES, place_units
 from crowdsim.geometry.planar import Floats, compose, invert, wrap_angle
@@ -16,12 +17,14 @@ PLACES = 10_000
 """Integer units per meter and radian of feet in nodes."""
 TIMES, FRAMES = 1000, 100
 """Integer units per second, and per frame, of changes."""
+_COLUMNS = ("times", "modes", "nodes", "since", "fading", "x", "y", "yaws")
+"""Columns of changes."""
 _ANGLES, _FINE_ANGLES = 1000, 10_000
 """Integer units per radian of changes, and those of few agents."""
 
 
 def feet_units(places: int) -> dict[str, int]:
-    """Return the integer units of changes per second, frame, meter and radian, for ``places`` of tracks per meter."""
+    """Return the units of changes a second, frame, meter and radian, if tracks have ``places`` units a meter."""
     angles = _FINE_ANGLES if places == FINE_PLACES else _ANGLES
     return {"time": TIMES, "frame": FRAMES, "place": 2 * places, "angle": angles}
 
@@ -43,9 +46,7 @@ def pack_feet(block: Block, recording: Recording, chosen: Chosen, played: Ints) 
         pack_no_feet(block)
         return
     motion = recording.header.motion
-    rows = np.concatenate(
-        [np.arange(motion.node_first[n], motion.node_first[n] + motion.node_frames[n] + 1) for n in played]
-    )
+    rows = rows_of_nodes(motion, played)
     places = np.rint(table.places[rows] * PLACES).astype(np.int64)
     block.add_varints("feet_rows", zigzag(first_differences(places.reshape(len(rows), 6)).T.ravel()))
     block.add("feet_across", table.across.astype(np.float32))
@@ -67,17 +68,14 @@ def pack_feet(block: Block, recording: Recording, chosen: Chosen, played: Ints) 
     states[:, NODE] = np.searchsorted(played, states[:, NODE])
     since = np.rint(states[:, SINCE] * FRAMES).astype(np.int64)
     fading = np.where(states[:, MODE] == FADES, np.rint(states[:, UNTIL] * FRAMES).astype(np.int64) - since, 0)
-    block.add_varints("feet_counts", counts)
-    block.add_varints("feet_times", np.concatenate(ticks))
-    block.add_varints("feet_modes", states[:, MODE].astype(np.int64))
-    block.add_varints("feet_nodes", states[:, NODE].astype(np.int64))
-    block.add_varints("feet_since", since)
-    block.add_varints("feet_fading", np.maximum(fading, 0))
     states[:, SINCE] = since / FRAMES
     units = feet_units(place_units(chosen))
     poses = _coded_poses(states, counts, _Feet(places / PLACES, motion.node_frames[played]), units)
-    for name, column in zip(("x", "y", "yaws"), poses.T, strict=True):
-        block.add_varints(f"feet_{name}", zigzag(column))
+    mode, node = (states[:, column].astype(np.int64) for column in (MODE, NODE))
+    columns = np.concatenate(ticks), mode, node, since, np.maximum(fading, 0), *zigzag(poses).T
+    block.add_varints("feet_counts", counts)
+    for name, column in zip(_COLUMNS, columns, strict=True):
+        block.add_varints(f"feet_{name}", column)
 
 
 class _Feet:
@@ -131,9 +129,6 @@ def _coded_poses(states: Floats, counts: Ints, feet: _Feet, units: dict[str, int
         way = coded[now] / scale
         found[now] = np.where(stays[:, None], before + way, compose(before, way))
     return coded
-
-
-_COLUMNS = ("times", "modes", "nodes", "since", "fading", "x", "y", "yaws")
 
 
 def pack_no_feet(block: Block) -> None:

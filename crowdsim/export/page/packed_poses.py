@@ -44,13 +44,10 @@ def skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
 
 
 def pack_nodes(block: Block, motion: MotionRecord, played: Ints) -> list[str]:
-    """Add poses and tracks of the nodes ``played``, column by column, as differences; return the nodes' names."""
+    """Add the poses of the nodes ``played`` to the block, column by column, as differences; return the nodes' names."""
     joints = motion.skeleton.joint_count
     frames = motion.node_frames[played].astype(np.int64)
-    rows = [
-        np.arange(motion.node_first[node], motion.node_first[node] + motion.node_frames[node] + 1) for node in played
-    ]
-    some = np.concatenate(rows) if rows else np.zeros(0, np.int64)
+    some = rows_of_nodes(motion, played)
     vectors = rotation_vectors(motion.pool_rotations[some].astype(np.float64))
     whole = np.rint(vectors * ROTATIONS).astype(np.int64)
     root = np.rint(motion.pool_root[some].astype(np.float64) * ROOTS).astype(np.int64)
@@ -59,8 +56,21 @@ def pack_nodes(block: Block, motion: MotionRecord, played: Ints) -> list[str]:
     # One column after the other: the root's position, then the rotation vector of each joint.
     columns = np.concatenate([root, whole.reshape(len(some), 3 * joints)], axis=1)
     block.add_varints("node_rows", zigzag(first_differences(columns).T.ravel()))
-    block.add_varints("node_tracks", zigzag(first_differences(node_tracks(motion).rows[some]).T.ravel()))
     return [motion.node_names[node] for node in played.tolist()]
+
+
+def pack_node_tracks(block: Block, motion: MotionRecord, played: Ints) -> None:
+    """Add the tracks of the nodes ``played`` to the block, column by column, as differences from row to row."""
+    rows = node_tracks(motion).rows[rows_of_nodes(motion, played)]
+    block.add_varints("node_tracks", zigzag(first_differences(rows).T.ravel()))
+
+
+def rows_of_nodes(motion: MotionRecord, played: Ints) -> Ints:
+    """Return the rows (R,) of the pool that the nodes ``played`` have, one node after the other."""
+    rows = [
+        np.arange(motion.node_first[node], motion.node_first[node] + motion.node_frames[node] + 1) for node in played
+    ]
+    return np.concatenate(rows) if rows else np.zeros(0, np.int64)
 
 
 def pack_gaits(block: Block, motion: MotionRecord) -> list[dict[str, Any]]:

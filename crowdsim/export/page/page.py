@@ -24,6 +24,7 @@ from crowdsim.export.page.packed_poses import (
     ROOTS,
     ROTATIONS,
     pack_gaits,
+    pack_node_tracks,
     pack_nodes,
     pack_stretches,
     pack_switches,
@@ -45,7 +46,7 @@ from crowdsim.export.page.tracks.track_chunks import (
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.playback.crowd_mesh import LEVEL_COLORS, group_colors
 from crowdsim.playback.moments import telling_time
-from crowdsim.recording.header import AgentsRecord, AgentState, MotionRecord
+from crowdsim.recording.header import AgentsRecord, AgentState
 from crowdsim.recording.levels import Level
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.shown.steered_stretches import Stretches, read_stretches
@@ -203,7 +204,7 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
         "levels": LEVELS,
         "chunk": plan.steps,
         "margin": plan.margin,
-        "units": page_units(motion, place_units(chosen)),
+        "units": page_units(place_units(chosen)),
         "feet": feet_units(place_units(chosen)),
         "coding": coding_units(recording, place_units(chosen)).tolist(),
         "bounds": bounds,
@@ -214,6 +215,7 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
         "opening": _opening(recording, chosen),
         **agent_facts(recording.header.agents, chosen.agents),
     }
+    pack_node_tracks(block, motion, played)
     pack_feet(block, recording, chosen, played)
     pack_switches(block, recording, chosen)
     facts["paths"] = paths = paths or ("all" if most <= _PATHS_OF_ALL else "selected")
@@ -222,7 +224,7 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
     return block.packed(facts)
 
 
-def page_units(motion: MotionRecord, places: int) -> dict[str, int]:
+def page_units(places: int) -> dict[str, int]:
     """Return the integer units of the page per meter (``places``), turn, cycle, frame, radian, and meter of a root.
 
     Also the units of turn and of phase in a step in which they are coded, and the parts of a step or unit that the ends

@@ -9,8 +9,9 @@ from crowdsim.jit import helper
 
 PLACE_BITS, TURN_BITS, NEAR_BITS, PHASE_BITS = 6, 7, 6, 6
 """Decisions for an integer near 0 of steered people: places, turns, turns near the expected one, phases."""
-OFF_BITS, SEAM_BITS, FRAME_BITS, CHANGE_BITS = 7, 8, 6, 8
-"""The same of captured people: what a track is off from its node, where a node begins, frames, and frames there."""
+OFF_BITS, ORIGIN_BITS, FRAME_BITS, CHANGE_BITS = 7, 8, 6, 8
+"""The same of captured people: what a track is off from its node, where a node begins, frames within a node, and
+frames across a change of nodes."""
 
 CLASSES = 9
 """Classes of the size of a difference, :func:`size_class`, and of a difference with its sign, :func:`coarse_class`."""
@@ -28,8 +29,8 @@ KINDS, AWAYS = 7, 16
 FIRST_X, FIRST_Y, FIRST_TURN, FIRST_FRAME, FIRST_PHASE = WHOLE, 3 * WHOLE, 5 * WHOLE, 7 * WHOLE, 8 * WHOLE
 IS_OFF = 9 * WHOLE
 OFF = IS_OFF + 4
-SEAM = OFF + (3 << OFF_BITS)
-FRAME = SEAM + (3 << SEAM_BITS)
+ORIGIN = OFF + (3 << OFF_BITS)
+FRAME = ORIGIN + (3 << ORIGIN_BITS)
 CHANGE = FRAME + (SIGNED << FRAME_BITS)
 FOLLOWS = CHANGE + (1 << CHANGE_BITS)
 STAYS = FOLLOWS + 2 * KINDS

@@ -1,12 +1,13 @@
 """Code the tracks of captured people by the nodes that they play.
 
-A track follows its node: it is the node's own track, put where the node begins, its origin. The difference of that to
-where the node before ends fades in the first frames (:mod:`crowdsim.motion.graph.track_kernels`). So what is coded is
-where nodes begin, seen from the ends of those before. Where that is not enough, as for agents who have just steered, it
-is coded by how much a track is off, and its origin is moved by that.
+A track follows its node: it is the node's own track, put where the node begins, its origin. The blend offset, the end
+of the node before less this origin, fades out over the first BLEND_FRAMES frames
+(:mod:`crowdsim.motion.graph.track_kernels`). So what is coded is where nodes begin, seen from the ends of those before.
+Where that is not enough, as for agents who have just steered, it is coded by how much a track is off, and its origin is
+moved by that.
 
-A page shows the track so found, not rounded to whole units: places are off by TOLERANCE units at most, headings by one
-step of turns.
+A page shows the track so found, not rounded to whole units: places are off by TOLERANCE units at most along each axis,
+headings by one step of turns.
 
 Arguments of all helpers: ``state``, ``out`` and ``models`` of the coder, as of
 :mod:`crowdsim.export.page.tracks.range_kernels`; ``nodes``, a :class:`NodeTracks`; of one person, for T steps:
@@ -36,8 +37,8 @@ from crowdsim.export.page.tracks.context_kernels import (
     IS_OFF,
     OFF,
     OFF_BITS,
-    SEAM,
-    SEAM_BITS,
+    ORIGIN,
+    ORIGIN_BITS,
     signed_class,
 )
 from crowdsim.export.page.tracks.expected_kernels import NATURAL, PLACE, PLAYED_TURN_STEP, TURN
@@ -49,9 +50,9 @@ from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, blend_weight
 TRACK_UNITS = 10_000
 """Integer units per meter and radian of the tracks of nodes."""
 TOLERANCE = 0.7
-"""Largest error of a place [units of place]."""
+"""Largest error of a place along each axis [units of place]."""
 _LEAST_SHARE = 0.1
-"""Share of a seam that must have faded to measure it in full."""
+"""Least share of a blend offset that is taken as faded: so errors of rounding grow tenfold at most."""
 _WHOLE_TURN = 2.0 * math.pi * TRACK_UNITS
 
 
@@ -72,10 +73,10 @@ class NodeTracks(NamedTuple):
 
 
 @helper
-def _turned(angle, turn):
+def _cos_sin_of(angle, turn):
     """Return cosine and sine of an angle, ``turn`` of which are a whole turn.
 
-    By their series (error below 1e-12): those of a library may differ in the last bits from the viewer's.
+    By a short series (error below 1e-12), as the viewer needs it too.
     """
     quarter = math.floor(4.0 * angle / turn + 0.5)
     r = (angle - quarter * (0.25 * turn)) * (2.0 * math.pi / turn)
@@ -96,9 +97,9 @@ def _turned(angle, turn):
 
 @helper
 def _in_node(nodes, node, frame):
-    """Return the track (x, y, heading) in a frame of a node [TRACK_UNITS], and the share of a seam left there.
+    """Return the track (x, y, heading) in a frame of a node [TRACK_UNITS], and the share of a blend offset left there.
 
-    Between rows, all of them go along straight lines.
+    All four are interpolated linearly between rows.
     """
     frame = min(frame, nodes.frames[node] * FRAME_TICKS)
     whole = frame // FRAME_TICKS
@@ -117,19 +118,35 @@ def _in_node(nodes, node, frame):
 
 
 @helper
-def _track_at(nodes, node, frame, origin, seam, units):
+def _from_origin(x, y, heading, units):
+    """Return a place in a node [TRACK_UNITS], as it lies from the node's origin with this heading [units of place]."""
+    c, s = _cos_sin_of(heading, float(units[TURN]))
+    to_place = units[PLACE] / TRACK_UNITS
+    return to_place * (c * x - s * y), to_place * (s * x + c * y)
+
+
+@helper
+def _track_at(nodes, node, frame, origin, offset, units):
     """Return the track (x, y, heading) in a frame of a node that begins at ``origin`` [units of place and turn].
 
-    ``seam`` (3,) is the difference that fades: the end of the node before, less ``origin``.
+    ``offset`` (3,) is the blend offset: the end of the node before, less ``origin``.
     """
     x, y, h, left = _in_node(nodes, node, frame)
-    c, s = _turned(origin[2], float(units[TURN]))
-    to_place = units[PLACE] / TRACK_UNITS
+    x, y = _from_origin(x, y, origin[2], units)
     return (
-        origin[0] + to_place * (c * x - s * y) + left * seam[0],
-        origin[1] + to_place * (s * x + c * y) + left * seam[1],
-        origin[2] + units[TURN] / _WHOLE_TURN * h + left * seam[2],
+        origin[0] + x + left * offset[0],
+        origin[1] + y + left * offset[1],
+        origin[2] + units[TURN] / _WHOLE_TURN * h + left * offset[2],
     )
+
+
+@helper
+def _origin_of(nodes, node, frame, shown, units):
+    """Return the origin (x, y, heading) of a node whose track is ``shown`` (3,) in a frame."""
+    x, y, h, _ = _in_node(nodes, node, frame)
+    heading = shown[2] - units[TURN] / _WHOLE_TURN * h
+    x, y = _from_origin(x, y, heading, units)
+    return shown[0] - x, shown[1] - y, heading
 
 
 @helper
@@ -139,11 +156,11 @@ def _begins(node, frame, t):
 
 
 @helper
-def _seam_of(nodes, exact, track, node, t, end, ended, units):
+def _origin_seen(nodes, exact, track, node, t, end, ended, units):
     """Return where the node that begins in step ``t`` has its origin, seen from ``ended``, the end of the one before.
 
     That is along and across [half units of place] and the turn [steps], rounded. It is measured in the first step in
-    which nothing of the seam is left, or the last one of the node.
+    which nothing of the blend offset is left, or the last one of the node, or before ``end``.
     """
     frame = track[3]
     turn = float(units[TURN])
@@ -156,11 +173,10 @@ def _seam_of(nodes, exact, track, node, t, end, ended, units):
     # exact = origin + own track, turned by the origin + left * (ended - origin), solved for the origin.
     off = exact[2, t] - units[TURN] / _WHOLE_TURN * h - ended[2]
     heading = (off - turn * math.floor(off / turn + 0.5)) * share
-    c, s = _turned(ended[2] + heading, turn)
-    to_place = units[PLACE] / TRACK_UNITS
-    dx = (exact[0, t] - to_place * (c * x - s * y) - ended[0]) * share
-    dy = (exact[1, t] - to_place * (s * x + c * y) - ended[1]) * share
-    c, s = _turned(ended[2], turn)
+    x, y = _from_origin(x, y, ended[2] + heading, units)
+    dx = (exact[0, t] - x - ended[0]) * share
+    dy = (exact[1, t] - y - ended[1]) * share
+    c, s = _cos_sin_of(ended[2], turn)
     return (
         math.floor(2.0 * (c * dx + s * dy) + 0.5),
         math.floor(2.0 * (c * dy - s * dx) + 0.5),
@@ -174,8 +190,8 @@ def put_played(state, out, models, nodes, exact, track, node, begin, first, end,
     x, y, heading, frame = track[0], track[1], track[2], track[3]
     turn = float(units[TURN])
     step = units[PLAYED_TURN_STEP]
-    # Where the node begins, the difference that fades, where the node before ends, and the track as it is shown.
-    origin, seam, ended, shown = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    # Where the node begins, its blend offset, where the node before ends, and the track as it is shown.
+    origin, offset, ended, shown = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     was_off = 0
     for t in range(first, end):
         if t == begin:
@@ -194,43 +210,37 @@ def put_played(state, out, models, nodes, exact, track, node, begin, first, end,
             if _begins(node, frame, t):
                 last = node[t - 1]
                 ended[0], ended[1], ended[2] = _track_at(
-                    nodes, last, nodes.frames[last] * FRAME_TICKS, origin, seam, units
+                    nodes, last, nodes.frames[last] * FRAME_TICKS, origin, offset, units
                 )
-                seen = _seam_of(nodes, exact, track, node, t, end, ended, units)
+                seen = _origin_seen(nodes, exact, track, node, t, end, ended, units)
                 for k in range(3):
-                    put_number(state, out, models, SEAM + (k << SEAM_BITS), SEAM_BITS, seen[k])
-                c, s = _turned(ended[2], turn)
+                    put_number(state, out, models, ORIGIN + (k << ORIGIN_BITS), ORIGIN_BITS, seen[k])
+                c, s = _cos_sin_of(ended[2], turn)
                 origin[0] = ended[0] + 0.5 * (c * seen[0] - s * seen[1])
                 origin[1] = ended[1] + 0.5 * (s * seen[0] + c * seen[1])
                 origin[2] = ended[2] + seen[2] * step
                 for k in range(3):
-                    seam[k] = ended[k] - origin[k]
-            shown[0], shown[1], shown[2] = _track_at(nodes, node[t], frame[t], origin, seam, units)
+                    offset[k] = ended[k] - origin[k]
+            shown[0], shown[1], shown[2] = _track_at(nodes, node[t], frame[t], origin, offset, units)
         if t > begin:
             # How far is it off?
             off_x = exact[0, t] - shown[0]
             off_y = exact[1, t] - shown[1]
-            asked = exact[2, t] - shown[2]
-            asked = (asked - turn * math.floor(asked / turn + 0.5)) / step
-            is_off = 1 if max(abs(off_x), abs(off_y)) > TOLERANCE or abs(asked) > 1.0 else 0
+            off_turn = exact[2, t] - shown[2]
+            off_turn = (off_turn - turn * math.floor(off_turn / turn + 0.5)) / step
+            is_off = 1 if max(abs(off_x), abs(off_y)) > TOLERANCE or abs(off_turn) > 1.0 else 0
             fades = 1 if frame[t] < BLEND_FRAMES * FRAME_TICKS else 0
             put_bit(state, out, models, IS_OFF + 2 * fades + was_off, is_off)
             was_off = is_off
             if is_off:
-                moved = math.floor(off_x + 0.5), math.floor(off_y + 0.5), math.floor(asked + 0.5)
+                moved = math.floor(off_x + 0.5), math.floor(off_y + 0.5), math.floor(off_turn + 0.5)
                 for k in range(3):
                     put_number(state, out, models, OFF + (k << OFF_BITS), OFF_BITS, moved[k])
                     by = moved[k] * (step if k == 2 else 1)
                     shown[k] += by
                     origin[k] += by
         if t == first:
-            # The origin of the node that is played: so that the track is where it is shown.
-            px, py, h, _ = _in_node(nodes, node[t], frame[t])
-            to_place = units[PLACE] / TRACK_UNITS
-            origin[2] = shown[2] - turn / _WHOLE_TURN * h
-            c, s = _turned(origin[2], turn)
-            origin[0] = shown[0] - to_place * (c * px - s * py)
-            origin[1] = shown[1] - to_place * (s * px + c * py)
+            origin[0], origin[1], origin[2] = _origin_of(nodes, node[t], frame[t], shown, units)
         x[t] = math.floor(shown[0] + 0.5)
         y[t] = math.floor(shown[1] + 0.5)
         heading[t] = math.floor(shown[2] + 0.5)

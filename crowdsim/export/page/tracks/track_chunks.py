@@ -24,7 +24,8 @@ from crowdsim.recording.shown.track_blocks import TICKS_PER_SECOND
 
 PLACES, FINE_PLACES = 720, 4000
 """Integer units per meter for positions of tracks, and of few agents: knees of straight legs double what hips are off,
-and more. Units of 1.39 mm leave a position within a circle of 1 mm."""
+and more. Units of 1.39 mm leave a steered position within a circle of 1 mm, a captured one within 0.97 mm along each
+axis."""
 _FEW = 100_000
 """Number of positions up to which those of a page are fine; each takes some 5 bits more."""
 PHASES = 50_000
@@ -270,14 +271,17 @@ class _Ends:
             step = known.stops[some] - 1 - back
             some, step = (part[step >= np.maximum(known.begins[some], low)] for part in (some, step))
             row, who = step - low, known.agents[some]
-            for column, values in enumerate((rows.x, rows.y)):
-                exact = values[row, who].astype(np.float64) * float(self._units[PLACE])
-                self.values[some, back, column] = np.rint((exact - np.rint(exact)) * FRACTIONS)
-            off = rows.heading[row, who].astype(np.float64) * TURNS / (2.0 * np.pi) - headings[who, row]
-            self.values[some, back, 2] = np.rint((off - TURNS * np.rint(off / TURNS)) / turn_step * FRACTIONS)
+            # Stretches reach into captured steps, whose tracks a page shows without rounding: nothing to add there.
+            steered = rows.node[row, who] == NONE
+            exact = np.stack([rows.x[row, who], rows.y[row, who]]).astype(np.float64) * float(self._units[PLACE])
+            places = exact - np.floor(exact + 0.5)
+            turns = rows.heading[row, who].astype(np.float64) * TURNS / (2.0 * np.pi) - headings[who, row]
+            turns = (turns - TURNS * np.rint(turns / TURNS)) / turn_step
             at = known.starts[some] + step - known.begins[some]
-            off = (known.phases[at] - self._phases[at]) / float(self._units[PHASE_STEP])
-            self.values[some, back, 3] = np.rint(off * FRACTIONS)
+            phases = (known.phases[at] - self._phases[at]) / float(self._units[PHASE_STEP])
+            off = np.stack([*np.where(steered, places, 0.0), np.where(steered, turns, 0.0), phases], axis=1)
+            # Headings that were chosen for few bits may be off by more than fits: then by as much as does.
+            self.values[some, back] = np.clip(np.rint(off * FRACTIONS), -127, 127)
 
 
 class _Changes:

@@ -281,10 +281,10 @@ def code_chunk(tracks, exact, here, node, nodes, stretches, phases, own, units, 
     stretch = 0
     for who in range(count):
         x, y, heading = tracks[0, who], tracks[1, who], tracks[2, who]
-        track, asked = tracks[:, who], exact[:, who]
+        track, exact_track = tracks[:, who], exact[:, who]
         for t in range(steps):
-            x[t] = math.floor(asked[0, t] + 0.5)
-            y[t] = math.floor(asked[1, t] + 0.5)
+            x[t] = math.floor(exact_track[0, t] + 0.5)
+            y[t] = math.floor(exact_track[1, t] + 0.5)
         begin = 0
         while begin < steps:
             if here[who, begin] == 0:
@@ -302,11 +302,11 @@ def code_chunk(tracks, exact, here, node, nodes, stretches, phases, own, units, 
                     end += 1
                 if played:
                     put_frames(state, out, models, nodes, track, node[who], first, end, units)
-                    put_played(state, out, models, nodes, asked, track, node[who], begin, first, end, units)
+                    put_played(state, out, models, nodes, exact_track, track, node[who], begin, first, end, units)
                 else:
                     _put_places(state, out, models, mixer, x, y, begin, first, end, units)
-                    turned = asked[2], heading
-                    _put_headings(state, out, models, mixer, x, y, turned, begin, first, end, stop, units, slack)
+                    headings = exact_track[2], heading
+                    _put_headings(state, out, models, mixer, x, y, headings, begin, first, end, stop, units, slack)
                 first = end
             begin = stop
         # Phases, in its stretches as a steered agent.

@@ -1,16 +1,14 @@
 // Rows of the nodes of a motion graph, and bodies that play them: crowdsim/motion/graph/pose_kernels.py in JavaScript.
 
-import { BLEND_FRAMES, blendWeight } from "./node_tracks.js";
-import { Varints, varints } from "./unpack.js";
+import { BLEND_FRAMES, blendWeight, nodeRows } from "./node_tracks.js";
+import { Varints } from "./unpack.js";
 import { difference, multiply, partThen, wrapAngle } from "./quaternions.js";
 
 export class NodePoses {
   constructor(block) {
     const { facts } = block;
     this.joints = facts.skeleton.parents.length;
-    this.frames = varints(block.array("node_frames"));
-    this.first = new Int32Array(this.frames.length + 1);
-    for (let n = 0; n < this.frames.length; n++) this.first[n + 1] = this.first[n] + this.frames[n] + 1;
+    Object.assign(this, nodeRows(block));
     const rows = (this.rows = this.first[this.frames.length]);
     this.root = new Float32Array(3 * rows);
     this.rotations = new Float32Array(4 * this.joints * rows);

@@ -6,7 +6,7 @@ export const BLEND_FRAMES = 12;
 const UNITS = 10000; // of meters and radians
 const WHOLE_TURN = 2 * Math.PI * UNITS;
 
-/** Share of the old node left so many frames after a seam. */
+/** Share of the old node left so many frames after another node begins. */
 export function blendWeight(frame) {
   if (frame >= BLEND_FRAMES) return 0;
   const u = frame / BLEND_FRAMES;
@@ -14,7 +14,7 @@ export function blendWeight(frame) {
 }
 
 /** Cosine and sine by their series, with the same bits everywhere, into `out`. `turn` of an angle are a whole turn. */
-export function turned(angle, turn, out) {
+export function cosSin(angle, turn, out) {
   const quarter = Math.floor((4 * angle) / turn + 0.5);
   const r = (angle - quarter * (0.25 * turn)) * ((2 * Math.PI) / turn), s = r * r;
   let c = 1 / 40320 - s * (1 / 3628800 - s / 479001600), d = 1 / 362880 - s * (1 / 39916800 - s / 6227020800);
@@ -25,12 +25,17 @@ export function turned(angle, turn, out) {
   out[1] = side % 2 ? up * c : up * d;
 }
 
+/** Number of frames of each node, and its first row; the last number is that of all rows. */
+export function nodeRows(block) {
+  const frames = varints(block.array("node_frames")), first = new Int32Array(frames.length + 1);
+  for (let n = 0; n < frames.length; n++) first[n + 1] = first[n] + frames[n] + 1;
+  return { frames, first };
+}
+
 export class NodeTracks {
   constructor(block) {
     this.ticks = block.facts.units.frame;
-    this.frames = varints(block.array("node_frames"));
-    this.first = new Int32Array(this.frames.length + 1);
-    for (let n = 0; n < this.frames.length; n++) this.first[n + 1] = this.first[n] + this.frames[n] + 1;
+    Object.assign(this, nodeRows(block));
     const count = this.first[this.frames.length], reader = new Varints(block.array("node_tracks"));
     this.rows = new Int32Array(3 * count);
     for (let column = 0; column < 3; column++) {
@@ -40,7 +45,7 @@ export class NodeTracks {
     this.way = new Float64Array(2);
   }
 
-  /** Track in a frame of a node, and the share of a seam left there, into `now`. */
+  /** Track in a frame of a node, and the share of a blend offset left there, into `now`. */
   find(node, frame) {
     const { frames, first, rows, ticks, now } = this;
     const at = Math.min(frame, frames[node] * ticks), whole = Math.floor(at / ticks), part = (at - whole * ticks) / ticks;
@@ -50,13 +55,13 @@ export class NodeTracks {
     now[3] = left + part * (blendWeight(whole + 1) - left);
   }
 
-  trackAt(node, frame, origin, seam, place, turn, out) {
+  trackAt(node, frame, origin, offset, place, turn, out) {
     const { now, way } = this, unit = place / UNITS;
     this.find(node, frame);
-    turned(origin[2], turn, way);
-    out[0] = origin[0] + unit * (way[0] * now[0] - way[1] * now[1]) + now[3] * seam[0];
-    out[1] = origin[1] + unit * (way[1] * now[0] + way[0] * now[1]) + now[3] * seam[1];
-    out[2] = origin[2] + (turn / WHOLE_TURN) * now[2] + now[3] * seam[2];
+    cosSin(origin[2], turn, way);
+    out[0] = origin[0] + unit * (way[0] * now[0] - way[1] * now[1]) + now[3] * offset[0];
+    out[1] = origin[1] + unit * (way[1] * now[0] + way[0] * now[1]) + now[3] * offset[1];
+    out[2] = origin[2] + (turn / WHOLE_TURN) * now[2] + now[3] * offset[2];
   }
 
   /** Where a node begins so that its track is `shown` in a frame. */
@@ -64,7 +69,7 @@ export class NodeTracks {
     const { now, way } = this, unit = place / UNITS;
     this.find(node, frame);
     out[2] = shown[2] - (turn / WHOLE_TURN) * now[2];
-    turned(out[2], turn, way);
+    cosSin(out[2], turn, way);
     out[0] = shown[0] - unit * (way[0] * now[0] - way[1] * now[1]);
     out[1] = shown[1] - unit * (way[1] * now[0] + way[0] * now[1]);
   }

@@ -2,17 +2,17 @@
 
 import { direction, expectedPhase, nextStand, passes, rest, wrapped } from "./expected.js";
 import { MixingDecoder } from "./mixing.js";
-import { BLEND_FRAMES, turned } from "./node_tracks.js";
+import { BLEND_FRAMES, cosSin } from "./node_tracks.js";
 import { WHOLE } from "./range_decoder.js";
 
 const PLACE_BITS = 6, TURN_BITS = 7, NEAR_BITS = 6, PHASE_BITS = 6;
-const OFF_BITS = 7, SEAM_BITS = 8, FRAME_BITS = 6, CHANGE_BITS = 8;
+const OFF_BITS = 7, ORIGIN_BITS = 8, FRAME_BITS = 6, CHANGE_BITS = 8;
 const CLASSES = 9, SIGNED = 2 * CLASSES, MOST_ACROSS = 29, PACES = 16, WAYS = 16;
 const SPEEDS = 24, TURNS = 21, WANTED = 49, NEARS = 8, KINDS = 7, AWAYS = 16;
 
 // Where the models of each kind begin.
 const FIRST_X = WHOLE, FIRST_Y = 3 * WHOLE, FIRST_TURN = 5 * WHOLE, FIRST_FRAME = 7 * WHOLE, FIRST_PHASE = 8 * WHOLE;
-const IS_OFF = 9 * WHOLE, OFF = IS_OFF + 4, SEAM = OFF + (3 << OFF_BITS), FRAME = SEAM + (3 << SEAM_BITS);
+const IS_OFF = 9 * WHOLE, OFF = IS_OFF + 4, ORIGIN = OFF + (3 << OFF_BITS), FRAME = ORIGIN + (3 << ORIGIN_BITS);
 const CHANGE = FRAME + (SIGNED << FRAME_BITS), FOLLOWS = CHANGE + (1 << CHANGE_BITS);
 const STAYS = FOLLOWS + 2 * KINDS;
 const MODELS = STAYS + KINDS;
@@ -72,7 +72,10 @@ export class TrackDecoder {
     this.expected = { phase: 0, kind: 0 };
   }
 
-  /** The track from step `first` to before `end`. node: what an agent plays in each step, -1 if it is steered. */
+  /**
+   * Read the track from step `begin` to before `stop` into `shown`, x, y, heading and frame. node: what the agent plays in
+   * each step, -1 if it is steered.
+   */
   track(node, begin, stop) {
     for (let first = begin, end = begin; first < stop; first = end) {
       const played = node[first] >= 0;
@@ -199,7 +202,7 @@ export class TrackDecoder {
   played(node, begin, first, end) {
     const { reader, nodes, frame, x, y, heading, turn, place, playedTurnStep: step } = this;
     const fading = BLEND_FRAMES * nodes.ticks;
-    const [origin, seam, ended, shown] = [0, 1, 2, 3].map(() => new Float64Array(3)), way = new Float64Array(2);
+    const [origin, offset, ended, shown] = [0, 1, 2, 3].map(() => new Float64Array(3)), way = new Float64Array(2);
     let wasOff = 0;
     for (let t = first; t < end; t++) {
       if (t === begin) {
@@ -213,15 +216,15 @@ export class TrackDecoder {
       } else {
         if (node[t] !== node[t - 1] || frame[t] < frame[t - 1]) {
           const last = node[t - 1];
-          nodes.trackAt(last, nodes.frames[last] * nodes.ticks, origin, seam, place, turn, ended);
-          const along = reader.number(SEAM, SEAM_BITS), across = reader.number(SEAM + (1 << SEAM_BITS), SEAM_BITS);
-          turned(ended[2], turn, way);
+          nodes.trackAt(last, nodes.frames[last] * nodes.ticks, origin, offset, place, turn, ended);
+          const along = reader.number(ORIGIN, ORIGIN_BITS), across = reader.number(ORIGIN + (1 << ORIGIN_BITS), ORIGIN_BITS);
+          cosSin(ended[2], turn, way);
           origin[0] = ended[0] + 0.5 * (way[0] * along - way[1] * across);
           origin[1] = ended[1] + 0.5 * (way[1] * along + way[0] * across);
-          origin[2] = ended[2] + reader.number(SEAM + (2 << SEAM_BITS), SEAM_BITS) * step;
-          for (let k = 0; k < 3; k++) seam[k] = ended[k] - origin[k];
+          origin[2] = ended[2] + reader.number(ORIGIN + (2 << ORIGIN_BITS), ORIGIN_BITS) * step;
+          for (let k = 0; k < 3; k++) offset[k] = ended[k] - origin[k];
         }
-        nodes.trackAt(node[t], frame[t], origin, seam, place, turn, shown);
+        nodes.trackAt(node[t], frame[t], origin, offset, place, turn, shown);
       }
       if (t > begin) {
         const isOff = reader.bit(IS_OFF + 2 * (frame[t] < fading ? 1 : 0) + wasOff);
