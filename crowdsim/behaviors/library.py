@@ -117,9 +117,8 @@ def load_behavior_set(
     library : Path or None
         Folder of behavior folders; None for the built-in one.
     captures : Path or None
-        Folder of the user's own walks. From its files that match ``capture_patterns`` all behaviors are made: frontal
-        as captured, arm-constrained with the arms edited, lateral synthesized; other names raise BehaviorError.
-        ``motion_set`` is then ignored.
+        Folder of own walks. Of its files that match ``capture_patterns`` all behaviors are made: frontal as captured,
+        arm-constrained with arms edited, lateral synthesized; no others. ``motion_set`` is then ignored.
     capture_patterns : sequence of str
         Patterns of file names.
     motion_set : str
@@ -167,8 +166,8 @@ def load_behavior_set(
         for name, file in files.items()
         if name not in captured and name not in styled
     }
-    if styled:  # imported late, as the default set does not need the synthesizer
-        from crowdsim.behaviors.styled import styled_clips
+    if styled:
+        from crowdsim.behaviors.styled import styled_clips  # the default set does not need the synthesizer
 
         clips |= styled_clips(motion_set, styled)
     radii = {name: _radii(files[name], clips[name].clips, bands) for name in clips}
@@ -184,9 +183,8 @@ def load_behavior_set(
             clips[name], radii[name], left_out[name] = behavior.clips, behavior.radii, behavior.left_out
         notes += found.notes
     order = sorted(files, key=lambda name: (-files[name].cost_per_meter, float(radii[name].max()), name))
-    behaviors = tuple(
-        files[name].behavior(radii[name], folders[name], _turning(name, clips[name], bands)) for name in order
-    )
+    turning = {name: _turning(name, clips[name], bands) for name in order}
+    behaviors = tuple(files[name].behavior(radii[name], folders[name], turning[name]) for name in order)
     # An own behavior that no plan can use is only noted: its width is known only once its captures are measured.
     if any(is_own(name) for name in names):
         notes += never_used(behaviors)
