@@ -233,7 +233,7 @@ def _load_captured(
 def _joined_captures(
     found: CapturedSet, files: dict[str, BehaviorFile], library: Path, bands: Sequence[Band]
 ) -> BehaviorSet:
-    """Return the motion graph of captured behaviors; notes say which pieces are not connected to it."""
+    """Return the behaviors made of captures, narrowest first, and their graph; notes name captured pieces not in it."""
     given = found.behaviors
     order = sorted(given, key=lambda name: (float(given[name].radii.max()), name))
     clips = {name: given[name].clips for name in order}
@@ -267,7 +267,8 @@ def _joined_captures(
         if clip in found.captured:
             apart.setdefault(clip, []).append(f"{first} to {last}")
     notes = [
-        f"clip '{clip}' is partly unused, because no motion leads there and back: frames {', '.join(frames)}"
+        f"clip '{clip}' is unused in part, or as a whole, as no motion leads there and back, or as it leads nowhere: "
+        f"frames {', '.join(frames)}"
         for clip, frames in apart.items()
     ]
     return BehaviorSet(behaviors, graph, tuple(clips.values()), (*found.notes, *notes))

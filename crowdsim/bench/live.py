@@ -27,7 +27,7 @@ SECONDS = 60.0
 """Default time for which each simulation is watched [s]."""
 AGENTS = 100
 BETWEEN_CLICKS = 0.5
-"""Time between an answer and the next click [s]."""
+"""Time between the picture that shows the effect of a click and the next click [s]."""
 
 _LEVELS = {"captured": 30, "auto": 10, "steered": 10}
 """Steps a second by level; those with steered agents are fixed."""
@@ -161,7 +161,7 @@ class _Clicks:
                 self._next = now
         if now < self._next or self._seen < 0:
             return None
-        # Another place below the cart; the next click has to wait for the answer.
+        # Another place below the cart; the next click waits for the picture that shows this one, or for a refusal.
         self._sent, self._began, self._next = self._seen, now, np.inf
         goal = [float(self._draws.uniform(1.0, 39.0)), float(self._draws.uniform(2.0, 12.0))]
         agent = int(self._draws.integers(self._agents))

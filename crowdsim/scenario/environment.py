@@ -89,7 +89,7 @@ def build_environment(
 def read_timetable(
     keys: ScenarioFields, solids: Mapping[KeyPath, tuple[AnySolid, ...]], commands: Sequence[Command]
 ) -> TimetableReader:
-    """Read the timetable of a scenario: its events, then ``commands``.
+    """Read the timetable of a scenario: its events and ``commands``.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def read_timetable(
     solids : mapping of KeyPath to tuple of solids
         Solids by the entry they come from.
     commands : sequence of Command
-        Commands to apply after the events of the file.
+        Commands, applied in the order of time among the events of the file, and after those of the same time.
     """
     names: dict[KeyPath, str] = {("obstacles", number): thing.name for number, thing in enumerate(keys.obstacles)}
     return TimetableReader(keys, [(names.get(path, str(path[0])), each) for path, each in solids.items()], commands)

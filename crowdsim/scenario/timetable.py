@@ -114,7 +114,7 @@ class TimetableReader:
     things : sequence of (name, solids)
         Obstacles and clutter.
     commands : sequence of Command
-        Commands, applied after the events of the file.
+        Commands, in the order of time among the events of the file, and after those of the same time.
 
     Attributes
     ----------
@@ -129,8 +129,9 @@ class TimetableReader:
         commands: Sequence[Command] = (),
     ) -> None:
         self.wrong: list[Complaint] = []
-        # When a thing of a name is first inserted: the list is reversed so that the first event of a name counts.
-        self._coming = {event.insert.name: event.at for event in reversed(keys.events) if event.insert is not None}
+        # When a thing of a name is first inserted: latest first, so that the earliest event of a name counts.
+        latest_first = sorted(keys.events, key=lambda event: event.at, reverse=True)
+        self._coming = {event.insert.name: event.at for event in latest_first if event.insert is not None}
         self._doors = {door.name for door in keys.doors}
         self._fixed: list[AnySolid] = []
         self._fixed_names: set[str] = set()

@@ -20,7 +20,8 @@ def test_discs_and_bodies_along_sections_touch_nothing(name):
     assert sum(len(path.sections) for path in paths) >= SECTIONS
     assert plan_soundness.worst_clearance(ground.layers, plan_soundness.needs_of(ground), paths) <= 1e-5
     motions, obstacles = motions_of(ground.behaviors), Obstacles(ground.solids)
-    for path in paths[::2]:
+    # Of both planners, with and without the margin.
+    for path in paths[::3]:
         assert obstacles.depths(posed_along(path, motions)).max() <= plan_soundness.DEEP
 
 

@@ -28,14 +28,14 @@ SECTIONS = 10_000
 DEEP = 0.02
 """Depth to which a body may reach into an obstacle [m]."""
 
-_EVERY = 10
-"""Every how many paths one is also walked with stiff legs."""
+_EVERY = 9
+"""Every how many paths one is also walked with stiff legs: an odd number, so that all kinds of plans are."""
 
 
 def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement:
     """Check ``sections`` sections, shared by the places of :mod:`crowdsim.bench.plans.planner_comparison`.
 
-    A world that is not in the folder ``worlds`` is skipped. "stiff" is for every tenth path, with legs as on a straight
+    A world that is not in the folder ``worlds`` is skipped. "stiff" is for every ninth path, with legs as on a straight
     path.
     """
     rows: list[dict[str, Any]] = []
@@ -74,8 +74,8 @@ def needs_of(ground: Ground) -> Requirements:
 def random_paths(ground: Ground, count: int, seed: int, least: float = 2.0) -> list[AnnotatedPath]:
     """Return random paths with ``count`` sections or a few more; fewer if 20 tries a section do not give them.
 
-    The ends of a path are ``least`` meters apart or more.
-    An upright behavior fits at both ends; planners alternate, as do plans with and without the margin for motions.
+    The ends of a path are ``least`` meters apart or more, and the narrowest behavior that is not turned fits at both.
+    Planners take turns, each first with the margin for motions, then without it.
     """
     need = needs_of(ground)
     rng = np.random.default_rng(seed)
@@ -91,7 +91,8 @@ def random_paths(ground: Ground, count: int, seed: int, least: float = 2.0) -> l
         if not np.all(fits) or np.hypot(*(ends[1] - ends[0])) < least:
             continue
         try:
-            path = planners[len(paths) % len(planners)].plan(*ends, margin=len(paths) % 2 == 0)
+            turn, which = divmod(len(paths), len(planners))
+            path = planners[which].plan(*ends, margin=turn % 2 == 0)
         except PathNotFound:
             continue
         paths.append(path)

@@ -32,10 +32,10 @@ def _collect(m, owner, ids, w):
     sides = m.sides
     vertices = m.vertices
     stack = w.stack
-    # Begin with the corners, each once. (None is -1 here; only points outside of the box are.)
+    # Begin with the corners, each once. (All are vertices: a shape with a point outside of the box never comes here.)
     found = 0
     for v in ids:
-        if v >= 0 and w.to_do[v].mark & VISITED == 0:
+        if w.to_do[v].mark & VISITED == 0:
             w.to_do[v].mark |= VISITED
             stack[found] = v
             found += 1

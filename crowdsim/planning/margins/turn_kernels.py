@@ -69,8 +69,8 @@ def _place_stations(points, arc, middle, places):
 def _lacking(layers, radii, turning, label, back, x, y):
     """Return the clearance that (x, y) lacks for a turn of behavior ``label`` [m], at least -PROBE.
 
-    Only layers count in which the turn reaches beyond the plan. ``back`` is 0 for the turn into the behavior, 1 for the
-    turn out of it.
+    Only layers count in which the turn reaches beyond the clearance of the widest behavior, the only one in which a
+    body walks while it turns. ``back`` is 0 for the turn into the behavior, 1 for the turn out of it.
     """
     top = radii.shape[0] - 1
     lack = -PROBE

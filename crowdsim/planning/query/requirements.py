@@ -53,6 +53,7 @@ class Requirements:
                 )
         bodies = np.array([behavior.radii for behavior in behaviors])
         radii = bodies + margin
+        # All behaviors need the same on the legs' layer, so that one search there serves all of them.
         radii[:, 0] = radii[:, 0].max()
         # Ascending radii: wherever a behavior fits, all narrower ones fit.
         radii = np.maximum.accumulate(radii, axis=0)

@@ -125,7 +125,7 @@ def place_points(layers, radii):
         ux = b.x - ax
         uy = b.y - ay
         length = hypot(ux, uy)
-        # Too short for the disc of the narrowest behavior to pass between its ends, even as softly as levels count.
+        # Too short for the narrowest behavior to pass between its ends, even if it lacks SOFT at both, as a way may.
         if length < least - 2.0 * SOFT:
             continue
         ux /= length
@@ -176,7 +176,9 @@ def place_points(layers, radii):
                     for i in range(parts + 1):
                         s = low + (high - low) * i / parts
                         points, count = _add_point(points, count, ax + s * ux, ay + s * uy, level, h)
-        if first == count:  # no sample fits, but a passage across corners may exist
+        # No sample fits, but by the mesh's corner clearances the legs may still turn around an end of the side: see
+        # `join_points`.
+        if first == count:
             points, count = _add_point(points, count, ax + 0.5 * length * ux, ay + 0.5 * length * uy, 0, h)
         spans[h].first = first
         spans[h].last = count

@@ -39,7 +39,7 @@ class Stretches(NamedTuple):
     columns : (S,) int64
         Column of the agent in the part.
     firsts, ends : (S,) int64
-        Rows in which the agent is shown as steered, from the last captured row before, to before ``ends``.
+        Rows in which the agent is shown as steered, with captured ones at either end, to before ``ends``.
     begins, stops : (S,) int64
         Rows for which track and phase are known, to before ``stops``.
     starts : (S,) int64
@@ -105,6 +105,7 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
     # Steered rows keep their recorded phase; extended rows add up the advances of the nodes.
     own = steered[rows_of, of] & (rows_of >= at_first) & (rows_of < np.repeat(ends, counts))
     phases = np.where(own, phase[rows_of, of], phases)
+    # For now from the last captured row before to the first one after: there the phases meet those of the nodes.
     stretches = Stretches(here, np.maximum(firsts - 1, begins), ends, begins, stops, starts, phases)
     stretches = _in_step(stretches, played, rows_of - at_first, np.repeat(ends, counts) - rows_of, rate)
     # Switches are shown at moments of their own.

@@ -48,8 +48,8 @@ class TrackBlock(NamedTuple):
     agents : (A,) int64
         Agent of each body, ascending.
     firsts, ends : (A,) int64
-        Steps of the recording in which each is shown as steered, from the last captured step before, to before
-        ``ends``, as far as the block knows.
+        Steps of the recording in which each is shown as steered, with captured ones at either end, to before ``ends``,
+        as far as the block knows.
     tracks : JoinedTracks
         Samples at ticks.
     zeros : (A,) float64

@@ -121,6 +121,10 @@ def test_a_name_may_come_again_when_it_is_gone():
             "16:21: events.1.remove: 'crate' is not there at 2 s; it comes at 9 s",
         ),
         (
+            [f"at: 30, {CRATE}", "at: 10, remove: crate", f"at: 5, {CRATE}", "at: 2, move: {name: crate, by: [1, 0]}"],
+            "18:19: events.3.move: 'crate' is not there at 2 s; it comes at 5 s",
+        ),
+        (
             ["at: 1, insert: {name: wall, box: {min: [1, 1], max: [2, 2]}, top: 1}"],
             "15:21: events.0.insert: the name 'wall' is taken by something that is there, from the start",
         ),
