@@ -1,7 +1,7 @@
 // Tracks out of the page itself. A track source has: facts `rate`, `steps`, `agents`, and what others call here:
 // `frameAt(time, frame)`, `valueAt(agent, step)`, `eventAt(agent, step)`, `stretches`. A server can be another one.
 
-import { NodeTracks } from "./node_tracks.js";
+import { NodeTracks, nodeRows } from "./node_tracks.js";
 import { TrackDecoder } from "./track_decoder.js";
 import { varints } from "./unpack.js";
 import { wrapAngle } from "./quaternions.js";
@@ -30,7 +30,8 @@ export class FileSource {
     this.rate = facts.rate;
     this.steps = facts.steps;
     this.count = facts.agents.length;
-    this.nodes = new NodeTracks(block);
+    this.nodeFrames = nodeRows(block).frames;
+    this.nodeTracks = null; // of chunks: live pages have none
     this.chunks = new Map();
     this.readEvents();
     this.stretches = readStretches(block, this.count);
@@ -100,7 +101,8 @@ export class FileSource {
     const high = Math.min((number + 1) * length + margin, this.steps);
     const span = high - low, size = this.count * span;
     const [x, y, heading, frame] = [0, 1, 2, 3].map((k) => new Float32Array(size).fill(k < 3 ? NaN : 0));
-    const decoder = new TrackDecoder(this.block.array(`chunk_${number}`), coding, span, this.nodes);
+    this.nodeTracks ??= new NodeTracks(this.block);
+    const decoder = new TrackDecoder(this.block.array(`chunk_${number}`), coding, span, this.nodeTracks);
     const node = new Int32Array(span), turn = (2 * Math.PI) / units.turn;
     for (let agent = 0; agent < this.count; agent++) {
       const base = agent * span;
@@ -203,7 +205,7 @@ export class FileSource {
     if (node < 0) return;
     // Nodes may be played slower or faster. Who leaves an idle node skips what is left of it.
     const natural = CAPTURE_RATE / this.rate, newNode = this.eventNode[next];
-    const to = newNode < 0 ? 0 : chunk.frame[i + 1], last = this.nodes.frames[node];
+    const to = newNode < 0 ? 0 : chunk.frame[i + 1], last = this.nodeFrames[node];
     const same = newNode === node && to >= from;
     let advance = same ? to - from : last - from + to;
     if (!same && 2 * advance > 3 * natural) advance = natural;
