@@ -117,7 +117,7 @@ def load_behavior_set(
     library : Path or None
         Folder of behavior folders; None for the built-in one.
     captures : Path or None
-        Folder of own walks. Of its files that match ``capture_patterns`` all behaviors are made: frontal as captured,
+        Folder of own walks. Its files that match ``capture_patterns`` give all behaviors: frontal as captured,
         arm-constrained with arms edited, lateral synthesized; no others. ``motion_set`` is then ignored.
     capture_patterns : sequence of str
         Patterns of file names.
