@@ -216,7 +216,7 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
         **agent_facts(recording.header.agents, chosen.agents),
     }
     pack_node_tracks(block, motion, played)
-    pack_feet(block, recording, chosen, played)
+    pack_feet(block, recording, chosen, played, plan.steps)
     pack_switches(block, recording, chosen)
     facts["paths"] = paths = paths or ("all" if most <= _PATHS_OF_ALL else "selected")
     facts["path_count"] = 0 if paths == "none" else pack_paths(block, recording, chosen)

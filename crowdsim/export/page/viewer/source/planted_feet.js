@@ -1,13 +1,12 @@
-// Feet of captured bodies where they stand: crowdsim/motion/planted/pin_kernels.py in JavaScript. The recording has been
-// followed already: the page holds every change of a foot.
+// Feet of captured bodies where they stand: crowdsim/motion/planted/pin_kernels.py in JavaScript.
 
 import { conjugate, product, rotate, wrapAngle } from "./quaternions.js";
 import { REACH } from "./body_parts.js";
 import { bendLeg } from "./switch_blends.js";
-import { Varints, varints } from "./unpack.js";
+import { shorterWay } from "./file_source.js";
+import { FADES, FREE, FollowedFeet } from "./followed_feet.js";
+import { Varints } from "./unpack.js";
 
-const STANDS = 1, FADES = 2; // modes; 0: as its node has it
-const COLUMNS = ["times", "modes", "nodes", "since", "fading", "x", "y", "yaws"];
 const FARTHEST = 0.2, LOWEST = 0.1, NOTHING = 1e-9;
 const UNIT = 10000; // of meters and radians
 const SIDES = ["left", "right"];
@@ -44,49 +43,22 @@ export class PlantedFeet {
         this.places[6 * row + column] = value / UNIT;
       }
     }
-    const { feet: units } = block.facts;
-    const columns = Object.fromEntries(COLUMNS.map((name) => [name, new Varints(block.array(`feet_${name}`))]));
-    const whole = (name) => columns[name].next();
-    this.changes = Array.from(varints(block.array("feet_counts")), (count, number) => {
-      let ticks = 0, stood = null, before = null;
-      return Array.from({ length: count }, () => {
-        ticks += whole("times");
-        const mode = whole("modes"), node = whole("nodes"), since = whole("since") / units.frame;
-        const until = since + whole("fading") / units.frame;
-        let pose = [columns.x.signed() / units.place, columns.y.signed() / units.place, columns.yaws.signed() / units.angle];
-        if (mode === STANDS) {
-          // Seen from where the foot stood last; or, if it stands on, beside where it stood at the end of that node.
-          if (stood !== null && stood === before) {
-            const last = this.bodies.nodes.frames[stood.node];
-            const begins = this.placeInClip(number % 2, stood.node, stood.since);
-            const ends = this.placeInClip(number % 2, stood.node, last), way = pose;
-            pose = placed(stood.pose, inFrame(begins, ends)).map((value, k) => value + way[k]);
-          } else if (stood !== null) {
-            pose = placed(stood.pose, pose);
-          }
-        }
-        before = { time: ticks / units.time, mode, node, since, until, pose };
-        if (mode === STANDS) stood = before;
-        return before;
-      });
-    });
+    this.followed = new FollowedFeet(this, block);
   }
 
-  /** The change that holds for a foot that plays a frame of a node; null if there is none. */
-  stateOf(agent, foot, time, node, frame) {
-    const all = this.changes[2 * agent + foot];
-    let low = 0, high = all.length;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (all[middle].time <= time) low = middle + 1;
-      else high = middle;
-    }
-    // Rounding may put a change just before or behind the time: it holds in its own node only.
-    for (const number of [low - 1, low - 2, low]) {
-      const one = all[number];
-      if (one && one.node === node && one.since <= frame + 6e-3) return one;
-    }
-    return null;
+  /** The change that holds for each foot of an agent that plays a frame of a node; null if there is none. */
+  statesAt(agent, time, node, frame) {
+    const { source } = this.bodies, place = Math.min(Math.max(time * source.rate, 0), source.steps - 1);
+    const step = Math.floor(place + 1e-6), share = place - step;
+    return this.followed.changesFrom(agent, step).map((all) => {
+      let last = all.length - 1;
+      while (last > 0 && all[last].share > share) last -= 1;
+      // Rounding may put a change just before or behind the time: it holds in its own node only.
+      for (const one of [all[last], all[last - 1], all[last + 1]]) {
+        if (one && one.node === node && one.since <= frame + 6e-3) return one;
+      }
+      return null;
+    });
   }
 
   placeInClip(foot, node, frame) {
@@ -105,9 +77,15 @@ export class PlantedFeet {
     return [this.positions[3 * ball], this.positions[3 * ball + 1], Math.atan2(-x, y)];
   }
 
+  /** A way along an axis, across the ends of a periodic floor if that is shorter. */
+  shorter(way, axis) {
+    const span = this.spans[axis];
+    return span ? shorterWay(way, span) : way;
+  }
+
   /** How far a foot is moved and turned. */
   correction(one, foot, node, frame, place) {
-    if (one === null || !one.mode) return [0, 0, 0];
+    if (one === null || one.mode === FREE) return [0, 0, 0];
     if (one.mode === FADES) {
       const u = Math.min(Math.max((frame - one.since) / Math.max(one.until - one.since, 1), 0), 1);
       const w = 1 - u * u * u * (10 + u * (6 * u - 15));
@@ -116,10 +94,8 @@ export class PlantedFeet {
     const a = this.placeInClip(foot, node, one.since), b = this.placeInClip(foot, node, frame);
     const [dx, dy, turn] = inFrame(a, b), [x, y, h] = one.pose;
     const c = Math.cos(h), s = Math.sin(h);
-    const way = [x + c * dx - s * dy - place[0], y + s * dx + c * dy - place[1]].map((value, axis) => {
-      const span = this.spans[axis];
-      return span ? value - span * Math.floor(value / span + 0.5) : value;
-    });
+    const way = [x + c * dx - s * dy - place[0], y + s * dx + c * dy - place[1]];
+    way.forEach((value, axis) => (way[axis] = this.shorter(value, axis)));
     const far = Math.hypot(way[0], way[1]), share = far > FARTHEST ? FARTHEST / far : 1;
     return [share * way[0], share * way[1], wrapAngle(h + turn - place[2])];
   }
@@ -128,11 +104,10 @@ export class PlantedFeet {
   pin(agent, time, node, frame, root, local) {
     if (!this.any) return;
     const { bodies, positions, world, legs } = this;
+    const states = this.statesAt(agent, time, node, frame);
     bodies.place(root, local, positions, world);
     const places = [0, 1].map((foot) => this.placeOf(foot));
-    const moved = places.map((place, foot) => (
-      this.correction(this.stateOf(agent, foot, time, node, frame), foot, node, frame, place)
-    ));
+    const moved = places.map((place, foot) => this.correction(states[foot], foot, node, frame, place));
     if (moved.flat().reduce((sum, value) => sum + Math.abs(value), 0) < NOTHING) return;
     let down = 0;
     const bent = legs.map(([hip, knee, ankle], foot) => {
@@ -168,12 +143,6 @@ export class PlantedFeet {
 function inFrame(a, b) {
   const c = Math.cos(a[2]), s = Math.sin(a[2]), dx = b[0] - a[0], dy = b[1] - a[1];
   return [c * dx + s * dy, -s * dx + c * dy, b[2] - a[2]];
-}
-
-/** Planar pose b, seen from a, in the world. */
-function placed(a, b) {
-  const c = Math.cos(a[2]), s = Math.sin(a[2]);
-  return [a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], a[2] + b[2]];
 }
 
 function far(a, b) {
