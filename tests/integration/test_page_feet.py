@@ -1,100 +1,106 @@
-"""Feet that stand, as a page holds them: decoded one after the other, they are those of the recording."""
-
-import math
+"""Feet that stand: a page holds them in the first step of each chunk, and its viewer follows them from there."""
 
 import numpy as np
 import pytest
 
-from crowdsim.export.page.packed_feet import FRAMES, PLACES, TIMES
 from crowdsim.export.page.page import PageOptions, write_page
 from crowdsim.export.page.tracks import track_chunks
-from crowdsim.motion.planted.pin_kernels import FADES, MODE, NODE, SINCE, STANDS, UNTIL, YAW, X
+from crowdsim.geometry.planar import wrap_angle
+from crowdsim.motion.graph.pose_kernels import pose_joints
+from crowdsim.motion.planted.pin_kernels import FADES, MODE, SINCE, STANDS, UNTIL, YAW, X
 from crowdsim.recording.reader import Recording
+from tests.reference.pinned_feet import carried, clip_place, place_of
 from tests.support.page_data import read_page, unzigzag
+from tests.support.shown_bodies import compare
+
+CAPTURED = tuple(f"agents.{group}.locomotion=captured" for group in range(4))
 
 
-def placed(a, b):
-    """The planar pose ``b``, seen from ``a``, in the world."""
-    c, s = math.cos(a[2]), math.sin(a[2])
-    return np.array([a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], a[2] + b[2]])
+@pytest.fixture
+def short_chunks(monkeypatch):
+    """Chunks of 64 steps, so that feet stand in many first steps."""
+    monkeypatch.setattr(track_chunks, "_LONGEST", 64)
 
 
-def seen(a, b):
-    """The planar pose ``b`` as seen from ``a``."""
-    c, s = math.cos(a[2]), math.sin(a[2])
-    x, y, turn = b - a
-    return np.array([c * x + s * y, c * y - s * x, turn])
+def posed_place(recording, agent, step, foot):
+    """Place of a foot of an agent in a step, as its body is posed without correction."""
+    joints = len(recording.pose_table.parents)
+    positions, rotations = np.empty((1, joints, 3), np.float32), np.empty((1, joints, 4), np.float32)
+    node, previous = (np.array([column[step][agent]], np.int32) for column in (recording.node, recording.previous))
+    track = np.array([[column[step][agent] for column in (recording.x, recording.y, recording.heading)]], np.float64)
+    frame = np.array([recording.frame[step][agent]], np.float64)
+    pose_joints(recording.pose_table, node, previous, frame, track, positions, rotations)
+    return place_of(recording.foot_table, foot, positions[0], rotations[0])
 
 
-def changes(recording, page, number):
-    """Times after the page's first step, and states, of the changes of a foot: what holds there, and what follows."""
-    begin = page.facts["first"] / recording.steps_per_second
-    end = begin + page.facts["steps"] / recording.steps_per_second
-    agent = page.facts["agents"][number // 2]
-    times, states = recording.planted_feet.changes_of(agent, number % 2)
-    first = max(int(np.count_nonzero(times <= begin)) - 1, 0)
-    last = int(np.count_nonzero(times < end))
-    names = [recording.header.motion.node_names[int(node)] for node in states[:, NODE]]
-    some = [k for k in range(first, last) if names[k] in page.facts["nodes"]]
-    return np.maximum(times[some] - begin, 0.0), states[some]
-
-
+@pytest.mark.parametrize("few", [True, False])
 @pytest.mark.parametrize(
     ("name", "options"),
     [("corridor", PageOptions()), ("plaza", PageOptions()), ("plaza", PageOptions(start=8.0, end=30.0))],
 )
-@pytest.mark.parametrize("few", [True, False])
-def test_changes_of_feet_come_back(recorded, tmp_path, monkeypatch, name, options, few):
+def test_feet_in_the_first_steps_of_chunks_come_back(recorded, tmp_path, monkeypatch, short_chunks, name, options, few):
     if not few:
         monkeypatch.setattr(track_chunks, "_FEW", 0)
     with Recording.open(recorded(name)) as recording:
         write_page(recording, tmp_path / "page.html", options)
         page = read_page(tmp_path / "page.html")
-        frames = page.varints("node_frames")
-        first = np.cumsum(np.asarray(frames) + 1) - np.asarray(frames) - 1
-        rows = unzigzag(page.varints("feet_rows")).reshape(6, -1)
-        clip = (np.cumsum(rows, axis=1) / PLACES).T.reshape(-1, 2, 3)
         units = page.facts["feet"]
         scale = np.array([units["place"], units["place"], units["angle"]])
-        names = ("times", "modes", "nodes", "since", "fading")
-        columns = [iter(page.varints(f"feet_{each}").tolist()) for each in names]
+        modes, since, fading = (iter(page.varints(f"feet_{each}").tolist()) for each in ("modes", "since", "fading"))
         poses = [iter(unzigzag(page.varints(f"feet_{each}")).tolist()) for each in ("x", "y", "yaws")]
-
-        def in_clip(node, frame, foot):
-            row = first[node] + frame
-            now, later = (clip[min(math.floor(row) + k, first[node] + frames[node]), foot] for k in (0, 1))
-            way = later - now
-            way[2] = math.remainder(way[2], 2.0 * math.pi)
-            return now + (row - math.floor(row)) * way
-
-        off, times_off, checked = [], [], 0
-        for number, count in enumerate(page.varints("feet_counts")):
-            times, states = changes(recording, page, number)
-            assert count == len(times)
-            ticks, stood, before = 0, None, None
-            for time, state in zip(times, states, strict=True):
-                since, mode, node, frame, fading = (next(column) for column in columns)
-                ticks += since
-                pose = np.array([next(column) for column in poses]) / scale
-                if mode == STANDS and stood is not None:
-                    last, old, began = stood
-                    if before is stood:
-                        way = seen(in_clip(old, began, number % 2), in_clip(old, frames[old], number % 2))
-                        pose = placed(last, way) + pose
+        nodes, found = page.nodes(), []
+        for first in range(0, page.facts["steps"], page.facts["chunk"]):
+            step = page.facts["first"] + first
+            for agent in np.flatnonzero(nodes[first]).tolist():
+                who = page.facts["agents"][agent]
+                node, frame = int(recording.node[step][who]), float(recording.frame[step][who])
+                time = step / recording.steps_per_second
+                states = recording.planted_feet.states_at(
+                    time, np.array([who]), np.array([node], np.int32), np.array([frame])
+                )
+                for foot in (0, 1):
+                    state, pose = states[0, foot], np.array([next(column) for column in poses]) / scale
+                    mode, begin, length = next(modes), next(since) / units["frame"], next(fading) / units["frame"]
+                    found.append(mode)
+                    assert mode == state[MODE]
+                    expected = state[X : YAW + 1].copy()
+                    if mode == FADES:
+                        assert begin == pytest.approx(state[SINCE], abs=0.51 / units["frame"])
+                        assert begin + length == pytest.approx(state[UNTIL], abs=1.01 / units["frame"])
+                    elif mode == STANDS:
+                        row = int(recording.pose_table.node_first[node])
+                        clip = [clip_place(recording.foot_table, row, foot, at) for at in (float(state[SINCE]), frame)]
+                        expected = carried(expected, *clip) - posed_place(recording, who, step, foot)
+                        expected[2] = wrap_angle(expected[2])
                     else:
-                        pose = placed(last, pose)
-                before = pose, node, frame / FRAMES
-                stood = before if mode == STANDS else stood
-                assert mode == state[MODE]
-                assert page.facts["nodes"][node] == recording.header.motion.node_names[int(state[NODE])]
-                assert frame / FRAMES == pytest.approx(state[SINCE], abs=0.51 / FRAMES)
-                if mode == FADES:
-                    assert (frame + fading) / FRAMES == pytest.approx(state[UNTIL], abs=0.51 / FRAMES)
-                times_off.append(abs(ticks / TIMES - time))
-                away = pose - state[X : YAW + 1]
-                off.append([*np.abs(away[:2]), abs(math.remainder(away[2], 2.0 * math.pi))])
-                checked += 1
-        assert checked > 100
-        assert max(times_off) <= 0.51 / TIMES
-        # Errors do not add up from step to step. They are half a unit along both axes of a foot.
-        assert (np.array(off).max(axis=0) <= 0.71 / scale + 1e-6).all()
+                        expected[:] = 0.0
+                    assert np.abs(pose - expected).max() <= (0.51 / scale).max() + 1e-4
+        assert not any(any(True for _ in column) for column in (modes, since, fading, *poses))
+        # Feet that stand were there, and feet that swing and lose what moved them.
+        assert {STANDS, FADES} <= set(found)
+        stands = page.array("feet_stands")
+        assert ((stands & 1) > 0).mean() == pytest.approx(((stands & 2) > 0).mean(), abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "options"),
+    [
+        ("corridor", (), PageOptions()),
+        ("plaza", (), PageOptions(start=8.0, end=40.0)),
+        ("plaza", CAPTURED, PageOptions(end=50.0)),
+    ],
+)
+def test_feet_stand_where_the_recording_has_them(visit, recorded, tmp_path, short_chunks, name, changes, options):
+    with Recording.open(recorded(name, *changes)) as recording:
+        write_page(recording, tmp_path / "page.html", options)
+        shown = visit(tmp_path / "page.html")
+        # To and fro, on from step to step, and over many steps at once: feet are followed on, or found anew.
+        last = (options.end or recording.duration) - 0.05
+        drawn = np.random.default_rng(3).uniform(options.start or 0.0, last, 25)
+        paced = np.arange(12.0, 14.5, 0.11), np.arange(10.0, min(last, 20.0), 1.7)
+        _, joints, _, frames = compare(recording, shown, [float(t) for t in np.concatenate([drawn, *paced])])
+    assert len(joints) > 100
+    assert np.percentile(joints, 99) <= 0.001
+    assert max(joints) <= 0.003
+    assert frames <= 1e-3
+    assert shown.complained == []

@@ -1,4 +1,4 @@
-"""Planted feet of captured bodies for a page: where feet are and stand in the nodes it plays, and how they are at first.
+"""Planted feet of captured bodies for a page: in the nodes it plays, and in the first step of each chunk.
 
 From step to step the viewer follows feet itself, as :mod:`crowdsim.motion.planted.follow_kernels` does.
 """
@@ -77,7 +77,7 @@ def _feet_in_step(
     """Return the columns of :func:`pack_feet` of the captured agents in a step; poses in units of ``scale`` (3,)."""
     now = played_in(RecordedFrame(*(getattr(recording, name)[step][chosen.agents] for name in RecordedFrame._fields)))
     some = np.flatnonzero(now.node != NONE)
-    now = Played(*(np.ascontiguousarray(values[some]) for values in now))
+    now = Played(now.node[some], now.previous[some], now.frame[some], now.track[some])
     states = recording.planted_feet.states_at(
         step / recording.steps_per_second, chosen.agents[some], now.node, now.frame
     )
@@ -110,9 +110,7 @@ def _moved(recording: Recording, table: FootTable, now: Played, states: Floats) 
     return moved.reshape(-1, 3)
 
 
-def _place_in_clip(
-    recording: Recording, table: FootTable, node: NDArray[np.int32], frame: Floats, foot: int
-) -> Floats:
+def _place_in_clip(recording: Recording, table: FootTable, node: NDArray[np.int32], frame: Floats, foot: int) -> Floats:
     """Return places (n, 3) of a foot in frames of nodes, between rows along straight lines."""
     poses = recording.pose_table
     whole = np.minimum(np.floor(frame).astype(np.int64), poses.node_frames[node])

@@ -88,15 +88,6 @@ class PlantedFeet:
         order = np.argsort(key, kind="stable")
         self._keys, self._rows, self._events = key[order], row[order], event[order]
 
-    def changes_of(self, agent: int, foot: int) -> tuple[Floats, Floats]:
-        """Return the times (c,) [s] and states (c, COLUMNS) of all changes of a ``foot``, 0 left or 1 right, in order.
-
-        The columns of states are those of :mod:`crowdsim.motion.planted.pin_kernels`.
-        """
-        row = 2 * agent + foot
-        first, end = np.searchsorted(self._rows, (row, row + 1))
-        return (self._keys[first:end] - row * self._most) / _TICKS, self._events[first:end]
-
     def states_at(self, time: float, agents: Ints, node: NDArray[np.int32], frame: Floats) -> Floats:
         """Return the states (n, 2, COLUMNS) of the feet of ``agents`` (n,), which play ``frame`` of ``node`` (n,).
 
