@@ -197,7 +197,7 @@ class Planner:
         Returns
         -------
         Roadmap
-            The roadmap, made at the first call and after every edit.
+            The roadmap, made at the first call, and anew at the first one after an edit.
         """
         revisions = tuple([mesh.revision for mesh in self.meshes])
         with self._making:

@@ -221,7 +221,8 @@ class _Reader:
             return
         self.solids[("clutter",)] = kept
         share = math.fsum(solid.footprint.area for solid in kept) / region.area
+        where = "the floor" if clutter.region is None else "its region"
         self.report.append(
-            f"clutter: {len(kept)} obstacles cover {share:.1%} of the floor off starts and goals"
+            f"clutter: {len(kept)} obstacles cover {share:.1%} of {where} off starts and goals"
             + (f"; {len(drawn) - len(kept)} were taken away to open ways" if len(kept) < len(drawn) else "")
         )

@@ -199,7 +199,9 @@ def is_lane(walls, x, y, ux, uy, width):
 
 @helper
 def is_lane_behind(walls, x, y, ux, uy, width, length):
-    """Return True if a lane narrower than ``width`` leads to a place along ``(ux, uy)`` for at least ``length`` [m].
+    """Return True if a lane, as :func:`is_lane` has it of ``width``, leads along ``(ux, uy)`` to a place [m].
+
+    It must be at least ``length`` long [m].
 
     Walk back from the place in strides, each to where the clearance is largest, straight on or turned a little: so the
     search follows the bends of the lane.

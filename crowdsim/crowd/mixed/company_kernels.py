@@ -37,8 +37,8 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
     walls : (Walls, Walls)
         Walls for the legs and for the torso.
     lane : (float, float)
-        Width between torso walls below which they form a lane, and length for which the lane must have gone on behind
-        an agent [m].
+        Width between torso walls below which, less LANE_SPARE, they form a lane (:func:`is_lane`), and length for which
+        the lane must have gone on behind an agent [m].
     reach : (float, float)
         Distance within which others are counted, and distance within which their approach is predicted; the second is
         not shorter than the first [m].

@@ -45,7 +45,8 @@ QUEUES_FOR = 12.0
 """The same for an agent without room to pass others, which steering would hardly help [s]."""
 
 LANE = (0.9, 4.0)
-"""Width between walls below which an agent is in a lane, and length that the lane must have had behind it [m]."""
+"""Width between walls below which, less LANE_SPARE, an agent is in a lane, and length that the lane must have had
+behind it [m]."""
 
 SLOW = 0.5
 """Share of its own speed below which an agent in a lane counts as slow."""

@@ -72,7 +72,7 @@ _ARC_GRAIN = 0.1
 @helper
 def _load_branch(maps, search, root, entry):
     """Write the branch from a root (excluded) to ``entry`` to ``search.branch``; return its number of entries."""
-    if root < 0:  # a first node stands for its own entry
+    if root < 0:  # without a root, an entry is the number of a node
         search.branch[0] = entry
         return 1
     base = maps.first[root]

@@ -263,7 +263,7 @@ def nearest_free(m, px, py, radius, tolerance, limit):
     best = np.empty(1, _BEST)
     best[0].x = px
     best[0].y = py
-    # More than the limit, as only nearer places are tried: so one at just the limit is.
+    # More than the limit, as only places nearer than the best are tried: one at just the limit must be, too.
     best[0].distance = limit + tolerance
     seen = np.zeros(frame.triangles, np.uint8)
     triangle_marks = np.zeros(frame.triangles, np.int32)

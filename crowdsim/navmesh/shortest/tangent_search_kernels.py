@@ -222,7 +222,10 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
 
 @helper
 def string_through(graph, ways, count, start, goal, radius):
-    """Return the string from start to goal through ``count`` nodes of the graph, listed backwards in ``ways``."""
+    """Return the string (count + 2,) STRING_NODE from start to goal through ``count`` nodes of the graph.
+
+    ``ways`` lists these nodes backwards.
+    """
     string = np.empty(count + 2, STRING_NODE)
     set_node(string[0], start.x, start.y, 0.0, NONE)
     set_node(string[count + 1], goal.x, goal.y, 0.0, NONE)

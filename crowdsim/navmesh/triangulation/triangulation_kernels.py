@@ -38,7 +38,7 @@ def link(sides, h, g):
 def take(sides, h, source):
     """Give half-edge h the twin, constraint, winding and use of half-edge ``source``: it takes the place of this side.
 
-    The twin's load is the same as before.
+    Of the twin, only its own twin changes: its constraints, winding and use stay.
     """
     target = sides[h]
     target.constraints = sides[source].constraints

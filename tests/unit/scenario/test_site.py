@@ -151,6 +151,14 @@ def test_clutter_is_dense_and_leaves_starts_and_goals(tmp_path):
     assert [solid.footprint for solid in solids_of(again)] == [solid.footprint for solid in solids]
 
 
+def test_the_share_of_clutter_in_a_region_is_that_of_the_region(tmp_path):
+    clutter = "clutter: {density: 0.2, region: {rectangle: [3, 0, 6, 4]}}\n"
+    scenario = load(tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\n" + clutter)
+    found = re.search(r"cover ([0-9.]+)% of its region off starts and goals", scenario.environment.report[-1])
+    covered = sum(solid.footprint.area for solid in solids_of(scenario))
+    assert float(found[1]) == pytest.approx(100.0 * covered / 12.0, abs=0.06)
+
+
 def test_people_walk_under_a_lintel_where_clutter_is_drawn(tmp_path):
     wall = "obstacles: [{name: wall, wall: {points: [[4, 0], [4, 4]], openings: [{at: 1.0, width: 1.0}]}, top: 2.5}]\n"
     scenario = load(tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: 0.1}\n" + wall)

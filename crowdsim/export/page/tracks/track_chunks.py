@@ -173,12 +173,13 @@ def pack_tracks(
     """
     units = coding_units(recording, place_units(chosen))
     nodes = node_tracks(recording.header.motion)
-    # What a decoder finds, chunk by chunk.
+    # The coder turns ``phases``, chunk by chunk, into what a decoder finds.
     phases = np.rint(stretches.phases).astype(np.int64)
     found, exact = _Changes(len(chosen.agents)), _Ends(units, stretches, phases)
     for number, (low, high) in enumerate(chunk_spans(chosen.steps, plan)):
         rows = read_rows(recording, chosen, low, high)
-        first = min(number * plan.steps - low, len(rows.x))
+        # The chunk's own steps without its margins, counted in ``rows``.
+        first = number * plan.steps - low
         own = range(first, min(first + plan.steps, high - low))
         found.take(rows, low + first, slice(own.start, own.stop))
         coded, headings = _coded(rows, units, nodes, stretches.within(low, high), phases, own)
@@ -264,7 +265,7 @@ class _Ends:
         if self._edge is not None:
             # A decoder takes steps before a chunk from the chunk before.
             headings[:, own.start - 1] = self._edge
-        self._edge = headings[:, own.stop - 1].copy() if len(own) else self._edge
+        self._edge = headings[:, own.stop - 1].copy()
         some = np.flatnonzero((known.stops > low + own.start) & (known.stops <= low + own.stop))
         for back in range(self.values.shape[1]):
             # Stretches that have such a step, which the rows hold.
@@ -313,8 +314,7 @@ class _Changes:
         before = np.concatenate([self._last[:, None], values[:, :-1]], axis=1)
         step, agent = np.nonzero((values != before).any(axis=0))
         self._parts.append(np.concatenate([[agent, step + first], values[:, step, agent]]))
-        # An empty span has no last step.
-        self._last = values[:, -1] if values.shape[1] else self._last
+        self._last = values[:, -1]
 
     def events(self) -> tuple[Events, Ints]:
         """Return all changes, and the nodes that are played."""
