@@ -159,7 +159,11 @@ def draw_times(times: Mapping[tuple[str, int, str], Floats]) -> Figure:
 
 
 def _row(density: str, steps: int, name: str, ms: Floats, costs: Floats) -> dict[str, Any]:
-    """Return mean, median, deviation and outliers (beyond 1.5 quartile ranges) as in the paper's figure 7."""
+    """Return a row of the table: times as in the paper's figure 7, plans found and mean cost; None without plans.
+
+    ms: (f,) times of the plans found [ms]. costs: (n,) of all plans, infinite without a path. Outliers are more than
+    1.5 quartile ranges above the upper quartile. ``gap`` and ``note`` are for the caller to fill.
+    """
     low, middle, high = np.quantile(ms, [0.25, 0.5, 0.75]) if len(ms) else (0.0, 0.0, 0.0)
     outliers = int((ms > high + 1.5 * (high - low)).sum())
     found = np.isfinite(costs)

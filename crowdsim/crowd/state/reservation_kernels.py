@@ -126,7 +126,7 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, others):
 
 @kernel
 def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
-    """Return the first row from ``begin`` on whose timeline a candidate meets, -1 if none; see `meets_anyone`."""
+    """Return the first row from ``begin`` on, whose timeline a candidate meets; -1 if none. See `meets_anyone`."""
     starts, gones, circles = others.timeline_start, others.gone_slot, others.timeline_circle
     # Radius of a circle around the first sample that contains the candidate.
     reach = 0.0

@@ -130,7 +130,7 @@ def shift_path(layers, fitting, points, sections, cost, radii, least):
     ----------
     layers, fitting: as of `polish_road`.
     points, sections, cost: the path as it is, with its labels as of `annotate`.
-    radii: (n, m) clearances on all ``layers`` [m].
+    radii: (behaviors, m) clearance of each behavior on each of all ``layers`` [m].
     least: clearance that the legs must keep [m].
     """
     stack = np.empty(64, SWEPT)
