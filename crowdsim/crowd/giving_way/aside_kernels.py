@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE
-from crowdsim.crowd.giving_way.give_way_kernels import DETOUR_COST, lay_move, move_is_free, own
+from crowdsim.crowd.giving_way.give_way_kernels import DETOUR_COST, give_timeline, lay_move, move_is_free
 from crowdsim.crowd.near.neighbor_kernels import OF_TIMELINES, cells_within, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import RADIUS
@@ -161,7 +161,7 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
         # No steered body is its own (-1). The end of the move needs no more clearance than its way (0.0).
         if meets_body(-1, trail.candidate, obstacles.bodies) or not move_is_free(graph, obstacles, draft, nodes, 0.0):
             continue
-        own(everyone, row, trail.candidate, slot, forever)
+        give_timeline(everyone, row, trail.candidate, slot, forever)
         trail.rows[0] = row
         trail.moves[0] = first + best
         return True

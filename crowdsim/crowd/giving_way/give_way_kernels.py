@@ -150,7 +150,7 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
 
 
 @helper
-def own(everyone, row, timeline, start, gone):
+def give_timeline(everyone, row, timeline, start, gone):
     """Let a row own a timeline from slot ``start`` on; keep its circle and the neighbor search up to date."""
     reach = 0.0  # largest squared distance of a sample from the first one
     for k in range(len(timeline)):
@@ -236,7 +236,7 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, a
         return -1
     last = len(trail.rows)  # place for the timeline of ``me``, behind those of all rows that give way
     _save(everyone, me, trail, last)
-    own(everyone, me, timeline, slot, gone)
+    give_timeline(everyone, me, timeline, slot, gone)
     count = _let_move(graph, obstacles, everyone, me, count, False, playback, draft, asking)
     if count < 0:
         _put_back(everyone, me, trail, last)
@@ -316,7 +316,7 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
             continue
         # Accept the move for now, and go on with the next row of the trail.
         _save(everyone, row, trail, level)
-        own(everyone, row, trail.candidate, slot, forever)
+        give_timeline(everyone, row, trail.candidate, slot, forever)
         trail.asked[level] = asked
         for place in range(count, count + asked):
             trail.parent[place] = level

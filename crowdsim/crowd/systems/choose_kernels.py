@@ -14,7 +14,15 @@ import numpy as np
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.giving_way.give_way_kernels import next_in_way
-from crowdsim.crowd.systems.reserving_kernels import ask_on, frame_of, is_last, own, plan_of, reserve_on, slow_down
+from crowdsim.crowd.systems.reserving_kernels import (
+    ask_on,
+    frame_of,
+    is_last,
+    obstacles_of,
+    plan_of,
+    reserve_on,
+    slow_down,
+)
 from crowdsim.jit import helper, kernel
 from crowdsim.recording.header import AgentState
 
@@ -128,7 +136,7 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
             if not reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, playback, frame):
                 if not leaves:
                     # Its own obstacles, without ways of others to keep off.
-                    near = own(obstacles, rows, row, scratch.ways[:0])
+                    near = obstacles_of(obstacles, rows, row, scratch.ways[:0])
                     if slow_down(graph, rows, row, near, everyone, scratch, playback, frame):
                         scratch.extended[scratch.counts[EXTENDED]] = row
                         scratch.counts[EXTENDED] += 1

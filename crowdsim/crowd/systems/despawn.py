@@ -28,11 +28,13 @@ class Despawning:
     def despawn(self, view: View) -> None:
         """Note which agents have arrived, and ask the world to remove those that leave."""
         graph = self.plans.assets.graph
-        # Rows that play their plan (they have a cursor), and are at the end of a node with none to follow.
+        # Rows at the end of a node of their plan (they have a cursor), with none to follow. A row that missed its goal
+        # or goes on to the next one has dropped its plan.
         at_end = (view.frame == graph.node_frames[view.node]) & (view.next_node == NONE) & (view.cursor >= 0)
         for row in np.flatnonzero(at_end & ~view.stays):
             agent = int(view.agent[row])
             plan = self.plans.motions.get(agent)
+            # Others wait on this frame, as no idle node may follow it: their plan goes on, or ends short of its goal.
             if plan is not None and plan.arrives and view.cursor[row] == plan.count - 1:
                 self._note(agent)
                 self.world.remove(int(view.id[row]))

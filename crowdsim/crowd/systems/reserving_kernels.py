@@ -112,7 +112,7 @@ def is_last(table, progress, agent):
 
 
 @helper
-def own(obstacles, rows, row, ways):
+def obstacles_of(obstacles, rows, row, ways):
     """Return the obstacles of a row's body, from those of a body with a radius of 1 m.
 
     ``ways`` (W, P, 2) are those of others that its stops keep free [m]. There are no outlines ``kept_free`` here, as
@@ -176,7 +176,7 @@ def prepare(rows, row, table, progress, obstacles, everyone, scratch):
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, everyone.near)
     rows.rank[row] = min(rows.turn[row], behind)
     scratch.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, everyone.near, scratch.ways)
-    kept_clear = own(obstacles, rows, row, scratch.ways[: scratch.ways_count[0]])
+    kept_clear = obstacles_of(obstacles, rows, row, scratch.ways[: scratch.ways_count[0]])
 
     # Chain: the present node, then the next ones of the plan.
     chain = scratch.chain

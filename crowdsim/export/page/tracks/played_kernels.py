@@ -76,7 +76,7 @@ class NodeTracks(NamedTuple):
 def _cos_sin_of(angle, turn):
     """Return cosine and sine of an angle, ``turn`` of which are a whole turn.
 
-    By a short series (error below 1e-12), as the viewer needs it too.
+    By a short series (error below 1e-12): values of libraries differ, and the viewer must find the same.
     """
     quarter = math.floor(4.0 * angle / turn + 0.5)
     r = (angle - quarter * (0.25 * turn)) * (2.0 * math.pi / turn)
