@@ -74,7 +74,8 @@ def test_feet_in_the_first_steps_of_chunks_come_back(recorded, tmp_path, monkeyp
                         expected[2] = wrap_angle(expected[2])
                     else:
                         expected[:] = 0.0
-                    assert np.abs(pose - expected).max() <= (0.51 / scale).max() + 1e-4
+                    # Half a unit, and what float32 poses are off.
+                    assert (np.abs(pose - expected) <= 0.5 / scale + [1e-5, 1e-5, 1e-4]).all()
         assert not any(any(True for _ in column) for column in (modes, since, fading, *poses))
         # Feet that stand were there, and feet that swing and lose what moved them.
         assert {STANDS, FADES} <= set(found)
@@ -98,7 +99,10 @@ def test_feet_stand_where_the_recording_has_them(visit, recorded, tmp_path, shor
         last = (options.end or recording.duration) - 0.05
         drawn = np.random.default_rng(3).uniform(options.start or 0.0, last, 25)
         paced = np.arange(12.0, 14.5, 0.11), np.arange(10.0, min(last, 20.0), 1.7)
-        _, joints, _, frames = compare(recording, shown, [float(t) for t in np.concatenate([drawn, *paced])])
+        # At the borders of chunks, and just beside them.
+        borders = (options.start or 0.0) + np.arange(64, (last - (options.start or 0.0)) * 30, 64 * 3)[:6] / 30.0
+        beside = [borders - 0.01, borders, borders + 0.01]
+        _, joints, _, frames = compare(recording, shown, np.concatenate([drawn, *paced, *beside]).tolist())
     assert len(joints) > 100
     assert np.percentile(joints, 99) <= 0.001
     assert max(joints) <= 0.003

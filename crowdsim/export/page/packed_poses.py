@@ -121,17 +121,21 @@ def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> PackedS
 def pack_switches(block: Block, recording: Recording, chosen: Chosen) -> None:
     """Add the switches between captured and steered to the block, and the times at which feet then lift and land.
 
-    They are those that are shown after the first step of the page and before its end. The five times of a switch are
-    counted from it in units of 1 / _FEET s: until when each foot keeps its place (left, right), when it has lost its
-    offset (left, right), and when the agent disappears, 0 if it stays. Bits of the flags: 1 for a switch to steered, 2
-    and 4 for a left and a right foot that takes a small step of its own, because it is not seen to lift.
+    They are those that are shown after the first step of the page and before its end, with a steered step in it: at the
+    ends of a part of a run, others are left out, and the agent is captured there for some more steps.
+
+    The five times of a switch are counted from it in units of 1 / _FEET s: until when each foot keeps its place (left,
+    right), when it has lost its offset (left, right), and when the agent disappears, 0 if it stays. Bits of the flags:
+    1 for a switch to steered, 2 and 4 for a left and a right foot that takes a small step of its own, because it is not
+    seen to lift.
     """
     switches = recording.switches
     shown = switches.shown - chosen.first
     rows = np.searchsorted(chosen.agents, switches.agents)
     rows = np.minimum(rows, len(chosen.agents) - 1)
     mine = (chosen.agents[rows] == switches.agents) & (shown > 0) & (shown < chosen.steps)
-    some = np.flatnonzero(mine)
+    steps = switches.steps - chosen.first
+    some = np.flatnonzero(mine & np.where(switches.steered, steps < chosen.steps, steps > 0))
     feet = np.zeros((len(some), 5), np.int64)
     flags = switches.steered[some].astype(np.uint8)
     # Blocks of some seconds, because all steps of a block are in memory at once.

@@ -201,17 +201,17 @@ class SwitchBlends:
     def _played_at(self, step: int, agents: Ints, before: NDArray[np.bool_]) -> tuple[Body, Body, Floats]:
         """Return captured bodies at ``step`` and, for their velocities, a frame earlier if ``before`` (n,), else later.
 
-        If an agent was not captured in the step before, the frame is later; in the last step it is earlier: there is
-        no other. Also return the times (n,) from the first bodies to the second [s].
+        If an agent was not captured in the step before, the frame is later; in the last step it is earlier, or the
+        same if there is no other. Also return the times (n,) from the first bodies to the second [s].
         """
         recording, rate = self._recording, self._recording.steps_per_second
+        captured, is_last = np.zeros(len(agents), bool), step + 1 == recording.steps
         if step > 0:
             earlier = recording.at_step(step - 1)
-            before = before & (earlier.node[agents] != NONE) & (earlier.state[agents] != AgentState.ABSENT)
-        before = (before & (step > 0)) | (step + 1 == recording.steps)
-        lapses = np.where(before, -1.0, 1.0) / CAPTURE_RATE
+            captured = (earlier.node[agents] != NONE) & (earlier.state[agents] != AgentState.ABSENT)
+        lapses = np.where(captured & (before | is_last), -1.0, 1.0) / CAPTURE_RATE
         bodies = []
-        for seconds in (np.zeros(len(agents)), lapses):
+        for seconds in (np.zeros(len(agents)), np.where(captured | (not is_last), lapses, 0.0)):
             body = Body(np.empty((len(agents), 3)), np.empty((len(agents), self._skeleton.joint_count, 4)))
             for since in np.unique(seconds).tolist():
                 mine = seconds == since

@@ -1,14 +1,16 @@
 // Feet of captured bodies from step to step: crowdsim/motion/planted/follow_kernels.py in JavaScript. The page has the
-// feet in the first step of each chunk; a foot that lands stands where it is posed, whatever was before.
+// feet in the first step of each chunk. A foot that lands stands where it is posed, whatever was before: what moved it
+// has faded by then, if it began to a frame earlier.
 
 import { Varints } from "./unpack.js";
 import { wrapAngle } from "./quaternions.js";
 
 export const FREE = 0, STANDS = 1, FADES = 2; // modes
 const LONGEST_FADE = 24; // frames
-const FOLLOWED_ON = 64; // steps for which feet are followed on, rather than from the last landing
+const FOLLOWED_ON = 64; // steps ahead up to which feet are followed on from where they were asked for last
 const CAPTURE_RATE = 60;
 const NOTHING = 1e-9;
+// In the order of packed_feet.py.
 const COLUMNS = ["modes", "since", "fading", "x", "y", "yaws"];
 const UNKNOWN = { mode: FREE, node: -1, since: 0, until: 0, pose: [0, 0, 0] };
 
@@ -53,8 +55,8 @@ export class FollowedFeet {
   }
 
   /**
-   * What an agent plays on the way from a step to the next: parts of nodes, between shares of the step, and the `share`
-   * in which the second one begins; null if it has just come or is not captured then.
+   * What an agent plays in a step (`old`) and in the next one (`now`), and on the way: one or two `parts` of nodes,
+   * frames `begin` to `end` between shares `early` and `late` of the step; null if it is not captured in both.
    */
   partsFrom(agent, step) {
     const { source, nodes } = this.bodies, chunk = source.chunkOf(step);
@@ -62,7 +64,7 @@ export class FollowedFeet {
     const found = { old, now, parts: null };
     if (old.node < 0 || now.node < 0) return found;
     if (old.node === now.node && now.frame >= old.frame) {
-      found.parts = [{ ...old, begin: old.frame, end: now.frame, early: 0, late: 1 }];
+      found.parts = [partOf(old, old.frame, now.frame, 0, 1)];
       return found;
     }
     const natural = CAPTURE_RATE / source.rate, last = nodes.frames[old.node], advance = last - old.frame + now.frame;
@@ -70,10 +72,7 @@ export class FollowedFeet {
     // An agent that leaves an idle node skips the rest of it, and enters the next one at the end of the step.
     if (2 * advance <= 3 * natural) share = advance > 0 ? (last - old.frame) / advance : 1;
     else [begin, end] = [now.frame, Math.min(old.frame + natural, last)];
-    found.parts = [
-      { ...old, begin: old.frame, end, early: 0, late: share },
-      { ...now, begin, end: now.frame, early: share, late: 1 },
-    ];
+    found.parts = [partOf(old, old.frame, end, 0, share), partOf(now, begin, now.frame, share, 1)];
     return found;
   }
 
@@ -95,11 +94,13 @@ export class FollowedFeet {
     for (let from = step; from > number * length; from--) {
       const { old, parts } = this.partsFrom(agent, from - 1);
       if (old.node < 0) return [from, this.asPosed(agent, from)];
-      if (parts) for (const part of parts) this.eachChange(part, (_, foot, stands) => (landed[foot] ||= stands > 0));
+      for (const part of parts) {
+        this.eachChange(part, (frame, foot, stands) => (landed[foot] ||= stands > 0 && frame - part.begin >= 1));
+      }
       if (landed[0] && landed[1]) return [from - 1, [UNKNOWN, UNKNOWN]];
     }
     const now = this.played(source.chunkOf(step), agent, number * length);
-    const states = this.first[number].get(agent).map((state) => ({ ...state, pose: state.pose.slice() }));
+    const states = this.first[number].get(agent).map((state) => ({ ...state }));
     this.pose(now, now.frame, now.track);
     states.forEach((state, foot) => {
       if (state.mode !== STANDS) return;
@@ -177,7 +178,7 @@ export class FollowedFeet {
       const share = early + ((late - early) * (frame - begin)) / Math.max(end - begin, 1e-9);
       this.pose(part, frame, trackAt(share));
       const place = this.feet.placeOf(foot), all = changes[foot], last = all[all.length - 1];
-      const moved = this.feet.correction(last.node === node ? last : null, foot, node, frame, place);
+      const moved = this.feet.correction(last, foot, node, frame, place);
       if (stands) {
         const pose = place.map((value, k) => value + moved[k]);
         all.push({ share, mode: STANDS, node, since: frame, until: 0, pose });
@@ -219,4 +220,9 @@ export class FollowedFeet {
     bodies.nodes.pose(node, previous, frame, x, y, heading, root, local);
     bodies.place(root, local, this.feet.positions, this.feet.world);
   }
+}
+
+/** Frames of a node that are played between two shares of a step. */
+function partOf({ node, previous }, begin, end, early, late) {
+  return { node, previous, begin, end, early, late };
 }

@@ -25,10 +25,12 @@ async function show(load) {
     words.hidden = true;
     let last = performance.now();
     const loop = (now) => {
-      // A tab that was in the background goes on where it was.
-      player.tick(Math.min((now - last) / 1000, 0.25));
-      last = now;
+      // First, so that a picture that fails is not the last one.
       requestAnimationFrame(loop);
+      // A tab that was in the background goes on where it was.
+      const passed = Math.min((now - last) / 1000, 0.25);
+      last = now;
+      player.tick(passed);
     };
     player.tick(0);
     requestAnimationFrame(loop);

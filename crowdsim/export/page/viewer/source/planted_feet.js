@@ -53,7 +53,8 @@ export class PlantedFeet {
     return this.followed.changesFrom(agent, step).map((all) => {
       let last = all.length - 1;
       while (last > 0 && all[last].share > share) last -= 1;
-      // Rounding may put a change just before or behind the time: it holds in its own node only.
+      // Rounding may put a change just before or behind the time: it holds in its own node only. In first steps of
+      // chunks, the frame since which a foot fades is rounded to 1/100.
       for (const one of [all[last], all[last - 1], all[last + 1]]) {
         if (one && one.node === node && one.since <= frame + 6e-3) return one;
       }
@@ -85,7 +86,7 @@ export class PlantedFeet {
 
   /** How far a foot is moved and turned. */
   correction(one, foot, node, frame, place) {
-    if (one === null || one.mode === FREE) return [0, 0, 0];
+    if (one === null || one.mode === FREE || one.node !== node) return [0, 0, 0];
     if (one.mode === FADES) {
       const u = Math.min(Math.max((frame - one.since) / Math.max(one.until - one.since, 1), 0), 1);
       const w = 1 - u * u * u * (10 + u * (6 * u - 15));

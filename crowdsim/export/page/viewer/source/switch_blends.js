@@ -119,8 +119,10 @@ export class SwitchBlends {
     const { source } = this.bodies, { step, time } = one;
     const e = step > 0 ? source.eventAt(agent, step - 1) : -1;
     const captured = e >= 0 && (source.eventState[e] & 3) > 0 && source.eventNode[e] >= 0;
-    const way = (one.toSteered && captured) || step + 1 === source.steps ? -LAPSE : LAPSE;
-    return { now: this.played(agent, time), later: this.played(agent, time + way), lapse: way };
+    const isLast = step + 1 === source.steps, way = captured && (one.toSteered || isLast) ? -LAPSE : LAPSE;
+    // If the page's last step is its only captured one, the body does not move.
+    const later = isLast && !captured ? time : time + way;
+    return { now: this.played(agent, time), later: this.played(agent, later), lapse: way };
   }
 
   played(agent, time) {
