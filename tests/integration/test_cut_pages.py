@@ -10,7 +10,7 @@ BODIES = "time => crowdsim.at(time).map((body) => body.joints.every(Number.isFin
 
 
 def parts_within_switches(recording):
-    """Windows (agent, first, last step) that end or begin within a switch; some switches are shown in their own step."""
+    """Windows (agent, first, last step) that end or begin within a switch, some of which are shown in their step."""
     found = []
     switches = recording.switches
     for steered in (True, False):
