@@ -239,10 +239,13 @@ class CapturedCrowd:
         self.despawning.despawn(view)
         self.world.apply_changes()
 
-    def end_step(self) -> None:
-        """Begin the search slices for the next step, after all else, as their threads would slow it down."""
-        self._new_routes.clear()  # a run without a recording does not ask for them
+    def begin_work(self) -> None:
+        """Begin the search slices for the next step."""
         search_on(self.plans, self.world.view())
+
+    def end_step(self) -> None:
+        """Count the step, and forget its new routes: a run without a recording does not ask for them."""
+        self._new_routes.clear()
         self.plans.step += 1
 
     def placing(self, movable: int) -> Placing | None:

@@ -27,7 +27,7 @@ class Route(NamedTuple):
 class Crowd(Protocol):
     """All agents of a scenario, moved from step to step.
 
-    A step is :meth:`advance`, then anything that reads the state, then :meth:`end_step`.
+    A step is :meth:`advance`, then :meth:`begin_work`, then anything that reads the state, then :meth:`end_step`.
     """
 
     hash: int
@@ -82,8 +82,11 @@ class Crowd(Protocol):
     def advance(self) -> None:
         """Run all stages of a step."""
 
+    def begin_work(self) -> None:
+        """Begin the work that the next step waits for, on other threads, from the positions after this one."""
+
     def end_step(self) -> None:
-        """Close the step, and begin the work that the next one waits for."""
+        """Close the step."""
 
     def header(self, scenario: Scenario) -> RecordingHeader:
         """Return the constant part of a recording."""

@@ -193,6 +193,7 @@ class Simulation(Commandable, Extensible):
         self._require_open()
         self._systems.require_outside()
         self._advance()
+        self.crowd.begin_work()
         self.crowd.end_step()
 
     @overload
@@ -244,6 +245,8 @@ class Simulation(Commandable, Extensible):
             started = time.perf_counter()
             while not (self.finished if until is None else until(self)):
                 self._advance()
+                # Threads work for the next step while this one is recorded and measured.
+                crowd.begin_work()
                 frame = crowd.frame()
                 if writer is not None:
                     self._record(writer, frame, before)

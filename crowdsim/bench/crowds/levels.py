@@ -125,6 +125,7 @@ def staged_step(crowd: CapturedCrowd, writer: RecordingWriter | None = None) -> 
     mark()
     crowd.measure(frame)
     mark()
+    crowd.begin_work()
     crowd.end_step()
     mark()
     crowd.searches.pool.settle()
@@ -153,6 +154,7 @@ def captured_row(agents: int, folder: Path) -> dict[str, Any]:
         begin = time.perf_counter()
         for _ in range(STEPS):
             crowd.advance()
+            crowd.begin_work()
             frame = crowd.frame()
             for route in crowd.new_routes():
                 writer.add_path(*route)
@@ -177,6 +179,7 @@ def mixed_row(agents: int) -> dict[str, Any]:
     for _ in range(2 * STEPS):
         begin = time.perf_counter()
         crowd.advance()
+        crowd.begin_work()
         crowd.measure(crowd.frame())
         crowd.new_routes()
         crowd.end_step()

@@ -103,6 +103,7 @@ def walk_mixed(
     try:
         for step in range(round((scenario.duration if seconds is None else seconds) * STEERING_RATE)):
             crowd.advance()
+            crowd.begin_work()
             frame = crowd.frame()
             crowd.measure(frame)
             crowd.new_routes()

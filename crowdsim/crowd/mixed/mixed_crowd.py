@@ -197,9 +197,13 @@ class MixedCrowd:
         self.hash = state_hash(captured.world, captured.environment.state(), self.step_count, self.hash)
         self.hash = state_hash(steered.world, steered.place.state(), self.step_count, self.hash)
 
-    def end_step(self) -> None:
+    def begin_work(self) -> None:
         """Request captured motion from the positions after the step, and begin the search slices for the next one."""
         self.switches.ask(self.steered.world.view())
+        self.captured.begin_work()
+
+    def end_step(self) -> None:
+        """Count the step."""
         self.captured.end_step()
         self.steered.end_step()
 

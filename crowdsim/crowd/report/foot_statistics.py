@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.geometry.elementary import hypot
+from crowdsim.crowd.report.foot_kernels import place_points, standing_moves
 from crowdsim.motion.clips.skeleton import Skeleton
-from crowdsim.motion.graph.foot_contacts import Feet, feet_of, standing_moves
+from crowdsim.motion.graph.foot_contacts import foot_points
 from crowdsim.motion.graph.motion_graph import MotionGraph
 from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.motion.graph.pose_table import PoseTable
@@ -29,9 +29,10 @@ class FootStatistics:
     def __init__(self, motion: MotionGraph, steps_per_second: int) -> None:
         self._rate = steps_per_second
         self._rows = planted_rows(motion.poses, motion.skeleton, motion.arrays.tracks)
-        self._skeleton, self._table = _legs_of(motion.skeleton, motion.poses)
-        # Of the step before: agents, their nodes, frames of these, and foot points.
-        self._before: tuple[NDArray[np.int64], NDArray[np.int32], Floats, Floats] | None = None
+        skeleton, self._table = _legs_of(motion.skeleton, motion.poses)
+        self._points = foot_points(skeleton, self._rows.feet.ankles)
+        # Of the step before: agents, and their nodes, frames of these, and foot points.
+        self._before: tuple[NDArray[np.int64], tuple[NDArray[np.int32], Floats, Floats]] | None = None
         self._speed_sum = 0.0
         self._speed_count = 0
         self.lowest = np.inf
@@ -44,39 +45,24 @@ class FootStatistics:
 
     def add(self, frame: RecordedFrame, present: NDArray[np.int64]) -> None:
         """Add one step; ``present`` are the agents in the world."""
-        pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
+        pose = np.column_stack([frame.x, frame.y, frame.heading])[present].astype(np.float64)
         node, previous = (np.asarray(c, np.int32)[present] for c in (frame.node, frame.previous))
         at = np.asarray(frame.frame, np.float64)[present]
-        feet = self._posed_feet(node, previous, at, pose)
-        if len(present):
-            self.lowest = min(self.lowest, float((feet.points[..., 2] - feet.lowest).min()))
+        points = np.empty((len(present), *self._points[0].shape, 3))
+        positions = np.empty((len(present), len(self._table.parents), 3), np.float32)
+        rotations = np.empty((len(present), len(self._table.parents), 4), np.float32)
+        pose_joints(self._table, node, previous, at, pose, positions, rotations)
+        lowest = place_points(*self._points, self._rows.feet.lowest, positions, rotations, points)
+        self.lowest = min(self.lowest, float(lowest))
+        now = node, at, points
         if self._before is not None:
             # Rows, in both steps, of the agents that were in the world in both.
-            agents, old_node, old_at, old_points = self._before
-            _, now, then = np.intersect1d(present, agents, assume_unique=True, return_indices=True)
-            planted = self._rows.stayed(old_node[then], old_at[then], node[now], at[now])
-            moves = standing_moves((feet.points[now] - old_points[then])[..., :2], planted)
-            speed = hypot(moves[..., 0], moves[..., 1])[planted.any(axis=-1)] * self._rate
-            self._speed_sum += float(speed.sum())
-            self._speed_count += len(speed)
-        self._before = (present, node, at, feet.points)
-
-    def _posed_feet(
-        self,
-        node: NDArray[np.int32],
-        previous: NDArray[np.int32],
-        at: Floats,
-        pose: Floats,
-    ) -> Feet:
-        """Return the feet of bodies in the given nodes at frames ``at`` with track poses ``pose`` (n, 3).
-
-        Each node blends with the ``previous`` one of its body (n,), NONE without one.
-        """
-        skeleton = self._skeleton
-        positions = np.empty((len(node), skeleton.joint_count, 3), np.float32)
-        rotations = np.empty((len(node), skeleton.joint_count, 4), np.float32)
-        pose_joints(self._table, node, previous, at, pose, positions, rotations)
-        return feet_of(skeleton, positions.astype(np.float64), rotations.astype(np.float64), self._rows.feet)
+            agents, before = self._before
+            _, mine, theirs = np.intersect1d(present, agents, assume_unique=True, return_indices=True)
+            distances, count = standing_moves(self._table, self._rows.lifted, theirs, mine, before, now)
+            self._speed_sum += float(distances) * self._rate
+            self._speed_count += int(count)
+        self._before = present, now
 
 
 def _legs_of(skeleton: Skeleton, table: PoseTable) -> tuple[Skeleton, PoseTable]:

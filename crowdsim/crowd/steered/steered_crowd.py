@@ -267,6 +267,9 @@ class SteeredCrowd:
         self.statistics.add_gaps(everybody, self.steering, numbers)
         return ghosts
 
+    def begin_work(self) -> None:
+        """Do nothing: no step waits for work of the one before."""
+
     def end_step(self) -> None:
         """Count the step."""
         self._step += 1

@@ -57,23 +57,33 @@ def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | N
 
     like: feet of another motion of the same body that is long enough to show their lowest heights.
     """
-    feet, ankles = [], []
-    for number, side in enumerate(("left", "right")):
+    if like is None:
+        # Ankles over the soles, on a floor at 0: near the least height, but not that of single bad frames.
+        both = [skeleton.joint(f"{side}_ankle") for side in ("left", "right")]
+        ankles = np.array([float(np.quantile(positions[:, ankle, 2], 0.05)) for ankle in both])
+    else:
+        ankles = like.ankles
+    joints, offsets = foot_points(skeleton, ankles)
+    points = positions[:, joints] + rotate(world[:, joints], offsets)
+    return Feet(points, points[..., 2].min(axis=0) if like is None else like.lowest, ankles)
+
+
+def foot_points(skeleton: Skeleton, ankles: Floats) -> tuple[NDArray[np.int32], Floats]:
+    """Return the points of both feet: the joint (2, P) int32 that carries each, and where it is in its frame (2, P, 3).
+
+    They are heel, ball, and the tip of the toes if both feet have one [m]. ankles: (2,) as of :class:`Feet`.
+    """
+    joints, offsets = [], []
+    for side, height in zip(("left", "right"), ankles.tolist(), strict=True):
         ankle = skeleton.joint(f"{side}_ankle")
         toe = skeleton.roles.get(f"{side}_toe", ankle)
         ahead = skeleton.offsets[toe] * np.array([1.0, 1.0, 0.0]) if toe != ankle else np.array([1.0, 0.0, 0.0])
         ahead = ahead / np.sqrt(dot(ahead, ahead))
-        # Ankle over the sole, on a floor at 0: near the least height, but not that of single bad frames.
-        height = float(np.quantile(positions[:, ankle, 2], 0.05) if like is None else like.ankles[number])
-        heel = positions[:, ankle] + rotate(world[:, ankle], -HEEL_BACK * ahead - np.array([0.0, 0.0, height]))
-        points = [heel, positions[:, toe]]
         tips = skeleton.end_offsets[skeleton.end_parents == toe][:1]
-        points += [positions[:, toe] + rotate(world[:, toe], tip) for tip in tips]
-        feet.append(np.stack(points, axis=1))
-        ankles.append(height)
-    count = min(points.shape[1] for points in feet)
-    both = np.stack([points[:, :count] for points in feet], axis=1)
-    return Feet(both, both[..., 2].min(axis=0) if like is None else like.lowest, np.array(ankles))
+        joints.append([ankle, toe, *[toe] * len(tips)])
+        offsets.append([-HEEL_BACK * ahead - np.array([0.0, 0.0, height]), np.zeros(3), *tips])
+    count = min(map(len, joints))
+    return np.array([each[:count] for each in joints], np.int32), np.array([each[:count] for each in offsets])
 
 
 def stances(feet: Feet, rate: float = CAPTURE_RATE) -> list[Stance]:

@@ -63,7 +63,7 @@ def test_levels_of_captured_characters_are_told_by_stage(measured):
 
 def test_a_step_by_stage_is_the_step_of_the_crowd():
     hashes = []
-    for step in (levels.staged_step, lambda crowd: (crowd.advance(), crowd.end_step())):
+    for step in (levels.staged_step, lambda crowd: (crowd.advance(), crowd.begin_work(), crowd.end_step())):
         scenario, cast = levels.captured_square(20)
         run = CapturedCrowd(scenario, 1, None, cast)
         for _ in range(60):

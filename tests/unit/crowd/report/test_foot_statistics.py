@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from crowdsim.constants import CAPTURE_RATE
+from crowdsim.crowd.report.foot_kernels import place_points, standing_moves
 from crowdsim.crowd.report.foot_statistics import FootStatistics
 from crowdsim.geometry.planar import compose
-from crowdsim.motion.graph.foot_contacts import Feet, feet_of
+from crowdsim.motion.graph.foot_contacts import Feet, feet_of, foot_points
 from crowdsim.motion.graph.motion_graph import MotionGraph, MotionSource, build_motion_graph
 from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.recording.header import RecordedFrame
-from tests.reference.planted_feet import planted_speed
+from tests.reference.planted_feet import planted_speed, standing_distances
 from tests.unit.motion.walker import walk
 
 RATE = int(CAPTURE_RATE)
@@ -75,6 +76,49 @@ def test_equals_the_slow_twin(graph: MotionGraph) -> None:
     shown = feet(graph, node, np.array([[f.x[0], f.y[0], f.heading[0]] for f in frames]), like)
     expected = np.nanmean(planted_speed(shown, feet(graph, node, own, like), RATE))
     assert taken(graph, frames).stance_speed == pytest.approx(float(expected), abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_feet_of_a_crowd_equal_the_slow_twin(graph: MotionGraph, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows = FootStatistics(graph, RATE)._rows
+    frames, joints = graph.poses.node_frames, foot_points(graph.skeleton, rows.feet.ankles)
+
+    def moment(agents: np.ndarray, node: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, float, Feet]:
+        """Points of the feet, how far the lowest is above its lowest height, and the same by the slow way."""
+        count = len(agents)
+        pose = np.column_stack([rng.uniform(-5, 5, (count, 2)), rng.uniform(-3, 3, count)])
+        shape = count, graph.skeleton.joint_count
+        positions, rotations = np.empty((*shape, 3), np.float32), np.empty((*shape, 4), np.float32)
+        pose_joints(graph.poses, node, np.full(count, -1, np.int32), at, pose, positions, rotations)
+        points = np.empty((count, *joints[0].shape, 3))
+        lowest = place_points(*joints, rows.feet.lowest, positions, rotations, points)
+        return points, lowest, feet_of(graph.skeleton, positions.astype(float), rotations.astype(float), rows.feet)
+
+    # Some play on, some begin another node or the same one anew, some come, some leave; frames are whole or not.
+    then, now = (np.sort(rng.choice(40, 30, replace=False)) for _ in range(2))
+    node = rng.integers(0, len(frames), 40).astype(np.int32)
+    old = np.where(rng.random(40) < 0.3, 0.0, rng.uniform(0.0, frames[node]))
+    later = np.where(rng.random(40) < 0.3, rng.integers(0, len(frames), 40), node).astype(np.int32)
+    at = np.where(
+        later == node, np.minimum(old + rng.integers(-1, 4, 40), frames[node]).clip(0.0), rng.uniform(0, 3, 40)
+    )
+    before, _, _ = moment(then, node[then], old[then])
+    points, lowest, slow = moment(now, later[now], at[now])
+    assert np.allclose(points, slow.points, atol=1e-9)
+    assert lowest == pytest.approx((slow.points[..., 2] - slow.lowest).min(), abs=1e-9)
+    both, mine, theirs = np.intersect1d(now, then, return_indices=True)
+    total, count = standing_moves(
+        graph.poses, rows.lifted, theirs, mine, (node[then], old[then], before), (later[now], at[now], points)
+    )
+    known = [
+        ({a: (int(n[a]), float(f[a])) for a in agents.tolist()}, dict(zip(agents.tolist(), feet, strict=True)))
+        for agents, n, f, feet in ((then, node, old, before), (now, later, at, points))
+    ]
+    expected = standing_distances(rows, *known)
+    assert 0 < count < 2 * len(both)
+    assert count == len(expected)
+    assert total == pytest.approx(sum(expected))
 
 
 def test_a_step_of_several_frames_counts_if_the_foot_is_planted_in_all_of_them(graph: MotionGraph) -> None:

@@ -46,6 +46,7 @@ def hashes() -> tuple[list[int], dict[str, int]]:
     for _ in range(STEPS):
         crowd.advance()
         found.append(crowd.hash)
+        crowd.begin_work()
         crowd.end_step()
     crowd.close()
     return found, {"moved": crowd.plans.moved, "arrived": crowd.arrived}

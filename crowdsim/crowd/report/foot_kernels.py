@@ -1,0 +1,76 @@
+"""Points of the feet of posed bodies, and how far those move that stand."""
+
+import math
+
+from crowdsim.jit import kernel
+from crowdsim.motion.deformed.body_kernels import quaternion, rotate
+
+
+@kernel
+def place_points(joints, offsets, lowest, positions, rotations, points):
+    """Place the points of the feet of n bodies; return how far the lowest of them is above its lowest height [m].
+
+    Parameters
+    ----------
+    joints, offsets: (2, P) int32 and (2, P, 3) [m], joint that carries each point, and where it is in its frame.
+    lowest: (2, P), lowest height of each point in the clips [m].
+    positions, rotations: (n, J, 3) [m] and (n, J, 4) float32 of the joints in the world.
+    points: (n, 2, P, 3) [m], filled.
+    """
+    least = math.inf
+    for body in range(len(points)):
+        for foot in range(joints.shape[0]):
+            for number in range(joints.shape[1]):
+                joint = joints[foot, number]
+                offset = offsets[foot, number]
+                x, y, z = rotate(quaternion(rotations[body], joint), offset[0], offset[1], offset[2])
+                point = points[body, foot, number]
+                point[0] = positions[body, joint, 0] + x
+                point[1] = positions[body, joint, 1] + y
+                point[2] = positions[body, joint, 2] + z
+                least = min(least, point[2] - lowest[foot, number])
+    return least
+
+
+@kernel
+def standing_moves(table, lifted, then, now, old, new):
+    """Return the sum of the distances by which feet that stand have moved [m], and the number of these feet.
+
+    A foot moves as the slowest of its points that stay planted in the clips from one moment to the next, as
+    :meth:`crowdsim.motion.planted.planted_rows.PlantedRows.stayed` tells.
+
+    Parameters
+    ----------
+    table: :class:`crowdsim.motion.graph.pose_table.PoseTable`.
+    lifted: (T, 2, P) int32 of :class:`crowdsim.motion.planted.planted_rows.PlantedRows`.
+    then, now: (m,) int64, rows of the same bodies in ``old`` and in ``new``.
+    old, new: nodes (n,) int32, frames (n,) and points (n, 2, P, 3) [m] of all bodies at the two moments.
+    """
+    old_node, old_frame, old_points = old
+    node, frame, points = new
+    total = 0.0
+    count = 0
+    for k in range(len(now)):
+        i = then[k]
+        j = now[k]
+        # Rows of the table around both moments, and between them the last row of the old node and the first of the new.
+        begin = table.node_first[old_node[i]] + math.floor(old_frame[i])
+        last = table.node_first[old_node[i]] + table.node_frames[old_node[i]]
+        first = table.node_first[node[j]]
+        end = first + math.ceil(frame[j])
+        goes_on = node[j] == old_node[i] and frame[j] >= old_frame[i]
+        for foot in range(lifted.shape[1]):
+            least = math.inf
+            for number in range(lifted.shape[2]):
+                steps = lifted[end, foot, number] - lifted[begin, foot, number]
+                if not goes_on:
+                    steps += lifted[last, foot, number] - lifted[first, foot, number]
+                # It has not moved in the clips.
+                if steps == 0:
+                    dx = points[j, foot, number, 0] - old_points[i, foot, number, 0]
+                    dy = points[j, foot, number, 1] - old_points[i, foot, number, 1]
+                    least = min(least, dx * dx + dy * dy)
+            if least < math.inf:
+                total += math.sqrt(least)
+                count += 1
+    return total, count
