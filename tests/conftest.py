@@ -13,6 +13,27 @@ ROOT = Path(__file__).parents[1]
 settings.register_profile("crowdsim", deadline=None, derandomize=True)
 settings.load_profile("crowdsim")
 
+LONGEST = (
+    "integration/test_readme.py",
+    "integration/test_numba_versions.py",
+    "integration/test_live.py",
+    "integration/test_typed_examples.py",
+    "integration/test_random_commands.py",
+    "integration/test_sweeps.py",
+    "unit/crowd/test_driven.py",
+    "unit/bench/test_studies.py",
+    "unit/bench/places/test_navmesh.py",
+    "integration/test_same_bits.py",
+    "integration/test_ranks.py",
+)
+"""Test files that take minutes. They go first: at the end, a process would run one of them while all others are done."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the tests of the longest files first; all others stay in their order."""
+    first = {ROOT / "tests" / name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: first.get(item.path, len(first)))
+
 
 def pytest_configure() -> None:
     """Heed Ctrl-C, as tests send it to themselves and to commands: a shell's background job would ignore it."""

@@ -1,7 +1,8 @@
 """Run every check of the repository: format, lint, types, import directions, then the tests.
 
 All of them run even if some fail; the exit code is 1 if any failed. The tests come last, so that their closing line
-closes the output. They run in several processes, each test file in one; arguments go to a single pytest instead:
+closes the output. They run in several processes, each test file in one, the longest files first (tests/conftest.py);
+arguments go to a single pytest instead:
 ``python tools/check.py tests/unit -x``.
 """
 
@@ -36,7 +37,7 @@ def main() -> int:
     failed = [command for command in CHECKS if not passes(command)]
     for command in failed:
         print("FAILED:", Path(command[0]).name, *command[1:], flush=True)
-    arguments = sys.argv[1:] or ["-n", str(PROCESSES), "--dist", "loadfile"]
+    arguments = sys.argv[1:] or ["-n", str(PROCESSES), "--dist", "loadfile", "--no-loadscope-reorder"]
     tests_pass = passes([sys.executable, "-m", "pytest", *arguments])
     return 0 if tests_pass and not failed else 1
 
