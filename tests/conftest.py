@@ -26,12 +26,13 @@ LONGEST = (
     "integration/test_same_bits.py",
     "integration/test_ranks.py",
 )
-"""Test files that take minutes. They go first: at the end, a process would run one of them while all others are done."""
+"""Test files that take minutes. They go first: one at the end would run alone while all other processes are done."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the tests of the longest files first; all others stay in their order."""
     first = {ROOT / "tests" / name: number for number, name in enumerate(LONGEST)}
+    assert all(file.is_file() for file in first), "a file of LONGEST was renamed"
     items.sort(key=lambda item: first.get(item.path, len(first)))
 
 
