@@ -129,7 +129,10 @@ class Roadmap:
         return [self._more[s.behavior] * max(s.end - s.start - self._shortest, 0.0) for s in path.sections]
 
     def shifted(self, path: AnnotatedPath) -> AnnotatedPath:
-        """Return the path with stations shifted aside if that is cheaper; unchanged if narrow sections are short."""
+        """Return the path with stations, points sampled closely along it, shifted aside if that is cheaper.
+
+        It is unchanged if narrow sections cost little beyond their least lengths (:data:`_WORTH`).
+        """
         if math.fsum(self.excess(path)) <= _WORTH * path.cost:
             return path
         sections = np.array(path.sections)
