@@ -199,7 +199,8 @@ def borrowing_kernel(**options: Any) -> Callable[..., Any]:
             kept = dispatcher._cache
             usual = kept._cache_path
             kept._cache_path = _cache_path(function, usual)
-            # The folder of the package's kernels tells their sources; the times of other files tell theirs.
+            # Entries of the package need no stamp: `crowdsim.jit` names the folder above by a hash of all kernel
+            # sources. For kernels of other files, the stamp is numba's, from their file.
             stamp = kept._impl.locator.get_source_stamp() if kept._cache_path == usual else None
             kept._cache_file = _CheckedCacheFile(kept._cache_path, kept._impl.filename_base, stamp)
         return dispatcher

@@ -265,7 +265,8 @@ def _read_motion(group: h5py.Group) -> MotionRecord:
         skeleton=skeleton,
         node_names=tuple(_read_strings(group, "node_names")),
         **{name: values_of(group, name) for name in _MOTION_ARRAYS},
-        # The group is missing if no agent is steered.
+        # Datasets of gaits are missing if no agent is steered, of phases unless there are both nodes and gaits, of
+        # tracks without nodes and in older files.
         gaits=_read_gaits(group) if "gait_names" in group else (),
         pool_phases=values_of(group, "pool_phases") if "pool_phases" in group else np.zeros(0, np.float32),
         pool_tracks=values_of(group, "pool_tracks") if "pool_tracks" in group else np.zeros((0, 3), np.float32),

@@ -96,7 +96,8 @@ class LeastGaps:
     def _ahead(self, steered: NDArray[Any], segments: Floats) -> None:
         """Measure steered bodies against all later pieces of reserved ways.
 
-        ``segments`` (k, 5) hold both ends x, y, x, y and the radius, enlarged by TRACK_ROOM [m].
+        ``segments`` (k, 5) hold both ends x, y, x, y and the radius [m], enlarged by TRACK_ROOM. The quarter pieces of
+        bent tracks are enlarged by their REST instead: their gaps come out larger, by TRACK_ROOM less REST at most.
         """
         middles = 0.5 * (segments[:, :2] + segments[:, 2:4])
         longest = 0.5 * float(np.hypot(*(segments[:, 2:4] - segments[:, :2]).T).max())

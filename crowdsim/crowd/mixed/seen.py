@@ -110,7 +110,9 @@ def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.in
     bent = np.flatnonzero(view.timeline[walking, slots, BEND] > TRACK_ROOM)
     if not len(bent):
         return segments, owners
-    # Points after each quarter of the time, (b, 5, 2) with both ends, and the four pieces between them.
+    # Points after each quarter of the time, (b, 5, 2) with both ends: QUARTERS tells how far they are off the straight
+    # motion [m]. The body comes off the four pieces between them by up to REST [m], which enlarges their discs instead
+    # of TRACK_ROOM.
     share = np.linspace(0.0, 1.0, 5)[:, None]
     points = (1.0 - share) * moving[bent, None, :2] + share * moving[bent, None, 2:]
     points[:, 1:-1] += view.timeline[walking, slots, QUARTERS:REST][bent].reshape(-1, 3, 2)
