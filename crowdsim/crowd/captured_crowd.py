@@ -82,6 +82,7 @@ class CapturedCrowd:
         self.world = World(COLUMNS, capacity=min(len(self.cast.starts), AT_ONCE))
         self.searches = Searches(WorkerPool(workers, latency=1))
         self._new_routes: list[tuple[int, AnnotatedPath]] = []
+        self._has_begun_work = False
         self.itineraries = Itineraries(self.cast)
         self.plans = Plans(
             self.assets,
@@ -241,10 +242,16 @@ class CapturedCrowd:
 
     def begin_work(self) -> None:
         """Begin the search slices for the next step."""
+        if self._has_begun_work:
+            raise RuntimeError("begin_work() was called twice in a step")
+        self._has_begun_work = True
         search_on(self.plans, self.world.view())
 
     def end_step(self) -> None:
         """Count the step, and forget its new routes: a run without a recording does not ask for them."""
+        if not self._has_begun_work:
+            raise RuntimeError("begin_work() was not called in this step: nobody would get a motion")
+        self._has_begun_work = False
         self._new_routes.clear()
         self.plans.step += 1
 

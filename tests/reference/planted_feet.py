@@ -28,7 +28,7 @@ def planted_speed(shown: Feet, own: Feet, rate: float = CAPTURE_RATE) -> Floats:
     return speed
 
 
-def standing_distances(rows: PlantedRows, before: Moment, after: Moment) -> list[float]:
+def planted_distances(rows: PlantedRows, before: Moment, after: Moment) -> list[float]:
     """Return how far each foot has moved that stays planted in the clips from one moment to another [m]."""
     table, found = rows.table, []
     for agent in sorted(set(before[0]) & set(after[0])):

@@ -40,7 +40,8 @@ STAGES = (
     *("react", "spawn", "choose", "animate", "despawn", "hash", "record", "measure", "submit"),
     "search",
 )
-"""Stages in the order of a step; ``react`` hands out plans, ``submit`` starts searches."""
+"""Stages of a step; ``react`` hands out plans, ``submit`` starts searches. A crowd starts them before it records and
+measures; here that comes behind both, as their processor time would contain that of searches."""
 
 _SCENARIO = """\
 crowdsim: 1
@@ -94,7 +95,7 @@ def _place_off(rng: np.random.Generator, start: NDArray[np.float64], side: float
 
 
 def staged_step(crowd: CapturedCrowd, writer: RecordingWriter | None = None) -> list[float]:
-    """Take the same step as the crowd itself does; return the processor time of each stage [s]."""
+    """Take a step to the same state as the crowd itself does; return the processor time of each stage [s]."""
     marks = [time.process_time()]
 
     def mark() -> None:

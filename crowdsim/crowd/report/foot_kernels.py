@@ -33,7 +33,7 @@ def place_points(joints, offsets, lowest, positions, rotations, points):
 
 
 @kernel
-def standing_moves(table, lifted, then, now, old, new):
+def standing_distances(table, lifted, then, now, old, new):
     """Return the sum of the distances by which feet that stand have moved [m], and the number of these feet.
 
     A foot moves as the slowest of its points that stay planted in the clips from one moment to the next, as

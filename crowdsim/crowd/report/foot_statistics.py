@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.report.foot_kernels import place_points, standing_moves
+from crowdsim.crowd.report.foot_kernels import place_points, standing_distances
 from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.graph.foot_contacts import foot_points
 from crowdsim.motion.graph.motion_graph import MotionGraph
@@ -59,7 +59,7 @@ class FootStatistics:
             # Rows, in both steps, of the agents that were in the world in both.
             agents, before = self._before
             _, mine, theirs = np.intersect1d(present, agents, assume_unique=True, return_indices=True)
-            distances, count = standing_moves(self._table, self._rows.lifted, theirs, mine, before, now)
+            distances, count = standing_distances(self._table, self._rows.lifted, theirs, mine, before, now)
             self._speed_sum += float(distances) * self._rate
             self._speed_count += int(count)
         self._before = present, now

@@ -54,6 +54,8 @@ class Ongoing:
     """Revision of the environment when its last slice began."""
     ready: float | None = None
     """Time from the request until there were nodes to play [s]."""
+    counts: tuple[int, int, int] = (0, 0, 0)
+    """Slices, backtracks and recoveries of its search up to the slice collected last: another may be running."""
 
     @property
     def rank(self) -> int:
@@ -113,9 +115,10 @@ class Searches:
         """Give up a search, or forget one that has ended."""
         dropped = self._ongoing.pop(agent, None)
         if dropped is not None:
-            self.counts["sliced"] += dropped.search.slices > 1
-            self.counts["backtracked"] += dropped.search.backtracks
-            self.counts["recovered"] += dropped.search.recoveries
+            slices, backtracks, recoveries = dropped.counts
+            self.counts["sliced"] += slices > 1
+            self.counts["backtracked"] += backtracks
+            self.counts["recovered"] += recoveries
             if dropped.ready is not None:
                 self.waits.append(dropped.ready)
 
@@ -165,6 +168,7 @@ class Searches:
                 continue
             # Few searches need another slice, and most of those need many: make it longer.
             search.branches = min(2 * search.branches, self.longest_slice)
+            search.counts = search.search.slices, search.search.backtracks, search.search.recoveries
             if search.search.over:
                 self.drop(agent)
             results.append((agent, search, found))

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from crowdsim.constants import CAPTURE_RATE
-from crowdsim.crowd.report.foot_kernels import place_points, standing_moves
+from crowdsim.crowd.report.foot_kernels import place_points, standing_distances
 from crowdsim.crowd.report.foot_statistics import FootStatistics
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.graph.foot_contacts import Feet, feet_of, foot_points
 from crowdsim.motion.graph.motion_graph import MotionGraph, MotionSource, build_motion_graph
 from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.recording.header import RecordedFrame
-from tests.reference.planted_feet import planted_speed, standing_distances
+from tests.reference.planted_feet import planted_distances, planted_speed
 from tests.unit.motion.walker import walk
 
 RATE = int(CAPTURE_RATE)
 ALONE = np.array([0])
+SIDES = ("left", "right")
 
 
 @pytest.fixture(scope="module")
@@ -108,14 +111,14 @@ def test_feet_of_a_crowd_equal_the_slow_twin(graph: MotionGraph, seed: int) -> N
     assert np.allclose(points, slow.points, atol=1e-9)
     assert lowest == pytest.approx((slow.points[..., 2] - slow.lowest).min(), abs=1e-9)
     both, mine, theirs = np.intersect1d(now, then, return_indices=True)
-    total, count = standing_moves(
+    total, count = standing_distances(
         graph.poses, rows.lifted, theirs, mine, (node[then], old[then], before), (later[now], at[now], points)
     )
     known = [
         ({a: (int(n[a]), float(f[a])) for a in agents.tolist()}, dict(zip(agents.tolist(), feet, strict=True)))
         for agents, n, f, feet in ((then, node, old, before), (now, later, at, points))
     ]
-    expected = standing_distances(rows, *known)
+    expected = planted_distances(rows, *known)
     assert 0 < count < 2 * len(both)
     assert count == len(expected)
     assert total == pytest.approx(sum(expected))
@@ -140,6 +143,32 @@ def test_a_foot_stays_planted_across_the_seam_of_two_nodes(graph: MotionGraph) -
     before, after = played(graph, first)[-2], played(graph, second)[1]
     statistics = taken(graph, [before, after])
     assert statistics._speed_count >= 1
+
+
+def test_toes_and_their_tips_count_if_both_feet_have_them(graph: MotionGraph) -> None:
+    skeleton, ankles = graph.skeleton, np.array([0.08, 0.09])
+    left, right = (skeleton.joint(f"{side}_toe") for side in ("left", "right"))
+    joints, offsets = foot_points(skeleton, ankles)
+    assert joints[:, :2].tolist() == [
+        [skeleton.joint(f"{side}_ankle"), skeleton.joint(f"{side}_toe")] for side in SIDES
+    ]
+    assert offsets[:, 0, 2].tolist() == [-0.08, -0.09]
+    assert not offsets[:, 1].any()
+    with_tips = replace(skeleton, end_parents=np.array([left, right], np.int32), end_offsets=np.full((2, 3), 0.05))
+    assert foot_points(with_tips, ankles)[1][:, 2].tolist() == [[0.05] * 3] * 2
+    with_one = replace(skeleton, end_parents=np.array([left], np.int32), end_offsets=np.full((1, 3), 0.05))
+    assert foot_points(with_one, ankles)[0].shape == (2, 2)
+    without = replace(skeleton, roles={role: joint for role, joint in skeleton.roles.items() if "toe" not in role})
+    ankle = skeleton.joint("left_ankle")
+    assert foot_points(without, ankles)[0][0].tolist() == [ankle, ankle]
+
+
+def test_an_empty_step_changes_nothing(graph: MotionGraph) -> None:
+    statistics = FootStatistics(graph, RATE)
+    for frame in played(graph, longest(graph))[:3]:
+        statistics.add(frame, np.array([], np.int64))
+    assert statistics.stance_speed is None
+    assert statistics.lowest == np.inf
 
 
 def test_who_was_not_there_before_has_no_speed(graph: MotionGraph) -> None:

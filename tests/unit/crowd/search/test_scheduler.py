@@ -98,6 +98,18 @@ def test_a_search_that_is_replaced_or_of_no_use_is_heard_of_no_more(searches: Se
     assert (first.slices, second.slices) == (1, 1)
 
 
+def test_a_slice_that_runs_does_not_count_before_it_is_collected(searches: Searches) -> None:
+    for agent, dropped_in in ((1, 1), (2, 2), (3, 3)):
+        searches.begin(agent, Counted(9))
+        for step in range(dropped_in):
+            run(searches, 10 * agent + step)
+        # However fast threads are, all slices but the last one are known.
+        searches.pool.settle()
+        searches.drop(agent)
+    assert searches.counts["asked"] == 3
+    assert searches.counts["sliced"] == 1
+
+
 def test_what_was_handed_out_is_noted_of_searches_under_way_alone(searches: Searches) -> None:
     nodes = np.arange(3, dtype=np.int32)
     searches.handed(4, nodes, 1)

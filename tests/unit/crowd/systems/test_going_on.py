@@ -122,3 +122,15 @@ def test_a_table_takes_no_plan_that_kernels_cannot_read() -> None:
             motions[0] = MotionPlan(wrong.route, 0, wrong.departure, nodes, wrong.origins, wrong.blend_offsets, True)
         assert 0 not in motions
         assert motions.table.nodes[0] == -1
+
+
+def test_a_step_without_its_work_is_refused() -> None:
+    crowd = CapturedCrowd(parse_scenario(CROSSING), 1, None)
+    crowd.advance()
+    with pytest.raises(RuntimeError, match="was not called"):
+        crowd.end_step()
+    crowd.begin_work()
+    with pytest.raises(RuntimeError, match="called twice"):
+        crowd.begin_work()
+    crowd.end_step()
+    crowd.close()
