@@ -90,7 +90,8 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
     -------
     int
         Number of half planes; -1 if there are more than k, or if the distance between the core of the agent and that of
-        a neighbor is below :data:`CROSSING`. Bodies that overlap with a greater one may move apart, but not nearer.
+        a neighbor is below :data:`CROSSING`. Bodies that overlap, but whose cores are farther apart than that, may move
+        apart, but not nearer.
     """
     rows, places, starts, frame = crowd
     mine = rows[me]

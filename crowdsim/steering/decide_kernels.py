@@ -219,8 +219,8 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
         other = rows[seen.row]
         own_way = other.goal == mine.goal
         # Width of the swath that counts: of agents with the same goal, those that go first count almost fully, those
-        # that go after this one not at all. In a file all ahead count: an agent that has just reached one of several
-        # goals has the longest way to the next, but is not behind for that.
+        # that go after this one not at all. In a file all ahead count: for two steps, the key of an agent that has just
+        # reached one of several goals is still that of the way there, so those ahead would seem to go after it.
         share = rules.swath
         if own_way:
             share = before if in_file or other.key < mine.key else rules.swath_behind

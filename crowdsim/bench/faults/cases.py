@@ -77,7 +77,7 @@ def mutated_recording(number: int) -> str:
     """Read all of a recording with random faults.
 
     Odd numbers damage its bytes: what is read must then be what was written. Even ones change its datasets by HDF5,
-    which removes its checksums.
+    which removes the checksums of those it writes anew.
     """
     rng = np.random.default_rng(number)
     given = number // 2 % len(_recordings())

@@ -13,7 +13,10 @@ from crowdsim.recording.reader import Recording
 
 
 def read_all(path: Path) -> None:
-    """Read everything of a recording that a film, a picture or a measurement may use."""
+    """Read everything of a recording that a film, a picture or a measurement may use.
+
+    Nothing is returned: what counts is whether reading raises an error, a CrowdSimError if the damage is noticed.
+    """
     with Recording.open(path) as recording:
         for time in np.linspace(0.0, recording.duration, 8).tolist():
             recording.at_time(time)

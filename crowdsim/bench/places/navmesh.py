@@ -29,6 +29,9 @@ PASSES = 3
 LARGE = (18_000, 150.0)
 """Number of polygons, and side [m], of a map with about 110,000 corners."""
 
+_FEW = 3
+"""Number of times up to which a row has no quantile."""
+
 _RANDOM = 10_000
 """Number of random queries of a map, because violations are rare."""
 
@@ -51,9 +54,9 @@ class _Table:
         self.figures: dict[str, float] = {}
 
     def add(self, where: BenchMap, what: str, seconds: Floats, **more: float) -> None:
-        """Add a row for the times ``seconds`` (n,) of single queries [s], and figures; ``more`` are columns besides."""
+        """Add a row for the times ``seconds`` (n,) of n calls, or a mean (1,) [s]; ``more`` are columns besides."""
         figures = {"median_us": float(np.median(seconds) * 1e6)}
-        if len(seconds) > PASSES:  # of so few calls there is no quantile
+        if len(seconds) > _FEW:
             figures["p95_us"] = float(np.quantile(seconds, 0.95) * 1e6)
         figures |= more
         row: dict[str, Any] = {"map": where.name, "what": what, "radius": where.radius}

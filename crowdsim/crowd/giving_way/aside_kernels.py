@@ -76,8 +76,8 @@ def look_beside(everyone, row, x, y, dx, dy, radius):
     """Return the largest overlap of a row's lane with those of others nearby, and the distance of the nearest [m].
 
     A lane is the strip that a body covers if it moves along the unit vector (dx, dy); at the goal that is (0, 0), and
-    lanes overlap by all of both radii. The row is at (x, y), its body has ``radius`` [m]. The overlap is 0 if no lanes
-    overlap; the distance is at most NEAR.
+    lanes overlap by all of both radii. The row is taken to be at (x, y); its body has ``radius`` [m]. The overlap is 0
+    if no lanes overlap; the distance is at most NEAR.
     """
     # Rows are found by where they are now, and count where their timelines end.
     low, high, first, last = cells_within(everyone.near, x, y, x, y, NEAR + everyone.near.spread[OF_TIMELINES])

@@ -51,7 +51,9 @@ class MeasuredPlaces:
         self._pieces = [np.array(line.points) for line in scenario.lines]
         self._span = np.array(scenario.span)
         self._window = round(SPEED_SECONDS * self._rate)
-        # Positions in the last steps of the window; then, by area and line, what was found in each step.
+        # Positions in the last steps of the window [m]. By area, the count and the mean speed [m/s] (nan for none) in
+        # each step. By line, agents, times [s] and whether to its left, in parts: one for each step and piece with
+        # crossings, behind an empty one, so that there is always something to join.
         self._places: list[Floats] = []
         self._counts = [array("i") for _ in self._areas]
         self._speeds = [array("f") for _ in self._areas]

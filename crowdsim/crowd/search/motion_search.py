@@ -19,6 +19,7 @@ from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.errors import PathNotFound
+from crowdsim.following.follower.follow_options import FollowOptions
 from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
 from crowdsim.geometry.elementary import atan2, cos, distance, hypot, sin
 from crowdsim.geometry.planar import wrap_angle
@@ -219,10 +220,13 @@ class MotionSearch:
         # ``kept`` nodes of it behind ``played`` are played.
         best: FollowResult | None = None
         plan, kept, least = None, 0, np.inf
+        vain: list[FollowOptions] = []  # of attempts that found nothing and left out nothing
         for options, exactly in attempts(request, budget, strictly):
             # What was found comes near: attempts that only have to come near find nothing better.
             if least < np.inf and not exactly:
                 break
+            if any(options.only_searches_more(than) for than in vain):
+                continue
             search = PathFollower(assets.character, samples, arrays, origin, node, options)
             # Map queries of a slice, and nodes to keep, with the departure, which is the first node of a result.
             while (found := search.advance(max(self._branches // options.branches, 1), kept + 1)) is None:
@@ -240,9 +244,12 @@ class MotionSearch:
                 # Another attempt could begin with other nodes than those played.
                 if off <= request.within or kept:
                     break
-            # Without a motion that arrives, keep the one that came farthest.
-            elif best is None or (least == np.inf and found.reached >= best.reached):
-                best = found
+            else:
+                # Without a motion that arrives, keep the one that came farthest.
+                if best is None or (least == np.inf and found.reached >= best.reached):
+                    best = found
+                if found.status == FollowStatus.BLOCKED and not search.left_out:
+                    vain.append(options)
             if plan is not None and kept:
                 # Return what was yielded: the result that came farthest may begin with other nodes than those played.
                 self.backtracks += found.status == FollowStatus.PAST_KEPT

@@ -48,7 +48,7 @@ def rows_digest(world: World) -> int:
         return 0
     for name in world.column_names:
         column = world.column(name)
-        # Digests take words of 64 bits: int32 and bool are widened.
+        # Digests take words of 64 bits: narrower ones are widened.
         if column.dtype.itemsize % 8:
             column = column.astype(np.int64)
         digest_rows(np.ascontiguousarray(column).view(np.uint64).reshape(world.count, -1), digests)

@@ -42,10 +42,10 @@ STAGE_COLUMNS = 7
 gained on; number of candidates; the next one; serial number (0 until candidates are collected); their kind: none yet
 (-1), along the path (0), single successors (1)."""
 
-TOP, QUERIES, BEST, KEPT = range(4)
-STATE_COLUMNS = 4
+TOP, QUERIES, BEST, KEPT, FULL = range(5)
+STATE_COLUMNS = 5
 """Columns of ``search.state``: stage on top, map queries made, nodes of the best solution, nodes of the present one
-that must stay."""
+that must stay, number of stages that listed as many entries as they may, so that more may fit."""
 
 ROW = 0
 ENTRY = 1
@@ -198,6 +198,7 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
     first, stop = np.int64(0), np.int64(0)
     if along and root >= 0:
         listed = _list_along_path(maps, guide, rules, search, root, origin, arc, serial)
+        search.state[FULL] += listed == search.listed.shape[0]
     if singles and root >= 0:
         base = maps.first[root]
         first, stop = np.int64(1), np.int64(1)

@@ -20,6 +20,7 @@ from crowdsim.following.follower.follow_kernels import (
     BLOCKED,
     COUNT,
     FOUND,
+    FULL,
     KEPT,
     OUT_OF_BUDGET,
     PAST_KEPT,
@@ -240,6 +241,11 @@ class PathFollower:
     def _chain(self) -> tuple[Search, Laid, Chain]:
         """Return arrays to bend solutions in, made on first use."""
         return make_chain(self._search, self._arguments[3])
+
+    @property
+    def left_out(self) -> bool:
+        """Return True if it may have left out branches: it would find no others with more ``branches`` if not."""
+        return bool(self._search.state[FULL])
 
     @property
     def present(self) -> FollowResult:

@@ -117,7 +117,7 @@ def _touch_around(m, w, v):
 
 @helper
 def _has_changed(m, w, v):
-    """Return True if a triangle around the touched vertex v changed."""
+    """Return True if the touched vertex v is marked CHANGED, or a triangle around it changed."""
     sides = m.sides
     first = m.vertices[v].vhe
     h = first
@@ -158,7 +158,8 @@ def _touch_corners(m, w):
             unneeded = vertices[v].vref == 0 and w.to_do[v].mark & KEPT == 0 and removable(m, w, v)
             if unneeded and not remove_vertex(m, w, v):
                 w.to_do[v].mark |= KEPT
-        # Removals, also of an obstacle, leave sides that are not Delaunay; flips touch more vertices, so start again.
+        # Removals, also of an obstacle, leave sides that are not Delaunay. Flips also change triangles around vertices
+        # that were passed already, so start again.
         top = w.progress[0].pairs
         if top == 0:
             return 0

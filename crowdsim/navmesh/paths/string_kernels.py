@@ -206,9 +206,9 @@ def _turns_right(nodes, count, i):
 def pull(m, stack, nodes, count, radius, least, start, taut):
     """Check and repair the string until nothing is too close; return (done, points (n, 2) [m], none if not done).
 
-    The string has ``count`` ``nodes`` with spare room, which change; it begins in triangle ``start``. Its arcs have the
-    given ``radius``; a clearance of ``least``, slightly less, is enough [m]. A string that is ``taut`` already is not
-    repaired, as there may be no other; its polyline only gets finer.
+    The string has ``count`` ``nodes``, which change; a repair needs spare room behind them. It begins in triangle
+    ``start``. Its arcs have the given ``radius``; a clearance of ``least``, slightly less, is enough [m]. A string that
+    is ``taut`` already is not repaired, as there may be no other; its polyline only gets finer.
     """
     sides = m.sides
     vertices = m.vertices
@@ -265,7 +265,8 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
                 node = nodes[k]
                 if node.q == 0.0 or node.bulge <= finest:
                     continue
-                # Corners that stand off away from the obstacle are not at fault.
+                # Corners that stand off away from the obstacle are not at fault, and call for a repair. A taut string
+                # gets none: make all corners at the piece finer.
                 if not taut:
                     if (vx - nx) * (nx - node.x) + (vy - ny) * (ny - node.y) <= 0.0:
                         continue

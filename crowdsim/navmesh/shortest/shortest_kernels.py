@@ -115,13 +115,15 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
             return NO_PASSAGE, points, math.nan
         string = string_of_arrival(graph, arrivals, last, start, goal, radius)
     # Turn the string into points: around discs of the requested radius if they fit, else of the graph's. A string
-    # around the latter is repaired if its turns are right, and only refined if they are not; then the other way round.
+    # around the latter is tightened and refined if its turns are right, only refined if not; then the other way round.
     done = False
     if _widen(string, asked):
         done, points = pull(m, scratch.stack, string, string.size, asked, least, start.triangle, np.bool_(True))
     if not done:
         turns = _widen(string, radius)
-        done, points = pull(m, scratch.stack, string, string.size, radius, least, start.triangle, np.bool_(not turns))
+        done, points = pull(
+            m, scratch.stack, string.copy(), string.size, radius, least, start.triangle, np.bool_(not turns)
+        )
     if not done:
         _widen(string, radius)
         done, points = pull(m, scratch.stack, string, string.size, radius, least, start.triangle, np.bool_(turns))

@@ -3,7 +3,7 @@
 Across a half-edge the winding number on its left is that on its right plus the half-edge's winding.
 
 ``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
-:mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``stack`` (k,) is scratch for half-edges.
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`.
 """
 
 import numpy as np
@@ -18,7 +18,10 @@ _UNKNOWN = -(1 << 30)
 
 @helper
 def flood(m, stack):
-    """Compute the winding numbers of all triangles: 1 outside of the walkable area, 0 in free space."""
+    """Compute the winding numbers of all triangles: 1 outside of the walkable area, 0 in free space.
+
+    Each obstacle that covers a triangle adds 1. ``stack`` is scratch for triangles, at least one item for each.
+    """
     sides = m.sides
     cover = m.cover
     frame = m.frame[0]

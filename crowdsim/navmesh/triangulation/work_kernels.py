@@ -20,7 +20,7 @@ KEPT = 8
 LOOKING = 16
 """Mark: the vertex is touched, and may be an end of a new bottleneck."""
 CHANGED = 32
-"""Mark: the vertex is touched, and triangles around it did change."""
+"""Mark: the vertex is touched, and triangles around it may have changed."""
 VISITED = 4
 """Mark of a walk that visits each vertex once; the walk clears it."""
 

@@ -58,7 +58,7 @@ class MeshCopies:
 def plan_greedy(query: Query, copies: MeshCopies) -> AnnotatedPath | None:
     """Run algorithm 1 on a copy of the lowest mesh; return None if no path fits any behavior.
 
-    If the kernel cannot go on (out of memory, or a detour cannot be traced), plan step by step.
+    If the kernel cannot go on (the mesh out of room or unusable, or a detour that cannot be traced), plan step by step.
     """
     revision, detours = copies.take()
     detours.aim(query.ends[0], query.ends[1], query.need.search_radius)

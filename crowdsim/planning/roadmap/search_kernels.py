@@ -1,4 +1,4 @@
-"""A* over the states (point of the roadmap, behavior), with landmarks for the lower bound.
+"""A* over the states (point of the roadmap, behavior), with landmarks for the bound.
 
 Arguments of all helpers: ``graph`` (RoadGraph); ``goal`` (_Goal); n ``behaviors``, i and j among them, with ``costs``
 (n,) of a meter and ``turned`` (n,), True for those that face away from the direction of motion; ``preferred``, the cost
@@ -29,8 +29,8 @@ STATE = np.dtype(
 """The cheapest way known to a state; valid in the search whose number is ``stamp``.
 
 cost: up to this state. since: meters walked since the last turned section, 0 in one, infinite if there was none. run:
-meters walked in the present section, infinite in the first. rest: lower bound of the cost still to pay. before:
-previous state, -1 for the start.
+meters walked in the present section, infinite in the first. rest: about the least cost still to pay, see
+`_bound_to_goal`. before: previous state, -1 for the start.
 """
 
 
@@ -68,7 +68,7 @@ class RoadGraph(NamedTuple):
 
 
 class _Goal(NamedTuple):
-    """Goal of a search, with the data for lower bounds of the cost to it."""
+    """Goal of a search, with the data for bounds of the cost to it."""
 
     x: float
     y: float
@@ -120,10 +120,11 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
 
 @helper
 def _bound_to_goal(graph, goal, state, p, preferred):
-    """Return a lower bound of the cost from ``state`` of point p to the goal.
+    """Return a bound of the cost from ``state`` of point p to the goal, for the order of the search.
 
     It is the straight distance at the preferred behavior or, if larger, |cost to goal - cost to state| from any
-    landmark in use (triangle inequality).
+    landmark in use (triangle inequality). The latter may be too high by the cost of changes of behavior: the goal's
+    cost is the least over all behaviors, but the way from ``state`` may end in another one than that.
     """
     bound = hypot(graph.points[p].x - goal.x, graph.points[p].y - goal.y) * preferred
     for i in range(goal.telling.size):
@@ -295,7 +296,7 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
     while count > 0:
         pop(heap, count)
         count -= 1
-        # The heap's least bound is no less than the cost of the way found: that way is the cheapest.
+        # The heap's least bound is no less than the cost of the way found: that way counts as the cheapest.
         if heap[count].key >= best:
             break
         at = heap[count].item

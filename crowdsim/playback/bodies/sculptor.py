@@ -181,8 +181,7 @@ class _Sculptor(BodyParts):
                 radii = [0.059, 0.057, 0.053, 0.049, 0.048, 0.048, 0.047, 0.042, 0.037]
             limbs.append((np.array(points), np.array(radii) * k))
         skin, (body, *sleeves) = self.dress(trunk, limbs)
-        spine, along = self.along_spine(body.points)
-        joints, weights = spine.copy(), along.copy()
+        joints, weights = self.along_spine(body.points)
         for side, (line, thick), sleeve in zip(("left", "right"), limbs, sleeves, strict=True):
             tube = Tube(line, thick)
             upper, lower = self.skeleton.joint(f"{side}_shoulder"), self.skeleton.joint(f"{side}_elbow")

@@ -175,8 +175,10 @@ def margin_at(ground, box, x, y, behavior):
         needed = ground.radii[behavior, ground.layers[number]]
         ax, ay, bx, by = ground.segments[number]
         square = point_segment_distance2(x, y, ax, ay, bx, by)
-        # Take the root only if this segment leaves less than the ones before.
-        if square < (needed + least) * (needed + least):
+        # Take the root only if this segment leaves less than the ones before. None does below a bound of 0, but the
+        # square of a negative bound would let it.
+        bound = needed + least
+        if bound > 0.0 and square < bound * bound:
             least = math.sqrt(square) - needed
     return least
 

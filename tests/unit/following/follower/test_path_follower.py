@@ -299,3 +299,33 @@ def test_input_that_does_not_fit_is_refused(maps: MotionMaps) -> None:
     short = Samples(path.pose[:1], path.arc[:1], path.behavior[:1])
     with pytest.raises(MotionError, match="two samples"):
         follow_path(Character(GRAPH, maps, RADII, FACINGS), short, world.meshes, np.zeros(3))
+
+
+def test_more_branches_find_no_more_than_a_search_that_left_out_none(maps: MotionMaps) -> None:
+    character, rng, ends = Character(GRAPH, maps, RADII, FACINGS), np.random.default_rng(3), {True: 0, False: 0}
+    for _ in range(60):
+        # The path leads through the end of the hall, so every search ends in vain.
+        end, branches = rng.uniform(0.5, 2.5), int(rng.integers(1, 40))
+        world, path = scene(shapely.box(-2.0, -1.2, end, 1.2)), sample([(0.0, 0.0), (end + 2.0, 0.0)])
+        start, node = np.array([*rng.uniform(-0.2, 0.2, 2), rng.uniform(-1.0, 1.0)]), int(rng.integers(len(NAMES)))
+        options = FollowOptions(branches=branches, budget=400)
+        search = PathFollower(character, path, world.meshes, start, node, options)
+        found = search.next()
+        if found.status is not FollowStatus.BLOCKED:
+            continue
+        ends[search.left_out] += 1
+        if not search.left_out:
+            thorough = FollowOptions(branches=THOROUGH_BRANCHES, budget=4000)
+            assert thorough.only_searches_more(options)
+            more = PathFollower(character, path, world.meshes, start, node, thorough).next()
+            assert (more.status, more.reached, more.expansions) == (found.status, found.reached, found.expansions)
+            np.testing.assert_array_equal(more.nodes, found.nodes)
+    assert min(ends.values()) > 3, ends
+
+
+def test_options_that_ask_for_something_else_do_not_only_search_more() -> None:
+    asked = FollowOptions(goal_tolerance=0.1)
+    assert FollowOptions(goal_tolerance=0.1, branches=100, budget=1).only_searches_more(asked)
+    assert not FollowOptions(goal_tolerance=0.1, branches=23).only_searches_more(asked)
+    assert not FollowOptions(goal_tolerance=0.2, branches=100).only_searches_more(asked)
+    assert not FollowOptions(goal_tolerance=0.1, end_standing=True).only_searches_more(asked)

@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 import shapely
 
+from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import GeometryError
 from crowdsim.jit import kernel
+from crowdsim.planning.query.requirements import Requirements
 from crowdsim.steering.guidance.field import solve_field, ways
 from crowdsim.steering.guidance.ground import NOBODY, build_ground, update_ground
-from crowdsim.steering.guidance.ground_kernels import BOX, STEPS, box_at, line_cost, pin_of, widest_at
+from crowdsim.steering.guidance.ground_kernels import BOX, SPARE, STEPS, box_at, line_cost, margin_at, pin_of, widest_at
 from crowdsim.steering.guidance.place_walls import outline_segments
 from tests.reference import guidance_reference
-from tests.support.guided import NEED, ground_of
+from tests.support.guided import NEED, behavior, ground_of
 from tests.support.small_scenes import scene
 
 
@@ -32,6 +34,12 @@ def pins_of(ground, out):
 def costs_of(ground, crowding, lines, out):
     for n in range(len(lines)):
         out[n] = line_cost(ground, crowding, lines[n, 0], lines[n, 1], lines[n, 2], lines[n, 3], np.inf)
+
+
+@kernel
+def margins_of(ground, places, behavior, out):
+    for n in range(len(places)):
+        out[n] = margin_at(ground, box_at(ground, places[n, 0], places[n, 1]), places[n, 0], places[n, 1], behavior)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -170,3 +178,30 @@ def test_three_layers_are_all_asked():
     labels_at(ground, places, found)
     assert (found >= guidance_reference.widest(areas, radii + 1e-5, places)).all()
     assert (found <= guidance_reference.widest(areas, radii - 1e-5, places)).all()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_margins_are_the_least_over_all_walls_however_deep_in_them(seed):
+    areas = scene(seed)
+    ground = ground_of(areas)
+    places = np.random.default_rng(seed).uniform(0.0, 10.0, (2000, 2))
+    points = shapely.points(places)
+    found = np.empty(len(places))
+    for wide in range(len(NEED.costs)):
+        margins_of(ground, places, wide, found)
+        walls = np.stack([shapely.distance(points, area.boundary) for area in areas], axis=1)
+        twin = np.minimum((walls - NEED.radii[wide]).min(axis=1), SPARE)
+        np.testing.assert_allclose(found, twin, atol=1e-5)
+        assert (twin < -0.1).any()
+
+
+def test_a_margin_does_not_depend_on_the_order_of_the_walls():
+    # At a wall of the legs, 0.18 m from one of the other layer.
+    areas, radii = [shapely.box(0.0, 0.0, 8.0, 8.0), shapely.box(-0.18, -4.0, 12.0, 12.0)], [0.31, 0.12]
+    for first in 0, 1:
+        order = [first, 1 - first]
+        need = Requirements.of([behavior("wide", *(radii[k] for k in order), 1.0)], 2, TRACKING_MARGIN)
+        ground = build_ground([outline_segments(areas[k]) for k in order], need)
+        found = np.empty(1)
+        margins_of(ground, np.array([[0.0, 4.0]]), 0, found)
+        assert found[0] == pytest.approx(-0.31 - TRACKING_MARGIN, abs=1e-5)
