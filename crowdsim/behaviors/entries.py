@@ -69,8 +69,6 @@ class Entries:
         Behavior b has the rows ``first[b]`` to ``first[b + 1] - 1``; none if it walks sideways.
     natural_speed : (B,) float64
         Speed of the cycle that bodies of the behavior are deformed from [m/s].
-    idle_node : (B,) int32
-        Node in which a body of the behavior stands, entered at frame 0; NONE if there is none.
     """
 
     node: Ints
@@ -81,7 +79,6 @@ class Entries:
     foot: Floats
     first: NDArray[np.int64]
     natural_speed: Floats
-    idle_node: Ints
 
 
 def node_phases(behavior_set: BehaviorSet) -> Floats:
@@ -211,7 +208,6 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
         foot=_foot_places(behavior_set, rows, phases[rows]),
         first=first,
         natural_speed=natural,
-        idle_node=_idle_nodes(behavior_set),
     )
 
 
@@ -297,13 +293,3 @@ def _foot_places(behavior_set: BehaviorSet, rows: NDArray[np.int64], phases: Flo
     balls = [skeleton.roles.get(f"{side}_toe", skeleton.joint(f"{side}_ankle")) for side in ("left", "right")]
     foot: Floats = places[np.arange(len(rows)), np.where(phases < 0.5, *balls), :2]
     return foot
-
-
-def _idle_nodes(behavior_set: BehaviorSet) -> Ints:
-    """Return (B,) the first idle node of each behavior, NONE if there is none."""
-    arrays = behavior_set.graph.arrays
-    idle = np.full(len(behavior_set.behaviors), NONE, np.int32)
-    # Backwards, so that the first one is written last.
-    nodes = np.flatnonzero(arrays.node_idle)[::-1]
-    idle[arrays.node_behavior[nodes]] = nodes
-    return idle

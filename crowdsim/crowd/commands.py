@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Mapping
 from typing import Any, NoReturn
 
@@ -61,10 +62,9 @@ class Commands:
             command = Command.model_validate({**plain, "at": at})
         except ValidationError as error:
             raise ScenarioError(schema_problems(error, document, Command)) from None
-        later = next((k for k, each in enumerate(self.given) if each.at > at), len(self.given))
-        given = [*self.given[:later], command, *self.given[later:]]
-        self._require_possible(command, later, given, left)
-        self.given = given
+        later = bisect_right(self.given, at, key=lambda each: each.at)
+        self._require_possible(command, later, left)
+        self.given.insert(later, command)
         self.called.take(command)
 
     def next_on_call(self, group: str, count: int) -> list[int]:
@@ -111,8 +111,8 @@ class Commands:
     def _read(self, commands: list[Command]) -> TimetableReader:
         return read_timetable(self._scenario, self._scenario.environment.solids, commands)
 
-    def _require_possible(self, command: Command, place: int, given: list[Command], left: NDArray[np.bool_]) -> None:
-        """Refuse a command, at index ``place`` of all that are ``given``, unless all of them are possible."""
+    def _require_possible(self, command: Command, place: int, left: NDArray[np.bool_]) -> None:
+        """Refuse a command, which comes at index ``place`` of all that are given, unless all of them are possible."""
         scenario = self._scenario
         asked = command.commanded
         if asked is not None:
@@ -133,7 +133,7 @@ class Commands:
         if place == len(self.given) and command.at >= self._planned.last:
             complaint = self._planned.append(("commands", place), command)
         else:
-            planned = self._read(given)
+            planned = self._read([*self.given[:place], command, *self.given[place:]])
             complaint = planned.wrong[0][1] if planned.wrong else None
             self._planned = self._planned if planned.wrong else planned
         if complaint is not None:

@@ -27,8 +27,9 @@ class MixedStatistics:
     def add(self, everybody: NDArray[Any]) -> None:
         """Add one step; ``everybody`` (ROW) are all agents in the world."""
         captured, steered = self._captured, self._steered
-        captured.measure(captured.frame())
-        steered.measure(steered.frame())
+        captured.statistics.add(captured.frame())
+        steered.statistics.add(steered.world.view(), steered.steering)
+        # Gaps within each level are among those of all agents.
         crowd = steered.steering.sort(everybody, steered.place.bounds)
         rows = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
         gap, centers = closest_bodies(rows, crowd.broadest, CENTER_LIMIT)

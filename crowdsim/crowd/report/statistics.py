@@ -50,13 +50,11 @@ class Statistics:
         self.feet = FootStatistics(self.assets.motion, self.assets.steps_per_second)
 
     def add(self, frame: RecordedFrame) -> None:
-        """Add one step of all agents, in the environment as it is now."""
+        """Add one step of all agents, in the environment as it is now, but for their gaps."""
         state = np.asarray(frame.state)
         present = np.flatnonzero(state != AgentState.ABSENT)
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
         behavior = np.asarray(frame.behavior, np.int32)[present]
-        places = np.ascontiguousarray(pose[:, :2])
-        self.closest = min(self.closest, closest_pair(places, *sorted_places(places), self.closest))
         for layer, mesh in enumerate(self.environment.meshes):
             radii = np.ascontiguousarray(self.assets.body_radii[:, layer])
             self.margin[layer] = min(
@@ -75,6 +73,11 @@ class Statistics:
                 np.add.at(self.way[row], how[inside], gone[inside])
         self.feet.add(frame, present)
         self._before = frame
+
+    def add_gaps(self, frame: RecordedFrame) -> None:
+        """Measure how near agents are to each other in one step."""
+        places = np.column_stack([frame.x, frame.y])[np.asarray(frame.state) != AgentState.ABSENT]
+        self.closest = min(self.closest, closest_pair(places, *sorted_places(places), self.closest))
 
     def shares(self, row: int) -> dict[str, float]:
         """Return the share of the way by behavior in row ``row`` of ``way``; all zero if no agent walked."""

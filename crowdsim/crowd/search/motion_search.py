@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd.search.plan_kernels import measure_offsets
-from crowdsim.crowd.search.standing import attempts, nearest_end
+from crowdsim.crowd.search.standing import attempts, nearest_end, only_searches_more
 from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
@@ -225,7 +225,7 @@ class MotionSearch:
             # What was found comes near: attempts that only have to come near find nothing better.
             if least < np.inf and not exactly:
                 break
-            if any(options.only_searches_more(than) for than in vain):
+            if any(only_searches_more(options, than) for than in vain):
                 continue
             search = PathFollower(assets.character, samples, arrays, origin, node, options)
             # Map queries of a slice, and nodes to keep, with the departure, which is the first node of a result.

@@ -20,6 +20,7 @@ from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.itineraries import Itineraries
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.crowd.state.timelines import Playback
+from crowdsim.ecs.world import View
 from crowdsim.errors import PathNotFound
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
@@ -108,6 +109,12 @@ class Plans:
     def rank(self, agent: int) -> int:
         """Return the rank of an agent that sets out now: behind all that did before, and behind lower numbers."""
         return (self.step * len(self.itineraries.cast.starts) + agent) * _FOLLOWERS
+
+    def rows_of_agents(self, view: View) -> NDArray[np.int64]:
+        """Return the row of each agent (n,), NONE outside of the world."""
+        rows = np.full(len(self.itineraries.cast.starts), NONE, np.int64)
+        rows[view.agent] = np.arange(len(view.agent))
+        return rows
 
     def request(self, agent: int, request: Request, join: Join | None = None, walks: bool = False) -> None:
         """Request a search for one agent, replacing the one under way; a slice of it begins in this step.

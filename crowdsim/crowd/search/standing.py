@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,14 @@ def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[Fo
                 yield options, nearest
     for breadth, share in ((FollowOptions.branches, quick), (THOROUGH_BRANCHES, budget - quick)):
         yield FollowOptions(end_standing=request.stays, branches=breadth, budget=max(share, 1)), False
+
+
+def only_searches_more(options: FollowOptions, than: FollowOptions) -> bool:
+    """Return True if a search with ``options`` differs from another one only by more branches, or its budget.
+
+    If that one ended without leaving out a branch, such a search finds the same.
+    """
+    return options.branches >= than.branches and replace(options, branches=than.branches, budget=than.budget) == than
 
 
 def nearest_end(

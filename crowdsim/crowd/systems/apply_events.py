@@ -49,7 +49,8 @@ class Events:
         if not agenda.collect(plans.step):
             return []
         # Where agents are and will be, as lines.
-        lines = reserved_lines(view, plans.step * plans.assets.frames_per_step // SLOT_FRAMES)
+        slot = plans.step * plans.assets.frames_per_step // SLOT_FRAMES
+        lines = reserved_lines(view.timeline, view.timeline_start, slot)
         waiting, outlines, happened = [], [], []
         for number in agenda.waiting:
             event = agenda.timetable.events[number]
@@ -80,13 +81,16 @@ class Events:
         return self.agenda.report()
 
 
-def reserved_lines(view: View, slot: int) -> NDArray[Any]:
-    """Return the rest of each row's reserved timeline as (N,) lines, from ``slot`` on."""
+def reserved_lines(timelines: NDArray[np.float64], starts: NDArray[np.int64], slot: int) -> NDArray[Any]:
+    """Return the rest of reserved timelines (N, K, 13) as (N,) lines, from ``slot`` on; they begin at ``starts`` (N,).
+
+    A timeline that is over is a point.
+    """
     # Indices of the samples, clamped: a timeline stays at its last sample.
-    last = view.timeline.shape[1] - 1
-    first = np.clip(slot - view.timeline_start, 0, last)
+    last = timelines.shape[1] - 1
+    first = np.clip(slot - starts, 0, last)
     ahead = np.minimum(first[:, None] + np.arange(last + 1), last)
-    lines: NDArray[Any] = shapely.linestrings(np.take_along_axis(view.timeline[..., :2], ahead[:, :, None], axis=1))
+    lines: NDArray[Any] = shapely.linestrings(np.take_along_axis(timelines[..., :2], ahead[:, :, None], axis=1))
     return lines
 
 

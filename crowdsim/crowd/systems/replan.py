@@ -35,11 +35,12 @@ AT_GOAL = 0.25
 
 def search_on(plans: Plans, view: View) -> None:
     """Continue the searches by another slice, while agents walk on what was found so far."""
+    rows = plans.rows_of_agents(view)
 
     def played(agent: int) -> int:
         """Return how many nodes of an agent's plan it has begun or reserved, which a search must not change."""
-        rows = np.flatnonzero(view.agent == agent)
-        return int(np.maximum(view.cursor, view.reserved)[rows].max(initial=NONE)) + 1
+        row = rows[agent]
+        return 0 if row == NONE else int(max(view.cursor[row], view.reserved[row])) + 1
 
     plans.search_on(played)
 
@@ -53,9 +54,10 @@ class Replanning:
     def replan(self, view: View) -> None:
         """Hand out what searches found, then request plans for agents that wait."""
         plans, assets = self.plans, self.plans.assets
+        row_of = plans.rows_of_agents(view)
         for found in plans.collect():
-            row = int(np.argmax(view.agent == found.agent)) if len(view.agent) else 0
-            if row == len(view.agent) or view.agent[row] != found.agent:
+            row = int(row_of[found.agent])
+            if row == NONE:
                 plans.hand_out(found.agent, found.plan)  # not in the world yet: spawning takes it from there
             # More of a motion whose beginning it walks; a continuation of another plan; a plan from a stand.
             elif found.first:

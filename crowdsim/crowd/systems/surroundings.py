@@ -89,7 +89,11 @@ class Surroundings:
             return _NOTHING
         slot = self.plans.step * self.plans.assets.frames_per_step // SLOT_FRAMES
         # Where it is before it enters; then all that is left of its reserved timeline.
-        line = shapely.Point(walker.place) if walker.row == NONE else reserved_lines(view, slot)[walker.row]
+        if walker.row == NONE:
+            line = shapely.Point(walker.place)
+        else:
+            row = slice(walker.row, walker.row + 1)
+            line = reserved_lines(view.timeline[row], view.timeline_start[row], slot)[0]
         distance = walker.body_radius + KEPT_OFF
         segments = [_NOTHING]
         for part in (part for outline in waited_for for part in polygons_only(outline).geoms):

@@ -47,8 +47,7 @@ STATE_COLUMNS = 5
 """Columns of ``search.state``: stage on top, map queries made, nodes of the best solution, nodes of the present one
 that must stay, number of stages that listed as many entries as they may, so that more may fit."""
 
-ROW = 0
-ENTRY = 1
+ROW, ENTRY = range(2)
 """Rows of ``search.marked``: map rows looked at, and entries listed, by the stage of that serial number."""
 
 _GAIN = 0.05

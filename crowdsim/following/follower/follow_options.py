@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,10 +63,3 @@ class FollowOptions:
     candidates: int = 48
     branches: int = 24
     budget: int = 4_000
-
-    def only_searches_more(self, than: FollowOptions) -> bool:
-        """Return True if a search with these options differs from one with others only by more branches, or its budget.
-
-        If that one ended without leaving out a branch, such a search does the same.
-        """
-        return self.branches >= than.branches and replace(self, branches=than.branches, budget=than.budget) == than

@@ -283,11 +283,12 @@ class Guidance:
         PLAIN and those of dropped fields are replaced.
         """
         lost = 0
-        for goal, fields in enumerate(self._fields):
+        # Goals that agents have: commands may have given many others before.
+        for goal in np.unique(state["goal"][state["goal"] >= 0]).tolist():
             self._fix_numbers(goal, state, following)
             mine = state["goal"] == goal
             without = 0
-            for number, field in fields.items():
+            for number, field in self._fields[goal].items():
                 agents = np.flatnonzero(mine & (following == number))
                 if len(agents):
                     without += guide(self.ground, field, self.asked, agents, state)

@@ -51,6 +51,20 @@ def test_nothing_is_kept_of_those_who_left(locomotion: str) -> None:
         assert np.isnan(crowd.frame().x).all()
 
 
+def test_an_agent_that_arrived_and_finds_no_way_back_counts_once() -> None:
+    group = "name: some, locomotion: captured, count: 2, start: {rectangle: [6, 2, 7, 4]}, goal: {point: [9, 3]}"
+    with Simulation(parse_scenario(two_rooms(group))) as simulation:
+        crowd = simulation.crowd
+        assert isinstance(crowd, CapturedCrowd)
+        # The first one has arrived, gave way, and finds no way back; the second one is on its way.
+        crowd.despawning.arrived[0] = 1
+        crowd.plans.unreachable[0] = "no path"
+        assert not simulation.finished
+        # Nor does the second one find a way.
+        crowd.plans.unreachable[1] = "no path"
+        assert simulation.finished
+
+
 def test_a_block_ends_the_threads_of_a_simulation_that_was_stepped(tmp_path: Path) -> None:
     with Simulation(parse_scenario(two_rooms(ONE))) as simulation:
         simulation.step()

@@ -11,7 +11,7 @@ from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.search.motion_search import MotionSearch
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state.assets import Assets, prepare
-from crowdsim.crowd.state.environment import EnvironmentState
+from crowdsim.crowd.state.environment import Edit, EnvironmentState
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.errors import PathNotFound
 from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
@@ -129,6 +129,19 @@ def test_a_change_of_the_place_is_taken_in_with_the_next_slice(
     assert search.recoveries >= 1
     at_the_wall = plan.origins[np.argmin(np.abs(plan.origins[:, 0] - 5.1)), 1]
     assert at_the_wall > 3.0, "by the upper door"
+
+
+def test_edits_that_come_before_any_node_begin_a_search_anew_however_many_they_are(
+    assets: Assets, environment: EnvironmentState
+) -> None:
+    search = MotionSearch(assets, environment, TO_THE_OTHER_ROOM)
+    for _ in range(1200):
+        search.advance(0, TINY)  # nothing of what is found so far is played
+        assert not search.over
+        environment.edits.append(Edit(None, None))
+    while not search.over:
+        plan = plan_of(search.advance(0))
+    assert plan.arrives
 
 
 def test_a_path_search_that_may_not_change_anything_says_so(assets: Assets, environment: EnvironmentState) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from crowdsim.constants import TRACKING_MARGIN
-from crowdsim.crowd.search.standing import attempts
+from crowdsim.crowd.search.standing import attempts, only_searches_more
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state.assets import Assets, prepare
 from crowdsim.crowd.state.environment import EnvironmentState
@@ -125,3 +125,11 @@ def test_a_run_brings_everyone_to_its_place_turned_as_asked_for_any_number_of_wo
     assert summary["stands"]["off_goal_most"] <= 0.02 + 1e-6
     assert summary["stands"]["off_heading_most"] <= 15.0
     assert np.abs(wrap_angle(pose[:, 2] - np.pi / 4)).max() <= np.radians(15.5)
+
+
+def test_options_that_ask_for_something_else_do_not_only_search_more() -> None:
+    asked = FollowOptions(goal_tolerance=0.1)
+    assert only_searches_more(FollowOptions(goal_tolerance=0.1, branches=100, budget=1), asked)
+    assert not only_searches_more(FollowOptions(goal_tolerance=0.1, branches=23), asked)
+    assert not only_searches_more(FollowOptions(goal_tolerance=0.2, branches=100), asked)
+    assert not only_searches_more(FollowOptions(goal_tolerance=0.1, end_standing=True), asked)

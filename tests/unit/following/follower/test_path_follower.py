@@ -316,16 +316,7 @@ def test_more_branches_find_no_more_than_a_search_that_left_out_none(maps: Motio
         ends[search.left_out] += 1
         if not search.left_out:
             thorough = FollowOptions(branches=THOROUGH_BRANCHES, budget=4000)
-            assert thorough.only_searches_more(options)
             more = PathFollower(character, path, world.meshes, start, node, thorough).next()
             assert (more.status, more.reached, more.expansions) == (found.status, found.reached, found.expansions)
             np.testing.assert_array_equal(more.nodes, found.nodes)
     assert min(ends.values()) > 3, ends
-
-
-def test_options_that_ask_for_something_else_do_not_only_search_more() -> None:
-    asked = FollowOptions(goal_tolerance=0.1)
-    assert FollowOptions(goal_tolerance=0.1, branches=100, budget=1).only_searches_more(asked)
-    assert not FollowOptions(goal_tolerance=0.1, branches=23).only_searches_more(asked)
-    assert not FollowOptions(goal_tolerance=0.2, branches=100).only_searches_more(asked)
-    assert not FollowOptions(goal_tolerance=0.1, end_standing=True).only_searches_more(asked)
