@@ -54,7 +54,7 @@ _OSMESA = DrawingBackend("osmesa", "vtkOSOpenGLRenderWindow")
 
 
 def find_backend() -> DrawingBackend:
-    """Return the best backend of this machine; remember it until the machine, VTK or the environment changes.
+    """Return the best backend of this machine; remember it until boot, VTK, Python or the environment changes.
 
     Raises
     ------

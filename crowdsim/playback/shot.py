@@ -53,7 +53,7 @@ def shot(
     Raises
     ------
     CrowdSimError
-        If a view, time, size or file name is invalid.
+        If a view, agent, way to color, time, size or file name is invalid.
     DrawingUnavailable
         If this machine cannot draw.
     """

@@ -57,7 +57,7 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
                 )
                 for name, code in codes.items()
             ]
-            stream.write_table(pyarrow.table([*numbers, *columns], schema=schema))
+            stream.write_table(pyarrow.table([*numbers, *columns], schema=schema), max(len(rows.agent), 1))
             held.clear()
 
         for rows in choice.blocks(recording):

@@ -36,8 +36,8 @@ MAX_ENTRIES = 2500
 
 _BATCHES = 16
 _ROWS_AT_ONCE = 500_000
-"""A build is cut into at least _BATCHES batches of nodes, with at most _ROWS_AT_ONCE entries each: the units of work
-and of progress. Both are the same for any number of workers."""
+"""A build is cut into up to _BATCHES batches of nodes, or into more if they had room for more than _ROWS_AT_ONCE
+entries: the units of work and of progress. Both are the same for any number of workers."""
 
 
 class MapArrays(NamedTuple):
@@ -132,7 +132,7 @@ class MotionMaps:
         progress: Callable[[int, int], None] | None = None,
         workers: int = 1,
     ) -> MotionMaps:
-        """Grow the map of every node by Dijkstra's search over track length (2012 paper, algorithm 1).
+        """Grow the map of every node by Dijkstra's search over the search cost (2012 paper, algorithm 1).
 
         Parameters
         ----------

@@ -163,7 +163,8 @@ def _bone(place: str, words: dict[str, list[str]]) -> _Bone:
     axis, order = _numbers(place, words["axis"][:3]), "".join(words["axis"][3:]).upper() or "XYZ"
     if len(direction) != 3 or len(length) != 1 or len(axis) != 3 or sorted(order) != ["X", "Y", "Z"]:
         raise MotionError(
-            f"{place}: bone '{words['name'][0]}' needs three numbers of direction, one of length and three of axis"
+            f"{place}: bone '{words['name'][0]}' needs three numbers of direction, one of length, and three of axis "
+            "with their order, as XYZ"
         )
     turns = tuple(word.upper() for word in words.get("dof", []))
     if any(turn not in ("RX", "RY", "RZ") for turn in turns):

@@ -184,15 +184,18 @@ def follow_feet(work):
             count = _play(work, a, node, previous, since, frame, 0.0, 1.0, count)
             continue
         # The last node ends within the step. An agent that leaves an idle node skips the rest of it: the frames played
-        # would then be too many (over 1.5 times the usual), so it plays as many of the idle node as usual, and enters
-        # the next one at the end of the step.
+        # would then be too many (over 1.5 times the usual), so it plays as many as usual: of the idle node at most up
+        # to its end, then the last ones of the next node before ``frame``. It enters that at the end of the step if the
+        # idle node fills the step.
         last = float(table.node_frames[old])
         advance = last - since + frame
         begin, share, end = 0.0, 1.0, last
         if 2.0 * advance <= 3.0 * work.natural:
             share = (last - since) / advance if advance > 0.0 else 1.0
         else:
-            begin, end = frame, min(since + work.natural, last)
+            end = min(since + work.natural, last)
+            share = (end - since) / work.natural
+            begin = frame - (1.0 - share) * work.natural
         count = _play(work, a, old, before, since, end, 0.0, share, count)
         _pose(work, a, old, before, end, share)
         shown = (_shown(work, a, old, end, 0), _shown(work, a, old, end, 1))

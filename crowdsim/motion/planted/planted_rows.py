@@ -42,7 +42,7 @@ class PlantedRows(NamedTuple):
         """Return (n, 2, P): True for points that stay planted in the clips between two frames of one or two nodes.
 
         All (n,): ``old_node`` is played at frame ``old_at``, then ``node`` at frame ``at``. The next node is reached
-        over the end of the old one, as is the same node if ``at`` is not greater than ``old_at``.
+        over the end of the old one, as is the same node if ``at`` is less than ``old_at``.
         """
         table, lifted = self.table, self.lifted
         # Rows around both times. Prefix sums: a point stayed planted if its count did not change.

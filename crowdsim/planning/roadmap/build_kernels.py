@@ -230,8 +230,8 @@ def join_points(layers, radii, around, points, spans):
     stack = np.empty(64, SWEPT)
     pairs = np.empty(8 * points.size + 16, _PAIR)
     count = np.int64(0)
-    # width: the diameter of the narrowest behavior's legs, less the tolerance of a millionth. legs_suffice: on every
-    # layer, this behavior needs no more clearance than its legs do on theirs.
+    # width: the diameter of the narrowest behavior's legs, less a millionth for rounding. legs_suffice: on every layer,
+    # this behavior needs no more clearance than its legs do on theirs.
     width = 2.0 * radii[0, 0] * (1.0 - 1e-6)
     legs_suffice = True
     for k in range(1, len(layers)):
@@ -257,8 +257,8 @@ def join_points(layers, radii, around, points, spans):
                     top = min(p.level, q.level)
                     level = way_level(layers, roots, hints, stack, radii, p.x, p.y, q.x, q.y, top, cx, cy, around[v])
                     if level < 0:
-                        # The corner is wide enough for the legs by the mesh's own measure, so a bend exists even if no
-                        # straight way fits.
+                        # The corner is wide enough for the legs by the mesh's own measure: they get around it, though
+                        # neither way tried fits. So they do on all layers: the lowest mesh holds all their obstacles.
                         if sides[h].corner_clearance < width or not legs_suffice:
                             continue
                         level = 0

@@ -97,8 +97,8 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
     is closer than ``radius`` or than the narrowest behavior needs. The fields ``reach`` and ``kept`` are not filled.
 
     channel: half-edges that the way crosses, the first ``count`` of them. around: (nv, n) clearance [m] that each of n
-    behaviors, the narrowest first, keeps from each vertex. radius: body's clearance there at least [m]. ends: (2, 2)
-    start and goal [m]. corners: CORNER[2 * count] at least.
+    behaviors, the narrowest first, keeps from each vertex. radius: least clearance that the string keeps from any
+    vertex [m]. ends: (2, 2) start and goal [m]. corners: CORNER[2 * count] at least.
     """
     sides = m.sides
     vertices = m.vertices

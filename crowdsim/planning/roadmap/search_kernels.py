@@ -109,11 +109,11 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
         needed = terms[LEAST_SECTION] + terms[FOR_TURN]
     if run >= needed:
         return 0.0
-    # Too short, it is given to the narrower of its neighbors, which saves two changes. If one of them is turned, the
-    # dearest turned behavior stands for it, as it is not known which one came before.
+    # Too short, it is given to the narrower of its neighbors, which saves two changes. The dearest turned behavior
+    # stands for a turned one before it, as it is not known which one that was.
     narrow = costs[j]
     for k in range(costs.size):
-        if turned[k] and (turned[j] or since == run):
+        if turned[k] and since == run:
             narrow = max(narrow, costs[k])
     return max(0.0, (narrow - costs[i]) * run - 2.0 * terms[CHANGE_COST] * costs[costs.size - 1])
 

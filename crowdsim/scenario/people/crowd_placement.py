@@ -322,7 +322,10 @@ def _rows_by_step(steps: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]
 
 
 def captured_placement(cast: CrowdPlacement) -> Placement:
-    """Return the placement of the same agents for captured motion; each goes to its own places in its goals."""
+    """Return the placement of the same agents for captured motion; each goes to its own places in its goals.
+
+    It shares ``starts`` and ``start_steps`` with ``cast``: those who come, and commands, change both for both levels.
+    """
     # Groups that are never steered walk at the speed of their clips, unless the file gives a speed.
     own = np.array(cast.paced) | (np.array(cast.locomotions) != "captured")
     itineraries = [cast.itineraries[number] for number in cast.group.tolist()]

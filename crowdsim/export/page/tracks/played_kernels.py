@@ -12,9 +12,9 @@ headings by one step of turns.
 Arguments of all helpers: ``state``, ``out`` and ``models`` of the coder, as of
 :mod:`crowdsim.export.page.tracks.range_kernels`; ``nodes``, a :class:`NodeTracks`; of one person, for T steps:
 ``exact`` (3, T) float64 x, y and heading in units of place and turn, ``track`` (4, T) integers, the same as a decoder
-finds them and the frame in ticks, ``node`` (T,) the nodes; ``begin``, the step from which the person is present,
-``first`` and ``end``, the steps from and before which columns are coded; ``units`` as of
-:mod:`crowdsim.export.page.tracks.expected_kernels`.
+finds them and the frame in ticks, ``node`` (T,) the nodes; ``frame``, that of a node since its first row, or (T,) of
+them [ticks]; ``begin``, the step from which the person is present, ``first`` and ``end``, the steps from and before
+which columns are coded; ``units`` as of :mod:`crowdsim.export.page.tracks.expected_kernels`.
 """
 
 from __future__ import annotations

@@ -26,6 +26,8 @@ from crowdsim.motion.planted.pin_kernels import (
     pin_feet,
 )
 from crowdsim.motion.planted.planted_rows import NO_LANDING, FootTable, foot_table
+from crowdsim.recording.between import frame_between
+from crowdsim.recording.header import AgentState, RecordedFrame
 from tests.reference.pinned_feet import carried, clip_place, pinned, place_of
 from tests.unit.motion.walker import walk
 
@@ -192,3 +194,32 @@ def test_feet_are_followed_as_by_the_slow_twin(graph: MotionGraph, feet: FootTab
                 places[foot] = shown if stands else None
         before = node, frame
     assert compared > 300
+
+
+@pytest.mark.parametrize("left", [2, 4, 5, 6, 9])
+def test_feet_enter_a_node_when_it_is_shown_however_much_of_the_old_one_is_skipped(
+    graph: MotionGraph, feet: FootTable, left: int
+) -> None:
+    """At 10 steps a second, 6 frames are played a step; an agent that leaves an idle node may be in its last ones."""
+    frames, last = graph.poses.node_frames, int(graph.poses.node_frames[0])
+    new = next(node for node in range(1, len(frames)) if frames[node] > 7 and frames[node] != last)
+    since, frame = float(last - left), 6.0 if left < 6 else 4.0
+    followed = FollowedFeet(graph.poses, feet, 1, 10, NOWHERE)
+    before = Played(np.array([0], np.int32), np.array([-1], np.int32), np.array([since]), np.zeros((1, 3)))
+    after = Played(np.array([new], np.int32), np.array([0], np.int32), np.array([frame]), np.array([[0.1, 0.0, 0.0]]))
+    followed.add(before)
+    _, shares, events = followed.add(after)
+    enters = np.flatnonzero(events[:, NODE] == new)[:2]
+    steps = [frame_of(node, previous, at) for node, previous, at in ((0, -1, since), (new, 0, frame))]
+    for share in np.linspace(0.01, 0.99, 99):
+        shown = frame_between(*steps, share, frames, 10)
+        assert (shown.node[0] == new) == (share > shares[enters[0]] + 1e-9) or abs(share - shares[enters[0]]) < 1e-9
+        if shown.node[0] == new:
+            assert shown.frame[0] >= events[enters, SINCE].max() - 1e-9
+
+
+def frame_of(node: int, previous: int, at: float) -> RecordedFrame:
+    """A recorded step of one agent that walks."""
+    columns = {name: np.zeros(1) for name in ("x", "y", "heading", "phase")}
+    whole = {"node": node, "previous": previous, "behavior": 0, "state": int(AgentState.MOVING)}
+    return RecordedFrame(**columns, frame=np.array([at]), **{name: np.array([each]) for name, each in whole.items()})

@@ -69,9 +69,14 @@ export class FollowedFeet {
     }
     const natural = CAPTURE_RATE / source.rate, last = nodes.frames[old.node], advance = last - old.frame + now.frame;
     let begin = 0, share = 1, end = last;
-    // An agent that leaves an idle node skips the rest of it, and enters the next one at the end of the step.
+    // An agent that leaves an idle node skips the rest of it, and plays as many frames as usual: of the idle node at most
+    // up to its end, then the last ones of the next node.
     if (2 * advance <= 3 * natural) share = advance > 0 ? (last - old.frame) / advance : 1;
-    else [begin, end] = [now.frame, Math.min(old.frame + natural, last)];
+    else {
+      end = Math.min(old.frame + natural, last);
+      share = (end - old.frame) / natural;
+      begin = now.frame - (1 - share) * natural;
+    }
     found.parts = [partOf(old, old.frame, end, 0, share), partOf(now, begin, now.frame, share, 1)];
     return found;
   }
