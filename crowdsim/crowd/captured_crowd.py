@@ -151,8 +151,9 @@ class CapturedCrowd:
     @property
     def finished(self) -> bool:
         """Return True if all agents that can arrive have arrived."""
-        # As long as doors may open, a goal may become reachable.
-        lost = len(self.plans.unreachable) if self.events.over else 0
+        # As long as doors may open, a goal may become reachable. One that arrived, gave way and finds no way back has
+        # arrived.
+        lost = sum(self.arrivals[agent] == NONE for agent in self.plans.unreachable) if self.events.over else 0
         return self.arrived + lost >= int(self.expected.sum())
 
     def close(self) -> None:
@@ -170,14 +171,14 @@ class CapturedCrowd:
         """
         view = self.world.view()
         affected = AffectedAgents(self.plans, view)
-        rows = {int(agent): row for row, agent in enumerate(view.agent.tolist())}
+        rows = self.plans.rows_of_agents(view)
         for agent, place in zip(agents.tolist(), places, strict=True):
             self.itineraries.redirect(agent, place, stays)
             self.despawning.arrived[agent] = NONE
             self.plans.away.discard(agent)
-            row = rows.get(agent)
+            row = int(rows[agent])
             # Outside of the world, it asks for another motion before it enters.
-            if row is None:
+            if row == NONE:
                 self.plans.forget(agent)
                 self.spawning.forget(agent)
                 continue
@@ -297,6 +298,7 @@ class CapturedCrowd:
     def measure(self, frame: RecordedFrame) -> None:
         """Add the present step to the statistics."""
         self.statistics.add(frame)
+        self.statistics.add_gaps(frame)
 
     def summary(self) -> dict[str, Any]:
         """Return the figures that sum up the run."""

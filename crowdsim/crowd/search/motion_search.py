@@ -139,7 +139,17 @@ class MotionSearch:
         return int(work)
 
     def _search(self) -> Generator[MotionPlan, None, MotionPlan | PathNotFound]:
-        """Run all tries in the order that the class describes; yield plans so far, and return the final result."""
+        """Yield plans so far, and return the final result; begin anew after each edit that comes before any node."""
+        while True:
+            found = yield from self._try_all()
+            if found is not None:
+                return found
+
+    def _try_all(self) -> Generator[MotionPlan, None, MotionPlan | PathNotFound | None]:
+        """Run all tries in the order that the class describes; yield plans so far, and return the final result.
+
+        Return None if nothing was found in an environment that has changed, and nothing is played yet.
+        """
         environment, request = self.environment, self.request
         if self.is_way_around:
             passing = yield from self._passing()
@@ -161,9 +171,8 @@ class MotionSearch:
             return plan
         if kept:
             return (yield from self._recover(plan, kept))
-        # The environment has changed, and nothing is played yet: begin anew.
         if environment.revision != revision:
-            return (yield from self._search())
+            return None
         # It stands idle and finds no first node: it may be too near to an obstacle.
         if plan.count == 0 and request.departure is not None and self.assets.graph.node_idle[request.departure[0]]:
             return (yield from self._step_aside(route)) or plan
