@@ -11,18 +11,13 @@ Arguments are those of :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`; 
 import numpy as np
 
 from crowdsim.errors import BoundExceeded
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.growing_kernels import longer
 from crowdsim.navmesh.mesh.heap_kernels import pop, push
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.shortest.shortest_scratch import ARRIVAL
-from crowdsim.navmesh.shortest.tangent_search_kernels import (
-    SAME,
-    begin_search,
-    distance,
-    is_free_end,
-    string_through,
-)
+from crowdsim.navmesh.shortest.tangent_search_kernels import SAME, begin_search, is_free_end, string_through
 
 
 @helper
@@ -92,7 +87,7 @@ def search_all(m, graph, scratch, start, goal, disc, longest):
             if filled > k:
                 # Even numbers in the heap are arrivals, odd ones their tangents to the goal.
                 node = nodes[end.node]
-                heap, size = push(heap, size, cost + distance(goal.x - node.x, goal.y - node.y), 2 * k)
+                heap, size = push(heap, size, cost + hypot(goal.x - node.x, goal.y - node.y), 2 * k)
     while size > 0:
         pop(heap, size)
         size -= 1
@@ -124,7 +119,7 @@ def search_all(m, graph, scratch, start, goal, disc, longest):
                 continue
             through = cost + link.cost
             node = nodes[link.to]
-            estimate = through + distance(goal.x - node.x, goal.y - node.y)
+            estimate = through + hypot(goal.x - node.x, goal.y - node.y)
             if estimate > longest:
                 continue
             new = filled

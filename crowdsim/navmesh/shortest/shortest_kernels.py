@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.sweep_kernels import is_free_way
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
@@ -24,7 +25,7 @@ from crowdsim.navmesh.paths.string_kernels import pull
 from crowdsim.navmesh.paths.tangent_kernels import COARSE, tangent
 from crowdsim.navmesh.shortest.complete_search_kernels import search_all, string_of_arrival
 from crowdsim.navmesh.shortest.end_kernels import see_each_other, sees, stand_at
-from crowdsim.navmesh.shortest.tangent_search_kernels import SAME, distance, search_tangents, string_of
+from crowdsim.navmesh.shortest.tangent_search_kernels import SAME, search_tangents, string_of
 
 _DETOUR = 1.06
 """The first search is for paths at most this many times as long as the straight line: most are, and it is cheap."""
@@ -95,12 +96,12 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
     else:
         straight = see_each_other(m, start.triangle, sx, sy, gx, gy)
     if straight:
-        return OK, straight_path(sx, sy, gx, gy), distance(gx - sx, gy - sy)
+        return OK, straight_path(sx, sy, gx, gy), hypot(gx - sx, gy - sy)
     # First near the straight line, then everywhere.
     last = NONE
     length = np.inf
     lost = np.inf
-    for longest in (_DETOUR * distance(gx - sx, gy - sy), np.inf):
+    for longest in (_DETOUR * hypot(gx - sx, gy - sy), np.inf):
         last, length, lost = search_tangents(m, graph, scratch, start, goal, disc, longest)
         if last >= 0:
             break

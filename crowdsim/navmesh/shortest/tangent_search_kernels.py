@@ -11,16 +11,14 @@ Arguments of all helpers: ``graph`` (TangentGraph); ``scratch``, ``disc``, ``sta
 ``goals`` (END, the tangents to the goal) as of :mod:`crowdsim.navmesh.shortest.shortest_scratch`; ``stamp``, the number
 of the query; ``n``, a node: a way around an arc, counter-clockwise if even. ``turned`` is the angle from the begin of
 the arc to the place of arrival [rad], ``straight`` the length of the tangent before it [m]. ``m`` is the mesh
-(MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; d = (dx, dy) is a vector [m]; ``longest`` is the length beyond
-which no way is followed [m]; ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
+(MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``longest`` is the length beyond which no way is followed
+[m]; ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
 """
-
-import math
 
 import numpy as np
 
 from crowdsim.errors import BoundExceeded
-from crowdsim.geometry.elementary_kernels import tan
+from crowdsim.geometry.elementary_kernels import hypot, tan
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.sweep_kernels import is_free_way
 from crowdsim.navmesh.mesh.heap_kernels import pop, push
@@ -31,12 +29,6 @@ from crowdsim.navmesh.shortest.visibility_kernels import set_ellipse
 
 SAME = 1e-9
 """Difference [m] or [rad] below which lengths and angles count as equal."""
-
-
-@helper
-def distance(dx, dy):
-    """Return the length of the vector d."""
-    return math.sqrt(dx * dx + dy * dy)
 
 
 @helper
@@ -80,7 +72,7 @@ def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kep
             straight = link.cost - radius * (link.leave - link.arrive)
             if not _is_shorter(kept_turned - link.leave, radius, kept_straight, straight):
                 node = nodes[link.to]
-                lost = min(lost, cost + link.cost + distance(goal.x - node.x, goal.y - node.y))
+                lost = min(lost, cost + link.cost + hypot(goal.x - node.x, goal.y - node.y))
     # Likewise the tangent to the goal, if the goal sees this arc.
     end = goals[n]
     seen = end.stamp == stamp and end.turned >= turned - SAME and end.turned < until
@@ -162,7 +154,7 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
         node = nodes[ends[k].node]
         # Costs of nodes are counted at the begin of their arcs: less the part of the arc before the place of arrival.
         cost = ends[k].length - radius * ends[k].turned
-        heap, size = push(heap, size, cost + distance(goal.x - node.x, goal.y - node.y), 2 * total + k)
+        heap, size = push(heap, size, cost + hypot(goal.x - node.x, goal.y - node.y), 2 * total + k)
     while size > 0:
         pop(heap, size)
         size -= 1
@@ -196,7 +188,7 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
         else:
             n = item
             label = labels[n]
-            if key > label.cost + distance(goal.x - nodes[n].x, goal.y - nodes[n].y) + SAME:
+            if key > label.cost + hypot(goal.x - nodes[n].x, goal.y - nodes[n].y) + SAME:
                 continue
         # Extend to the goal and across all links that leave the arc behind the place of arrival.
         cost = label.cost
@@ -216,7 +208,7 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
                 continue
             other = _settle(graph, goals, stamp, goal, disc, link.to, to, through, link.arrive, straight, n)
             lost = min(lost, other)
-            heap, size = push(heap, size, through + distance(goal.x - node.x, goal.y - node.y), link.to)
+            heap, size = push(heap, size, through + hypot(goal.x - node.x, goal.y - node.y), link.to)
     return NONE, np.inf, lost
 
 
