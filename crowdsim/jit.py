@@ -30,6 +30,7 @@ __all__ = [
     "cache_folder",
     "compiled_kernels",
     "helper",
+    "inlined",
     "is_cold",
     "kernel",
     "kernel_name",
