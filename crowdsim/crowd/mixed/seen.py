@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
-from crowdsim.crowd.state.components import BEND, QUARTERS, RADIUS, REST, SLOT_FRAMES
+from crowdsim.crowd.state.components import BEND, QUARTERS, RADIUS, REST
 from crowdsim.crowd.state.itineraries import Itineraries
+from crowdsim.crowd.state.timelines import slot_of
 from crowdsim.crowd.steered.components import NO_GOAL
 from crowdsim.crowd.steered.errands import Errands
 from crowdsim.ecs.world import View
@@ -92,7 +93,7 @@ def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.in
     """
     timeline, bodies = view.timeline[..., :2], view.timeline[..., RADIUS:]
     last = timeline.shape[1] - 1
-    first = np.clip(now_slot(step) - view.timeline_start, 0, last)
+    first = np.clip(slot_of(step, CAPTURE_RATE // STEERING_RATE) - view.timeline_start, 0, last)
     begins, ends = timeline[:, :-1], timeline[:, 1:]
     ahead = np.arange(last) >= first[:, None]
     # From the segment that holds the present on. Those of length 0 are left out; the rests below take their place.
@@ -119,8 +120,3 @@ def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.in
     wide = np.repeat(broader[bent] + view.timeline[walking, slots, REST][bent], 4)
     pieces = np.column_stack([points[:, :-1].reshape(-1, 2), points[:, 1:].reshape(-1, 2), wide])
     return np.concatenate([segments, pieces]), np.concatenate([owners, np.repeat(walking[bent], 4)])
-
-
-def now_slot(step: int) -> int:
-    """Return the slot of timelines that contains a step."""
-    return step * (CAPTURE_RATE // STEERING_RATE) // SLOT_FRAMES

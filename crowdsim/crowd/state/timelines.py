@@ -26,6 +26,11 @@ RAMP = 1
 _NO_WAYS = np.empty((0, 2, 2))
 
 
+def slot_of(step: int, step_frames: int) -> int:
+    """Return the slot of timelines in which a step of ``step_frames`` frames begins."""
+    return step * step_frames // SLOT_FRAMES
+
+
 class Chain(NamedTuple):
     """Consecutive nodes, with room for more."""
 

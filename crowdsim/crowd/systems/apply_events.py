@@ -15,8 +15,8 @@ from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.crowd.search.affected import could_shorten, first_taken, route_taken, way_left
 from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.agenda import Agenda
-from crowdsim.crowd.state.components import SLOT_FRAMES
 from crowdsim.crowd.state.environment import Edit, Footprints
+from crowdsim.crowd.state.timelines import slot_of
 from crowdsim.ecs.world import View
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 
@@ -49,7 +49,7 @@ class Events:
         if not agenda.collect(plans.step):
             return []
         # Where agents are and will be, as lines.
-        slot = plans.step * plans.assets.frames_per_step // SLOT_FRAMES
+        slot = slot_of(plans.step, plans.assets.frames_per_step)
         lines = reserved_lines(view.timeline, view.timeline_start, slot)
         waiting, outlines, happened = [], [], []
         for number in agenda.waiting:

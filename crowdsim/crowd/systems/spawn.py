@@ -17,7 +17,7 @@ from crowdsim.crowd.state.components import BEND, RADIUS, REST, SAMPLE, SLOT_FRA
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, meets_anyone
 from crowdsim.crowd.state.sampling_kernels import sway_behind
-from crowdsim.crowd.state.timelines import NO_BODIES, StandingBodies, Timelines
+from crowdsim.crowd.state.timelines import NO_BODIES, StandingBodies, Timelines, slot_of
 from crowdsim.crowd.state.way_kernels import FOREVER
 from crowdsim.crowd.systems.apply_events import KEPT_OFF
 from crowdsim.crowd.systems.replan import AT_GOAL
@@ -57,7 +57,7 @@ class Spawning:
         agents.
         """
         step = self.plans.step
-        slot = step * self.assets.frames_per_step // SLOT_FRAMES
+        slot = slot_of(step, self.assets.frames_per_step)
         everyone: Timelines | None = None
         taken: list[NDArray[np.float64]] = []
         soon = (self.spawned < 0) & (self.cast.start_steps - self.plans.lead <= step)

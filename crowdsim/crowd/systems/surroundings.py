@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Plans
-from crowdsim.crowd.state.components import SLOT_FRAMES
-from crowdsim.crowd.state.timelines import NO_BODIES, Obstacles, Playback, StandingBodies, Timelines
+from crowdsim.crowd.state.timelines import NO_BODIES, Obstacles, Playback, StandingBodies, Timelines, slot_of
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
 from crowdsim.crowd.systems.going_on import Scratch, Walker
 from crowdsim.crowd.systems.reserving_kernels import WAY_ROOM
@@ -87,7 +86,7 @@ class Surroundings:
         waited_for = self.plans.environment.waited_for
         if not waited_for:
             return _NOTHING
-        slot = self.plans.step * self.plans.assets.frames_per_step // SLOT_FRAMES
+        slot = slot_of(self.plans.step, self.plans.assets.frames_per_step)
         # Where it is before it enters; then all that is left of its reserved timeline.
         if walker.row == NONE:
             line = shapely.Point(walker.place)
