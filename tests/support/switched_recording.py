@@ -89,6 +89,7 @@ class Walker:
         self.graph, self.entries, self.phases, self.walk = behaviors.graph.arrays, entries, phases, walk
         self.random = np.random.default_rng(walk.seed)
         self.behavior = len(behaviors.behaviors) - 1
+        self.idle = np.flatnonzero(self.graph.node_idle & (self.graph.node_behavior == self.behavior))
         self.walking = np.unique(entries.node[entries.first[-2] : entries.first[-1]])
         self.exits = find_exits(behaviors, entries, phases)
         self.pose = np.zeros(3)
@@ -104,7 +105,7 @@ class Walker:
 
     def stand(self) -> None:
         """Enter the idle node."""
-        self.node, self.frame, self.previous = int(self.entries.idle_node[-1]), 0, NONE
+        self.node, self.frame, self.previous = int(self.idle[0]), 0, NONE
         self.origin, self.offset = self.pose.copy(), np.zeros(3)
 
     def play(self) -> None:
