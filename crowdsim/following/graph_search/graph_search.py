@@ -69,8 +69,7 @@ class SearchResult:
     nodes, edges: (K,) int32, each node and the edge taken into it, -1 for the first. twists: (K,) extra rotation at
     that edge [rad]. origins: (K, 3) world pose at the start of each node. length: of all nodes and blend offsets [m].
     gap: distance from the last end to the goal [m]. bent: True if branch kinematics made the solution. expansions:
-    nodes expanded. collision_tests: discs tested on a mesh. channel_tests: places tested in the channel. bends: chains
-    bent.
+    nodes expanded. collision_tests: discs tested on a mesh.
     """
 
     status: FollowStatus
@@ -83,8 +82,6 @@ class SearchResult:
     bent: bool
     expansions: int
     collision_tests: int
-    channel_tests: int
-    bends: int
 
 
 class _Rules(NamedTuple):
@@ -212,8 +209,6 @@ def search_graph(
         bent=status == FOUND and bool(space.counters[columns.BENT]),
         expansions=int(expanded),
         collision_tests=int(space.counters[columns.COLLISION_TESTS]),
-        channel_tests=int(space.counters[columns.CHANNEL_TESTS]),
-        bends=int(space.counters[columns.BENDS]),
     )
 
 

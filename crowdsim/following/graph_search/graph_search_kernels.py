@@ -39,9 +39,9 @@ WALKED = 6
 PLACE_COLUMNS = 7
 """Columns of ``tree.place``: the origin pose from 0 on, the end pose from END on, distance walked to the end."""
 
-COLLISION_TESTS, CHANNEL_TESTS, BENDS, BENT = range(4)
-COUNTERS = 4
-"""Counters: discs tested on a mesh, places tested in the channel, chains bent, and 1 if the result is bent, else 0."""
+COLLISION_TESTS, BENT = range(2)
+COUNTERS = 2
+"""Counters: discs tested on a mesh, and 1 if the result is bent, else 0."""
 
 MOST_NODES = 1 << 14
 """Largest number of nodes in a graph: a key of the closed set has 14 bits for them."""
@@ -82,10 +82,8 @@ def _node_is_free(space, rules, node, x, y, heading, dx, dy, dh, goal):
             px, py = px + cj * jx - sj * jy, py + sj * jx + cj * jy
         low, high = probes.row[row, LEGS], probes.row[row, TORSO]
         # In the channel: distance to the path at most the planned clearance less the disc's radius.
-        if rules.in_channel:
-            counters[CHANNEL_TESTS] += 1
-            if channel_gap(space.channel, px, py) > space.channel.radius - max(low, high):
-                return False, nearest
+        if rules.in_channel and channel_gap(space.channel, px, py) > space.channel.radius - max(low, high):
+            return False, nearest
         if rules.in_meshes and low > 0.0:
             counters[COLLISION_TESTS] += 1
             gap, hints[0] = disc_clearance(space.legs, px, py, low + _BEYOND, hints[0])
@@ -195,7 +193,6 @@ def _bend_branch(graph, space, rules, goal, row, edge, x, y, heading, tree, chai
         chain.end[0], chain.end[1], chain.end[2] = x, y, heading
         if not _within_reach(chain, bent, goal):
             continue
-        space.counters[BENDS] += 1
         miss = bend_chain(chain.joint, chain.limit, chain.turn, bent, chain.end, goal, rules.heading_lever, EXACT)
         if miss <= rules.arrival:
             count = _lay_bent(graph, space, rules, goal, row, edge, bent, tree, chain, out)
