@@ -6,7 +6,6 @@ import hashlib
 import itertools
 import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 from crowdsim.errors import CrowdSimError
@@ -126,8 +125,3 @@ def read_setting(text: str) -> tuple[str, list[str]]:
     if not (key and equals and all(values)):
         raise CrowdSimError(f"--set {text}: expected KEY=v1,v2, as in agents.0.count=10,20")
     return key, list(dict.fromkeys(values))
-
-
-def folder_of(point: Point) -> Path:
-    """Return the folder that relative names in the scenario start from."""
-    return Path(point.file).parent

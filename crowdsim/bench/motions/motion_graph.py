@@ -37,7 +37,6 @@ FRAMES = (693, 1185, 1660, 2329, 3347, 6887)
 
 REPEATS = 3
 
-_Build = Callable[[Sequence[MotionSource]], MotionGraph]
 _GRAPHS: dict[str, Callable[..., MotionGraph]] = {"standard": build_standard_graph, "features": build_motion_graph}
 _PAPER_SECONDS = {
     693: (208.1, 1.5),

@@ -51,7 +51,7 @@ class RowMessage:
         came: NDArray[np.bool_],
         leaves: NDArray[np.bool_],
     ) -> None:
-        self._regions, self._rank, self._world, self._exits = regions, rank, world, exits
+        self._regions, self._world, self._exits = regions, world, exits
         rows = world.column("row")
         columns, lines = cells_of(rows["x"], rows["y"])
         # Rows deep in the own region matter to no other rank. Of the others (``at``): column and line of the cell, and

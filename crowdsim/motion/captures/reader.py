@@ -41,7 +41,7 @@ class CaptureReport:
     meters_per_unit: [m]. leg_length: from hip to ankle along the bones [m] (to the lowest point if the joints have no
     known names).
     up, facing: signed axes of the file that became +z and +x.
-    source_rate: frames per second of the file. source_frames: its frames.
+    source_rate: frames per second of the file.
     dropped_first: True if the first frame was a calibration pose.
     glitches: (frame of the file, joint) of every jump that was removed.
     kept_frames: frames of the file in clean stretches.
@@ -55,7 +55,6 @@ class CaptureReport:
     up: str
     facing: str
     source_rate: float
-    source_frames: int
     dropped_first: bool
     glitches: tuple[tuple[int, str], ...]
     kept_frames: int
@@ -132,7 +131,6 @@ def read_capture(
         _axis_name(up),
         _axis_name(basis[0]),
         raw.rate,
-        len(root),
         dropped_first,
         tuple((frame, raw.names[joint]) for frame, joint in jumps),
         sum(last - first + 1 for first, last in stretches),

@@ -91,12 +91,6 @@ class Moment:
     foot: int
     pivots: Floats
 
-    @property
-    def pivot(self) -> Floats:
-        """Return the place (2,) of the planted foot [m]."""
-        pivot: Floats = self.pivots[self.foot]
-        return pivot
-
 
 @dataclass(frozen=True)
 class Node:

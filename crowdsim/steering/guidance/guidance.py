@@ -151,10 +151,6 @@ class Guidance:
             ground += sum(each.nbytes for each in of_boxes)
         return shared + own + ground
 
-    def newest(self, goal: int) -> Field:
-        """Return the newest field of a goal."""
-        return self._fields[goal][max(self._fields[goal])]
-
     def put(self, index: int, goal: Goal) -> None:
         """Set goal number ``index``: a new one, or in place of one that no agent goes to any more."""
         field = {self._made: solve_field(self.ground, goal)}
