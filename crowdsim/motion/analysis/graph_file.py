@@ -70,19 +70,6 @@ def graph_in_file(file: Path, paths: Sequence[Path], settings: GraphSettings) ->
     return graph, True
 
 
-def save_graph(graph: MotionGraph, file: Path) -> None:
-    """Write ``graph`` to a .npz file, which gets its name when it is complete."""
-    _write(file, graph, {})
-
-
-def load_graph(file: Path) -> MotionGraph:
-    """Return the graph in ``file``; raise MotionError if it is no motion graph of this version."""
-    header, graph = _read(file)
-    if graph is None:
-        raise MotionError(f"{file}: a motion graph of version {header['version']}, not {VERSION}; rebuild it")
-    return graph
-
-
 def _made_of(paths: Sequence[Path], settings: GraphSettings) -> dict[str, Any]:
     """Return the hashes of all input files, and the settings."""
     hashes = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in _with_skeletons(paths)}
