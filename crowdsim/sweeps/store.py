@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import shutil
@@ -14,11 +15,6 @@ from crowdsim.sweeps.engine import engine
 from crowdsim.sweeps.points import Point
 from crowdsim.sweeps.running import Outcome
 from crowdsim.whole_files import whole_file
-
-try:
-    import fcntl
-except ImportError:  # only two sweeps in one folder at a time go unnoticed without it
-    fcntl = None  # type: ignore[assignment]
 
 
 class Store:
@@ -48,8 +44,7 @@ class Store:
         self.folder.mkdir(parents=True, exist_ok=True)
         self._lock = os.open(self.folder / ".lock", os.O_CREAT | os.O_RDWR, 0o644)
         try:
-            if fcntl is not None:
-                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             os.close(self._lock)
             raise CrowdSimError(f"another sweep works in {self.folder}; wait for it, or choose another one") from None
