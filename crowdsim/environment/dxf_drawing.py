@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.units import METERS, meters_per_unit
 from crowdsim.errors import GeometryError, PlaceError
+from crowdsim.whole_files import one_line
 
 SAGITTA = 2e-3
 """How far the chords of a curve may leave it [m]. A smaller value makes more corners."""
@@ -108,10 +109,8 @@ def _document(file: Path) -> Any:
     except Exception as error:
         if isinstance(error, OSError) and error.strerror:
             raise PlaceError(f"{file}: cannot be read ({error.strerror}); check the path") from None
-        said = " ".join(str(error).split())
-        raise PlaceError(
-            f"{file}: cannot be read as DXF ({type(error).__name__}: {said[:120]}); export it again"
-        ) from None
+        said = f"{type(error).__name__}: {one_line(error)}"
+        raise PlaceError(f"{file}: cannot be read as DXF ({said}); export it again") from None
 
 
 def _meters(file: Path, document: Any, units: str | None, report: list[str]) -> float:

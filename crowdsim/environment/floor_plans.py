@@ -20,7 +20,7 @@ from crowdsim.environment.solids import MIN_EXTENT, Solid
 from crowdsim.environment.units import meters_per_unit
 from crowdsim.errors import GeometryError, PlaceError
 from crowdsim.geometry.polygons import LARGE_EXTENT, buffered, clean_polygon
-from crowdsim.whole_files import require_regular
+from crowdsim.whole_files import one_line, require_regular
 
 WALL_THICKNESS = 0.10
 """Thickness of walls that a plan draws as lines [m]."""
@@ -127,8 +127,7 @@ def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
         geometry = shapely.from_wkt(text)
     # NotImplementedError is raised for curves.
     except (shapely.errors.ShapelyError, NotImplementedError) as error:
-        said = " ".join(str(error).split())
-        raise PlaceError(f"{file}: is not well-known text ({said[:120]}); write one POLYGON") from None
+        raise PlaceError(f"{file}: is not well-known text ({one_line(error)}); write one POLYGON") from None
     try:
         parts = _polygons_of(geometry, file)
         for polygon in shapely.get_parts(parts):

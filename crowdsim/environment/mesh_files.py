@@ -19,7 +19,7 @@ from crowdsim.environment.units import doubt_about_height, meters_per_unit
 from crowdsim.errors import GeometryError, PlaceError
 from crowdsim.geometry import planar
 from crowdsim.geometry.products import dot
-from crowdsim.whole_files import require_regular
+from crowdsim.whole_files import one_line, require_regular
 
 Floats = NDArray[np.float64]
 
@@ -250,9 +250,9 @@ def _loaded(file: Path, content: bytes, ending: str) -> Any:
 
 
 def _said(error: Exception) -> str:
-    """Return an error as one line of text."""
-    text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text[:120]}" if text else type(error).__name__
+    """Return the kind of an error, and what it says if it says anything."""
+    text = one_line(error)
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def _unique(name: str, names: dict[str, int]) -> str:
