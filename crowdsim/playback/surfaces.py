@@ -63,6 +63,14 @@ def loft(centers: ArrayLike, across: ArrayLike, beside: ArrayLike, sides: int, s
     return Surface(points, np.concatenate(faces))
 
 
+def sideways(along: Floats) -> tuple[Floats, Floats]:
+    """Return two unit vectors (3,) across a unit vector (3,) and each other, right-handed with it as the third."""
+    # Any axis that is not nearly parallel.
+    aside = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    u = unit(np.cross(aside, along))
+    return u, np.cross(along, u)
+
+
 def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surface:
     """Return a limb of circular section from ``start`` to ``end`` with ``radii`` at even distances and round ends.
 
@@ -70,10 +78,7 @@ def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surf
     """
     start, end, radii = (np.asarray(a, np.float64) for a in (start, end, radii))
     along = unit(end - start)
-    # Any axis that is not nearly parallel to the limb.
-    aside = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    u = unit(np.cross(aside, along))
-    v = np.cross(along, u)
+    u, v = sideways(along)
     # Latitudes of the rings of a half sphere beyond each end; a shape of few corners has one ring there.
     bulge = np.radians([75.0, 45.0, 20.0] if sides > COARSE else [50.0])
     length = np.linalg.norm(end - start)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.playback.body_mesh import BodyMesh, Tissue
-from crowdsim.playback.surfaces import Floats, loft, unit, vertex_normals
+from crowdsim.playback.surfaces import Floats, loft, sideways, unit, vertex_normals
 
 MOST_VERTICES = 120
 
@@ -83,11 +83,7 @@ class _Parts:
         radii: half axes of the circles through the corners of cross-sections at even distances [m].
         """
         start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
-        along = unit(end - start)
-        # Any axis that is not nearly parallel gives the two directions (u, v) of a cross-section.
-        aside = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-        u = unit(np.cross(aside, along))
-        v = np.cross(along, u)
+        u, v = sideways(unit(end - start))
         width = np.array(radii)[:, None]
         self._add(role, np.linspace(start, end, len(radii)), width * u, width * v, what)
 
