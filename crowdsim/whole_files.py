@@ -1,4 +1,4 @@
-"""Write files that appear under their name only when complete; check files before they are read into memory."""
+"""Write files that appear under their name only when complete; check files before they are read or written."""
 
 from __future__ import annotations
 
@@ -42,6 +42,24 @@ def require_regular(path: Path, kind: type[CrowdSimError], most: int = MOST_BYTE
         raise kind(f"{path}: is larger than {most // 1_000_000} MB; is it the right file?")
 
 
+def require_replaceable(file: Path, kind: type[CrowdSimError] = CrowdSimError) -> None:
+    """Raise ``kind`` if something is at ``file`` that writing cannot replace: a folder, a device or a pipe."""
+    if file.exists() and not file.is_file():
+        raise kind(f"cannot write {file}: it is no regular file; choose another name")
+
+
+def require_writable(file: Path) -> None:
+    """Refuse an output file before the work is done, not after it; nothing is written."""
+    folder = file.parent
+    if file.is_dir():
+        raise CrowdSimError(f"cannot write {file}: it is a folder; name a file in it")
+    require_replaceable(file)
+    if not folder.is_dir():
+        raise CrowdSimError(f"cannot write {file}: the folder {folder} does not exist; create it first")
+    if not os.access(folder, os.W_OK) or (file.exists() and not os.access(file, os.W_OK)):
+        raise CrowdSimError(f"cannot write {file}: no permission; choose another place")
+
+
 @contextmanager
 def whole_file(path: str | os.PathLike[str], suffixes: Sequence[str], what: str) -> Iterator[Path]:
     """Yield a temporary file beside ``path``; rename it to ``path`` if the block succeeds, else delete it.
@@ -64,8 +82,7 @@ def whole_file(path: str | os.PathLike[str], suffixes: Sequence[str], what: str)
     if file.suffix.lower() not in suffixes:
         names = ", ".join(suffixes[:-1]) + f" or {suffixes[-1]}" if len(suffixes) > 1 else suffixes[0]
         raise CrowdSimError(f"{file}: {what} are written as {names}; choose such a name")
-    if file.exists() and not file.is_file():
-        raise CrowdSimError(f"cannot write {file}: it is no regular file; choose another name")
+    require_replaceable(file)
     if not file.parent.is_dir():
         raise CrowdSimError(f"the folder {file.parent} does not exist; make it first")
     with _room_for(file):

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from crowdsim.cli.options import Debug, RecordingFile, read_size
-from crowdsim.cli.run import require_writable
 from crowdsim.errors import DrawingUnavailable
+from crowdsim.whole_files import require_writable
 
 if TYPE_CHECKING:
     from crowdsim.recording.reader import Recording

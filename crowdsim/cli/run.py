@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -14,6 +13,7 @@ import typer
 from crowdsim.cli.errors_shown import Terminated
 from crowdsim.cli.options import Debug, Json, Overrides, Scenario
 from crowdsim.errors import CrowdSimError
+from crowdsim.whole_files import require_writable, whole_file
 
 _MOST_NOTES = 4
 """Largest number of notes about captures that a run prints."""
@@ -97,19 +97,6 @@ def _file_name(name: str) -> str:
     return name.replace("/", "-").replace("\\", "-")
 
 
-def require_writable(file: Path) -> None:
-    """Refuse an output file before the work is done, not after it."""
-    folder = file.parent
-    if file.is_dir():
-        raise CrowdSimError(f"cannot write {file}: it is a folder; name a file in it")
-    if file.exists() and not file.is_file():
-        raise CrowdSimError(f"cannot write {file}: it is no regular file; choose another name with -o")
-    if not folder.is_dir():
-        raise CrowdSimError(f"cannot write {file}: the folder {folder} does not exist; create it first")
-    if not os.access(folder, os.W_OK) or (file.exists() and not os.access(file, os.W_OK)):
-        raise CrowdSimError(f"cannot write {file}: no permission; choose another place with -o")
-
-
 def check(
     scenario: Scenario,
     picture: Annotated[
@@ -171,7 +158,6 @@ def recover(
 ) -> None:
     """Make a recording from the file that a killed run left, marked as incomplete; and the scenario, if commanded."""
     from crowdsim.recording.recovery import recover as recover_part
-    from crowdsim.whole_files import whole_file
 
     with recover_part(part, output) as recording:
         what = (

@@ -9,8 +9,8 @@ import typer
 
 from crowdsim.cli.errors_shown import Terminated
 from crowdsim.cli.options import Debug, Overrides, Scenario
-from crowdsim.cli.run import require_writable
 from crowdsim.errors import CrowdSimError
+from crowdsim.whole_files import require_writable
 
 if TYPE_CHECKING:
     from crowdsim.crowd.simulation import Simulation

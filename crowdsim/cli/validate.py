@@ -10,7 +10,6 @@ from typing import Annotated, Literal
 import typer
 
 from crowdsim.cli.options import Debug, Json
-from crowdsim.cli.run import require_writable
 
 FAILED = 4
 """Exit code if a test failed."""
@@ -43,7 +42,7 @@ def validate(
     from crowdsim.validate import report
     from crowdsim.validate.running import run_tests
     from crowdsim.validate.suite import MISSING, TESTS, find_tests
-    from crowdsim.whole_files import whole_file
+    from crowdsim.whole_files import require_writable, whole_file
     from crowdsim.yamlfile.messages import nearest
 
     if listed:

@@ -39,7 +39,7 @@ from crowdsim.recording.packed_steps import (
 from crowdsim.recording.storage.checksums import checked_chunks, checksum_frame
 from crowdsim.recording.storage.part_file import CHANGE, COMMAND, MOVABLE, PATH, STEP, PartFile
 from crowdsim.recording.storage.values import PACKED, PACKED_TEXTS
-from crowdsim.whole_files import not_written
+from crowdsim.whole_files import not_written, require_replaceable
 
 STEP_HEAD = struct.Struct("<QQ")
 """Head of a step's frame: number and state hash; the stored columns follow."""
@@ -107,8 +107,7 @@ class RecordingWriter:
             raise RecordingError(f"{self.path}: '.part' marks unfinished recordings; choose another name")
         if self.path.is_dir():
             raise RecordingError(f"{self.path} is a folder; give the name of a file")
-        if self.path.exists() and not self.path.is_file():
-            raise RecordingError(f"cannot write {self.path}: it is no regular file; choose another name")
+        require_replaceable(self.path, RecordingError)
         self._disk = PartFile(self._part)
         try:
             self._file = h5py.File(self._disk, "w")

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from crowdsim.errors import RecordingError
+from crowdsim.whole_files import require_replaceable
 
 BLOCKS, STEP, PATH, CHANGE, MOVABLE, COMMAND, CHECKSUMS = range(1, 8)
 """Kinds of frames: blocks of HDF5; additions to a recording (step, path, change of a movable, another movable,
@@ -210,8 +211,7 @@ def _put_blocks(handle: int, size: int, blocks: list[tuple[int, bytearray]]) -> 
 
 def _locked(path: Path) -> int:
     """Open ``path`` for this process alone; return its file descriptor."""
-    if path.exists() and not path.is_file():
-        raise RecordingError(f"cannot write {path}: it is no regular file; choose another name")
+    require_replaceable(path, RecordingError)
     try:
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     except OSError as error:

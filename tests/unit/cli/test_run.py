@@ -2,9 +2,9 @@
 
 import pytest
 
-from crowdsim.cli.run import require_writable
 from crowdsim.cli.summary import summary_rows
 from crowdsim.errors import CrowdSimError
+from crowdsim.whole_files import require_writable
 
 SUMMARY = {
     "characters": 3,
