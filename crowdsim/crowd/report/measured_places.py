@@ -68,7 +68,9 @@ class MeasuredPlaces:
         # Agents outside of the world are at nan, which is in no area and crosses no line.
         places = np.column_stack((frame.x, frame.y)).astype(np.float64)
         places[np.asarray(frame.state) == AgentState.ABSENT] = np.nan
-        self._count(places)
+        inside = [shapely.contains_xy(shape, places) for shape in self._shapes]
+        for count, here in zip(self._counts, inside, strict=True):
+            count.append(int(here.sum()))
         if self._places:
             # The place before, on this side of the ends of a periodic floor: the way between both is straight.
             self._cross(places - self._way(self._places[-1], places), places)
@@ -79,9 +81,9 @@ class MeasuredPlaces:
             pace = hypot(*self._way(since, places).T) / SPEED_SECONDS
         else:
             pace = np.full(len(places), np.nan)  # no speed is known yet
-        for number, shape in enumerate(self._shapes):
-            inside, _ = self._share.ranks.together(pace[shapely.contains_xy(shape, places) & ~np.isnan(pace)])
-            self._speeds[number].append(float(inside.mean()) if len(inside) else np.nan)
+        for speed, here in zip(self._speeds, inside, strict=True):
+            paces, _ = self._share.ranks.together(pace[here & ~np.isnan(pace)])
+            speed.append(float(paces.mean()) if len(paces) else np.nan)
         self._step += 1
 
     def join(self) -> None:
@@ -144,11 +146,6 @@ class MeasuredPlaces:
         """Return the displacements between positions; across the ends of a periodic floor if that is shorter."""
         way = after - before
         return np.column_stack([shorter_ways(way[:, axis], self._span[axis]) for axis in range(2)])
-
-    def _count(self, places: Floats) -> None:
-        """Count the agents, at ``places`` (n, 2) [m], in each area."""
-        for number, shape in enumerate(self._shapes):
-            self._counts[number].append(int(shapely.contains_xy(shape, places).sum()))
 
     def _cross(self, before: Floats, after: Floats) -> None:
         """Note which agents crossed which line on the straight way between two steps, and when.
