@@ -26,7 +26,7 @@ from crowdsim.crowd.state.environment import Footprints
 from crowdsim.crowd.state.itineraries import stands_summary
 from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.state.timelines import StandingBodies
-from crowdsim.crowd.steered.steered_crowd import LEG_RADIUS, LOST_SECONDS, SteeredCrowd
+from crowdsim.crowd.steered.steered_crowd import LOST_SECONDS, SteeredCrowd
 from crowdsim.crowd.systems.spawn import NO_MOTION
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import hypot
@@ -269,7 +269,7 @@ class MixedCrowd:
 
     def _is_in_the_way(self, taken: Footprints) -> bool:
         """Return True if a steered body is where a movable is to appear."""
-        return self.steered.place.is_taken(taken, self.steered.world.column("row"), LEG_RADIUS)
+        return self.steered.place.is_taken(taken, self.steered.world.column("row"))
 
     def _without_a_way(self) -> dict[str, str]:
         """Return by agent the reason why it never entered the world: no path, or no motion, was found for it."""

@@ -26,7 +26,7 @@ from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.motion.deformed.phase_kernels import set_anchors
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.recording.header import AgentState
-from crowdsim.scenario.people.crowd_placement import BODY_DEPTH
+from crowdsim.scenario.people.crowd_placement import BODY_DEPTH, BODY_RADIUS
 from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.steering import frame_of
 from crowdsim.steering.ways import Others, clear_of, listed
@@ -157,7 +157,7 @@ class Switches:
         bodies["x"], bodies["y"], bodies["heading"] = view.pose[rows].T
         bodies["hx"], bodies["hy"] = cos(bodies["heading"]), sin(bodies["heading"])
         bodies["vx"], bodies["vy"] = velocities[rows].T
-        bodies["radius"] = 0.5 * BODY_DEPTH
+        bodies["radius"] = BODY_RADIUS
         bodies["rest"] = 0.5 * (cast.walkers.breadths[agents] - BODY_DEPTH)
         disc = assets.body_radii[view.behavior[rows]].min(axis=1)
         bodies["half"] = np.minimum(bodies["rest"], np.maximum(disc - bodies["radius"], 0.0))

@@ -22,7 +22,7 @@ from crowdsim.ecs.world import World
 from crowdsim.geometry.elementary import atan2, cos, sin
 from crowdsim.motion.deformed.phase_kernels import STAND
 from crowdsim.recording.header import AgentState
-from crowdsim.scenario.people.crowd_placement import BODY_DEPTH, CrowdPlacement
+from crowdsim.scenario.people.crowd_placement import BODY_DEPTH, BODY_RADIUS, CrowdPlacement
 from crowdsim.steering.guidance.guidance import PLAIN
 from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.steering import Steering
@@ -142,7 +142,7 @@ class Entering:
         cast = self._cast
         rows = np.zeros(len(agents), ROW)
         rows["x"], rows["y"] = places.T
-        rows["radius"] = 0.5 * BODY_DEPTH
+        rows["radius"] = BODY_RADIUS
         rows["half"] = rows["rest"] = 0.5 * (cast.walkers.breadths[agents] - BODY_DEPTH)
         rows["speed"] = cast.walkers.speeds[agents]
         rows["share"] = cast.walkers.shares[agents]

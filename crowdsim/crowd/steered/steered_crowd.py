@@ -32,14 +32,11 @@ from crowdsim.ecs.world import World
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
 from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.people.arrivals import NEVER
-from crowdsim.scenario.people.crowd_placement import BODY_DEPTH, CrowdPlacement
+from crowdsim.scenario.people.crowd_placement import BODY_RADIUS, CrowdPlacement
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing, Timetable
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.ways import NOBODY_ELSE, Others
-
-LEG_RADIUS = 0.5 * BODY_DEPTH
-"""Radius of the disc that stands for the legs [m]."""
 
 LOST_SECONDS = 5.0
 """Time without a path after which an agent is not waited for, if nothing changes any more [s]."""
@@ -82,7 +79,7 @@ class SteeredCrowd:
         environment = laid_three_times(scenario.environment, scenario.span)
         self.place = SteeredPlace(environment, self.cast.goals, behaviors, STEERING_RATE, threads, ranks)
         self.world = World(COLUMNS)
-        self.steering = Steering(*self.place.walls, leg_radius=LEG_RADIUS, threads=threads)
+        self.steering = Steering(*self.place.walls, leg_radius=BODY_RADIUS, threads=threads)
         free = scenario.environment.layers[0].free
         self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE, ranks)
         self.errands = Errands(self.cast, self.exits, STEERING_RATE)
@@ -210,7 +207,7 @@ class SteeredCrowd:
 
     def advance(self) -> None:
         """Run all stages of a step, in order; rows are added and removed at ``apply_changes`` only."""
-        if self.place.apply_events(self._step, self.world.column("row"), LEG_RADIUS):
+        if self.place.apply_events(self._step, self.world.column("row")):
             self.steering.set_walls(*self.place.walls)
         self.entering.enter(self._step, self.steering)
         self.world.apply_changes()

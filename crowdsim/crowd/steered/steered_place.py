@@ -106,7 +106,7 @@ class SteeredPlace:
         """Return numbers and placings of all movables present, for the state hash; empty if there are none."""
         return state_of(self._placings)
 
-    def apply_events(self, step: int, state: NDArray[Any], leg_radius: float) -> bool:
+    def apply_events(self, step: int, state: NDArray[Any]) -> bool:
         """Let due events happen if no body of ``state`` (ROW) is in the way; return True if walls changed.
 
         An event that has to wait is announced: fields already lead around it, so that all agents leave its place.
@@ -118,7 +118,7 @@ class SteeredPlace:
         for number in agenda.waiting:
             event = agenda.timetable.events[number]
             taken = None if event.placing is None else self._footprints(event.movable, event.placing)
-            if taken is not None and self._ranks.any(self.is_taken(taken, state, leg_radius)):
+            if taken is not None and self._ranks.any(self.is_taken(taken, state)):
                 waiting.append(number)
                 continue
             agenda.note(number, step)
@@ -126,11 +126,10 @@ class SteeredPlace:
         agenda.waiting = waiting
         return self.change(happening, waiting)
 
-    def is_taken(self, taken: Footprints, state: NDArray[Any], leg_radius: float) -> bool:
+    def is_taken(self, taken: Footprints, state: NDArray[Any]) -> bool:
         """Return True if a body of ``state`` (ROW) is in the way of a movable that is to cover ``taken``."""
-        reach = np.maximum(state["radius"], leg_radius) + KEPT_OFF
         outline = shapely.union_all([shape for shape in taken if shape])
-        return bool((shapely.distance(_cores(state), outline) < reach).any())
+        return bool((shapely.distance(_cores(state), outline) < state["radius"] + KEPT_OFF).any())
 
     def change(self, happening: Sequence[int], waiting: Sequence[int]) -> bool:
         """Let some events happen and announce those that wait; return True if walls changed.

@@ -34,6 +34,9 @@ from crowdsim.yamlfile.document import Complaint
 BODY_DEPTH = 0.25
 """Depth of a body from chest to back [m]."""
 
+BODY_RADIUS = 0.5 * BODY_DEPTH
+"""Radius of the capsule of a steered body, and of the disc that stands for its legs [m]."""
+
 SPARE = 0.02
 """Least gap between two agents that start in one step, and between them and walls [m]."""
 
