@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.constants import NONE, TRACKING_MARGIN
-from crowdsim.crowd.search.affected import could_shorten, first_taken, route_taken, way_left
+from crowdsim.crowd.search.affected import could_shorten, first_taken, outdated, route_taken, way_left
 from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.agenda import Agenda
 from crowdsim.crowd.state.environment import Edit, Footprints
@@ -118,13 +118,8 @@ class AffectedAgents:
         for agent in sorted(self.plans.motions.keys() - present):
             plan = self.plans.motions[agent]
             position = plan.departure[:2]
-            if (
-                edit.taken is not None
-                and (
-                    first_taken(self.assets, plan, 0, edit.taken) < plan.count
-                    or route_taken(self.assets, plan.route, position, edit.taken)
-                )
-            ) or (edit.freed is not None and could_shorten(plan.route, position, edit.freed)):
+            shorter = edit.freed is not None and could_shorten(plan.route, position, edit.freed)
+            if shorter or outdated(self.assets, plan, position, [edit]):
                 del self.plans.motions[agent]  # entering asks again
                 self.plans.replans += 1
 
