@@ -54,9 +54,3 @@ class WorkerPool(Generic[Result]):
     def close(self) -> None:
         """End the threads; jobs that have not begun are dropped. Closing twice does nothing."""
         self._threads.shutdown(wait=True, cancel_futures=True)
-
-    def __enter__(self) -> WorkerPool[Result]:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ class Counted:
 
 @pytest.fixture
 def searches() -> Any:
-    with WorkerPool[Any](2, latency=1) as pool:
+    with closing(WorkerPool[Any](2, latency=1)) as pool:
         yield Searches(pool, first_slice=10, longest_slice=40, each_step=80)
 
 
@@ -123,7 +124,7 @@ def test_what_was_handed_out_is_noted_of_searches_under_way_alone(searches: Sear
 
 def test_a_thousand_first_searches_of_ten_meters_begin_in_a_second_of_thirty_steps() -> None:
     beginning = ROUTE_WORK[0] + 10 * (ROUTE_WORK[1] + MOTION_WORK)
-    with WorkerPool[Any](2, latency=1) as pool:
+    with closing(WorkerPool[Any](2, latency=1)) as pool:
         searches = Searches(pool)
         for agent in range(1500):
             searches.begin(agent, Counted(1, beginning))
