@@ -17,8 +17,6 @@ class Client:
         self._pictures: deque[bytes] = deque([] if picture is None else [picture], MOST_PICTURES)
         self._something = asyncio.Event()
         self._something.set()
-        self.lost = 0
-        """Number of pictures that were lost."""
 
     def put(self, kind: str, message: str) -> None:
         """Put a message that waits, in place of one of its kind (things or state): only the last one counts."""
@@ -27,7 +25,6 @@ class Client:
 
     def put_picture(self, content: bytes) -> None:
         """Add a picture; the oldest is lost if there is no room."""
-        self.lost += len(self._pictures) == MOST_PICTURES
         self._pictures.append(content)
         self._something.set()
 

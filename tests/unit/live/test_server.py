@@ -1,5 +1,6 @@
 """The server of live simulations: who may connect, what it refuses, and that nothing of it ends it."""
 
+import asyncio
 import json
 import random
 import socket as sockets
@@ -206,7 +207,8 @@ def test_a_page_has_room_for_a_few_pictures():
     client = audience.join()
     for number in range(MOST_PICTURES + 5):
         audience.show(bytes([number]))
-    assert client.lost == 5
+    waiting = [asyncio.run(client.next()) for _ in range(MOST_PICTURES)]
+    assert waiting == [bytes([number]) for number in range(5, MOST_PICTURES + 5)]
 
 
 def test_an_address_that_is_taken_is_refused_in_words(server):
