@@ -53,17 +53,12 @@ class DerivedFloor:
         The area of the floor [m], with the obstacles on it.
     height
         Height of the floor in the scene [m].
-    used, dropped
-        Names of the parts that make the floor, and of those that are no obstacles: flat on the floor, below it, or
-        ceilings.
     report
         What was found and assumed, one line each.
     """
 
     polygon: Polygon | MultiPolygon
     height: float
-    used: tuple[str, ...]
-    dropped: tuple[str, ...]
     report: tuple[str, ...]
 
 
@@ -213,7 +208,6 @@ def derive_floor(
     polygon, parts = _whole_floor(chosen, surfaces)
     polygon = polygon if within is None else within
     used = tuple(solids[number].name for number in parts if solids[number].top <= chosen.height + STEP)
-    dropped = tuple(s.name for s in solids if s.name not in used and _role(s, chosen.height) is not None)
     of = f" of {', '.join(map(repr, used[:4]))}{' and others' if len(used) > 4 else ''}" if used else ""
     given = " in the given outline" if within is not None else ""
     report.append(f"floor: {polygon.area:.1f} m2 at {chosen.height:.3g} m{given}{of}")
@@ -222,7 +216,7 @@ def derive_floor(
         for other in levels
         if abs(other.height - chosen.height) > STEP
     ]
-    return DerivedFloor(polygon, chosen.height, used, dropped, tuple(report))
+    return DerivedFloor(polygon, chosen.height, tuple(report))
 
 
 def _outline_points(solid: AnySolid) -> NDArray[np.float64]:
