@@ -205,10 +205,11 @@ class Guidance:
         if goal is not None and (state["goal"] == goal).any():
             self.refresh(goal, state, following)
 
-    def refresh(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> int:
+    def refresh(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
         """Solve a field of one goal in the present crowd, and let agents change to it.
 
-        Call this every few simulated seconds for each goal, in turn.
+        Call this every few simulated seconds for each goal, in turn. Without a crowd none is solved, and all follow the
+        first field again.
 
         Parameters
         ----------
@@ -218,12 +219,6 @@ class Guidance:
             All agents; of the columns, x, y, goal and stuck are read.
         following : (n,) int32
             Numbers of the fields that they follow, which may change.
-
-        Returns
-        -------
-        int
-            Number of agents that change to the new field. It is 0 without a crowd: then none is solved, and all follow
-            the first field again.
         """
         places = np.column_stack((state["x"], state["y"]))
         # Agents of other goals that are long stuck stay in the way for long. The time stuck of jammed ones cycles, so
@@ -237,11 +232,10 @@ class Guidance:
             following[state["goal"] == goal] = PLAIN
             self._fix_numbers(goal, state, following)
             self._drop(goal, state, following)
-            return 0
+            return
         new = solve_field(self.ground, self.goals[goal], crowding)
         fields = self._fields[goal]
         number = self._made
-        changed = 0
         self._fix_numbers(goal, state, following)
         # Compare the new field with each one that agents follow.
         for old in sorted(fields):
@@ -263,11 +257,9 @@ class Guidance:
                 changes,
             )
             following[agents[changes]] = number
-            changed += int(changes.sum())
         fields[number] = new
         self._made += 1
         self._drop(goal, state, following)
-        return changed
 
     def write(self, state: NDArray[Any], following: NDArray[np.int32], *, lead_out: bool = True) -> int:
         """Write gx, gy, togo, turn and held of all agents with a goal to their rows; return how many have no path.
