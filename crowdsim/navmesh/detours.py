@@ -41,6 +41,7 @@ class Detours:
 
     def __init__(self, mesh: NavMesh) -> None:
         self.mesh = mesh.with_points(np.empty((0, 2)))
+        # A copy with as much room as the mesh has: kernels take their edits of the mesh back from it.
         with self.mesh.edited() as obstacles:
             self._before = MeshArrays(*(array.copy() for array in obstacles.mesh))
         self._places_before = places_of(self._before)
@@ -51,6 +52,7 @@ class Detours:
         # A hash table of the sides that can be crossed, at most half full, and one row more (see guide_kernels).
         self._guide: NDArray[np.void] = np.zeros((1 << (2 * crossed).bit_length()) + 1, GUIDE)
         detour_kernels.begin_guide(arrays, self._guide)
+        # Labels of the sides and their radius, as of `aim`: none yet.
         self._labels = np.empty(0, np.int32)
         self._labelled = -1.0
 

@@ -66,7 +66,7 @@ class _Move(NamedTuple):
 def moves_of(graph: GraphArrays) -> Moves:
     """Find all moves of a motion graph, by the idle node from which they set out.
 
-    A move is one node that ends standing, or one and the stop behind it; twice the same; or a turn followed by one of
+    A move is one node that ends standing, or one and the stop behind it; twice with the same last node; or a turn followed by one of
     these. The clips decide which there are: without side steps, moves are turns with steps behind them.
     """
     rows: list[_Move] = []
@@ -99,11 +99,12 @@ def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
         # Only steps as captured are continued, without extra rotation: that leaves few combinations.
         if any(first.twists):
             continue
-        # A second step: any after a turn, if it is long enough; the same once more after a step.
+        # A second step: any after a turn, if it is long enough; after a step, one whose last node is the same: the same
+        # step once more, or another one with the same stop.
         turns = first.length < LEAST_MOVE
         for move in _steps(graph, first, twisted=False):
             further = float(hypot(move.end[0] - first.end[0], move.end[1] - first.end[1]))
-            if further > _NOTABLE_STEP if turns else graph.edge_target[move.edges[-1]] == first.last:
+            if further > _NOTABLE_STEP if turns else move.last == first.last:
                 found.append(move)
     # Edges and rotations decide between moves of equal duration, so that the order is always the same.
     best: dict[tuple[int, ...], _Move] = {}

@@ -351,6 +351,7 @@ class Errands:
         distance: Floats = hypot(dx, dy)
         far = np.maximum(distance, 1e-9)  # at the spot itself there is no direction
         state["gx"][rows], state["gy"][rows], state["togo"][rows] = dx / far, dy / far, distance
+        # No section prescribes an angle between heading and way [rad], or arms held in [m]: -1.
         state["turn"][rows] = state["held"][rows] = -1.0
         state["speed"][rows] = np.minimum(view.pace[rows], np.maximum(_SLOWING * distance, _SLOWEST))
         return distance

@@ -77,7 +77,7 @@ class Choosing:
         self.reserving = Reserving(plans, self.surroundings, self._scratch)
 
     def choose(self, view: View) -> None:
-        """Choose for all rows, in order; then let refused rows ask others to give way, the lowest rank first."""
+        """Choose for all rows that are due, in order; then let refused rows ask others to give way, the lowest rank first."""
         assets, graph = self.plans.assets, self.plans.assets.graph
         self._rows = Rows.of(view)
         self.surroundings.begin()
@@ -370,6 +370,7 @@ class Choosing:
 
     def _stand(self, view: View, row: int, agent: int) -> None:
         """Wait at the end of the node: in an idle node if one may follow, else on the node's last frame."""
+        # The larger state: an agent that has arrived stays ARRIVED, which comes after WAITING.
         idle = self.plans.assets.idle_after(int(view.node[row]))
         # On the last frame it keeps its plan, whose next node may follow; that node does not follow an idle one.
         if idle == NONE:

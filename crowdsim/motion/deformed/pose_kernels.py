@@ -77,8 +77,9 @@ def _swing_ankle(model, foot, old, new, u, track):
     aside = (1.0 - 2.0 * foot) * old[ASIDE] * 16.0 * v * v * rest * rest
     x -= aside * s
     y += aside * c
-    # Lift as the clip does, by the share of steps ahead, and add what a step on the spot is lifted by: less of it the
-    # more the body walks ahead (half at a share of 0.2), and between 0.6 and all of it as strides grow.
+    # Lift as the clip does, times AHEAD, the stride ahead as a multiple of the clip's. Add what a step on the spot is
+    # lifted by: less of it the longer that stride (half at a multiple of 0.2), and between 0.6 and all of it as SHARE
+    # grows to 1: the same multiple of the whole stride, turning included.
     ahead = track[AHEAD]
     share = min(track[SHARE], 1.0)
     z += ahead * sampled(model.lift, foot, u)

@@ -277,9 +277,9 @@ def remove_vertex(m, w, v):
 def take_point(m, w, v):
     """Remove vertex v, which has no constraint; return 0, FULL or STUCK.
 
-    The vertices around v look for bottlenecks that v prevented: discs that held v and nothing else. Shrink such a disc
-    towards its vertex until v is on its circle: it is empty then, so a side joined the vertex and v. So only neighbors
-    of v have to look.
+    The obstacle corners around v look for bottlenecks (see refine_kernels) that v prevented: discs, with a corner and
+    its foot on a wall as opposite points, that held v and nothing else. Shrink such a disc towards the corner until v
+    is on its circle: it is empty then, so a side joined the corner and v. So only neighbors of v have to look.
     """
     sides = m.sides
     first = m.vertices[v].vhe
@@ -288,6 +288,7 @@ def take_point(m, w, v):
         u = sides[nxt(h)].org
         touch(w, u)
         w.to_do[u].mark |= CHANGED
+        # Feet and crossings (vref 0) do not look: two walls are closest at a corner of one of them.
         if m.vertices[u].vref > 0:
             w.to_do[u].mark |= LOOKING
         h = sides[prv(h)].twin

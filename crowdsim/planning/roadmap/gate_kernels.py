@@ -176,7 +176,8 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
                 near = min(hypot(corner.x - fx, corner.y - fy), hypot(corner.x - tx, corner.y - ty))
                 corner.reach = min(corner.reach, near - 0.5 * _OFF)
             # Start from the corners that the unpinned path winds around, with their reach on this part: through a gate
-            # those beside it or the gate before, between gates the others.
+            # all of them, between gates those beside neither gate. The string winds around the gates' own corners only
+            # where it comes closer to them than the widest behavior's reach: keep_off adds those.
             for i in range(1, size - 1):
                 for c in range(filled):
                     corner = corners[c]
@@ -185,7 +186,7 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
                     at_gate = (g < found and _is_beside(corner, gates[g])) or (
                         before >= 0 and _is_beside(corner, gates[before])
                     )
-                    if at_gate == (inside == 1) and written < taut.size - 1:
+                    if (inside == 1 or not at_gate) and written < taut.size - 1:
                         set_node(taut[written], corner.x, corner.y, corner.side * corner.reach, corner.vertex)
                         written += 1
                     break
@@ -198,6 +199,7 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
             written = begin + part
             if written >= taut.size - 2:
                 return np.int64(-1)
-            low = high if inside == 1 or g == found else gates[g].low
+            # The next part begins where this one ends; the side between them belongs to both.
+            low = high
         before = g
     return written

@@ -266,6 +266,7 @@ def put_frames(given: bytes, target: Path) -> list[tuple[int, memoryview]]:
     last = max((k for k, (kind, _) in enumerate(found) if kind == BLOCKS), default=-1)
     with target.open("wb") as stream:
         stream.write(content)
+        # Without such a frame HDF5 is as of the last commit; h5py ignores what is left behind it.
         if last >= 0:
             size, count = _LENGTH.unpack_from(found[last][1])
             rows = found[last][1][_LENGTH.size :]
