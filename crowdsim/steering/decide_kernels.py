@@ -12,10 +12,11 @@ import math
 
 import numpy as np
 
-from crowdsim.geometry.elementary_kernels import atan2, cos_sin
+from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import gap_to
 from crowdsim.steering.direction_kernels import NEAR, TURNS, choose_direction
+from crowdsim.steering.facing_kernels import face, turn_first
 from crowdsim.steering.look_kernels import MOST_NEAR, take_in
 from crowdsim.steering.stuck_kernels import handed_on, is_wedged, press_or_step_back, push_on, rank_of, way_aside
 from crowdsim.steering.wall_kernels import distance_at, is_in_sight, is_lane, is_lane_behind
@@ -295,12 +296,14 @@ def follow_way(rows, mine, near, count, walls, rules, want):
         want.turn_cos = TURNS[turned, 0]
         want.turn_sin = TURNS[turned, 1]
     # Agents that meet opposing traffic are stuck for other reasons than walls.
-    wedged = mine.turn < 0.0 and want.opposed <= 0.0 and is_wedged(mine, walls)
-    if wedged:
+    wedged = want.opposed <= 0.0 and is_wedged(mine, walls)
+    if wedged and mine.turn < 0.0:
         # No free distance tells how to turn, but sideways a body gets through wherever it can.
         want.turn_cos = 0.0
         want.turn_sin = 1.0
     speed = choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want)
+    if mine.turn < 0.0:
+        speed = turn_first(mine, rules, ux, uy, speed, want)
     want.vx, want.vy = press_or_step_back(mine, near, count, walls, wedged, want.opposed, speed, ux, uy)
 
 
@@ -321,36 +324,6 @@ def limit_change(mine, rules, want):
     # arms are drawn in by at most 3 cm a step and let out by 2 cm.
     asked = min(mine.held, mine.rest) if mine.held >= 0.0 else mine.rest
     want.half = min(max(asked, mine.half - 0.03), mine.half + 0.02)
-
-
-@helper
-def face(mine, rules, want):
-    """Set the turn of the body in this step: towards the facing of ``want``.
-
-    That is the agent's present velocity, not the wanted one, unless a rule set another direction. If it is small, it
-    becomes the guidance. Turned shoulders take the side that needs the smaller turn.
-    """
-    most = rules.turn_rate * rules.step
-    # Facings set by rules are unit vectors. Below 0.25 m/s the direction of the velocity is noise: face along guidance,
-    # and turn slowly unless the shoulders are to be turned.
-    if want.facing_x * want.facing_x + want.facing_y * want.facing_y < 0.0625:
-        want.facing_x = mine.gx
-        want.facing_y = mine.gy
-        if want.turn_sin == 0.0:
-            most *= 0.3
-    want.turn = 0.0
-    # An agent that stays where it is keeps its heading.
-    if want.facing_x == 0.0 and want.facing_y == 0.0:
-        return
-    fx = want.facing_x
-    fy = want.facing_y
-    # Rotate the facing by the turn of the shoulders, to the side on which the heading already is.
-    if want.turn_sin > 0.0:
-        side = want.turn_sin if fx * mine.hy - fy * mine.hx > 0.0 else -want.turn_sin
-        fx, fy = fx * want.turn_cos - fy * side, fy * want.turn_cos + fx * side
-    # Signed angle from the heading to the facing, limited by the turn rate.
-    turn = atan2(mine.hx * fy - mine.hy * fx, mine.hx * fx + mine.hy * fy)
-    want.turn = min(max(turn, -most), most)
 
 
 @kernel

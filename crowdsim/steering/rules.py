@@ -104,6 +104,8 @@ class Rules(NamedTuple):
     """Largest change of the velocity [m/s2]."""
     turn_rate: float = 2.5
     """Largest turn rate of the body [rad/s]."""
+    backward: float = 0.3
+    """Speed of an agent whose way leads 120 degrees or more off its heading, while it turns [m/s]."""
     turned_slowdown: float = 0.3
     """Share of the speed that is lost if the shoulders are turned by a right angle to get past others; times 1 -
     cos(turn)."""

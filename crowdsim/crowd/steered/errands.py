@@ -184,6 +184,7 @@ class Errands:
         rows = view.row
         walks = view.errand == Errand.WALKS
         near = np.flatnonzero(walks & (rows["togo"] < NEAR_GOAL))
+        self._approach(view, np.flatnonzero(walks))
         leaves = self._reach(view, step, near[self._within_goals(view, near)])
         self._take_places(view, step, np.flatnonzero(view.errand == Errand.TAKES_PLACE))
         self._turn_and_stand(view, step, np.flatnonzero(view.errand == Errand.TURNS))
@@ -230,14 +231,27 @@ class Errands:
             within[asked] |= shapely.contains_xy(self._regions[goal], state["x"][rows], state["y"][rows])
         return within
 
+    def _how_it_ends(self, view: View, rows: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return whether the goal of rows (k,) is their last place, and whether they are to stand there."""
+        group = self._itinerary[view.agent[rows]]
+        last = view.reached[rows] + 1 == self._places_in_all[group]
+        return last, np.where(last, self._stays[group], self._waits[group] > 0)
+
+    def _approach(self, view: View, rows: NDArray[np.int64]) -> None:
+        """Let walking rows slow down before the spots where they will stand."""
+        _, stands = self._how_it_ends(view, rows)
+        rows = rows[stands]
+        spots = self._spots(view, rows, view.reached[rows])
+        distance = hypot(spots[:, 0] - view.row["x"][rows], spots[:, 1] - view.row["y"][rows])
+        view.row["speed"][rows] = _speed_near(distance, view.pace[rows])
+
     def _reach(self, view: View, step: int, there: NDArray[np.int64]) -> NDArray[np.int64]:
         """Let the rows ``there`` (k,), in the region of their goal, leave, go on, or take their spot.
 
         Return the rows that leave.
         """
-        agents, group = view.agent[there], self._itinerary[view.agent[there]]
-        last = view.reached[there] + 1 == self._places_in_all[group]
-        stands = np.where(last, self._stays[group], self._waits[group] > 0)
+        agents = view.agent[there]
+        last, stands = self._how_it_ends(view, there)
         leaves = there[last & ~stands]
         self.arrived[agents[last & ~stands]] = step
         self._exits.leave(view.goal[leaves])
@@ -353,5 +367,10 @@ class Errands:
         state["gx"][rows], state["gy"][rows], state["togo"][rows] = dx / far, dy / far, distance
         # No section prescribes an angle between heading and way [rad], or arms held in [m]: -1.
         state["turn"][rows] = state["held"][rows] = -1.0
-        state["speed"][rows] = np.minimum(view.pace[rows], np.maximum(_SLOWING * distance, _SLOWEST))
+        state["speed"][rows] = _speed_near(distance, view.pace[rows])
         return distance
+
+
+def _speed_near(distance: Floats, pace: Floats) -> Floats:
+    """Return the speed at a distance [m] from the spot where an agent is to stand, its ``pace`` at most [m/s]."""
+    return np.minimum(pace, np.maximum(_SLOWING * distance, _SLOWEST))

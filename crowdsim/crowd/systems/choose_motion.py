@@ -77,7 +77,7 @@ class Choosing:
         self.reserving = Reserving(plans, self.surroundings, self._scratch)
 
     def choose(self, view: View) -> None:
-        """Choose for all rows that are due, in order; then let refused rows ask others to give way, the lowest rank first."""
+        """Choose for rows that are due, in order; then let refused ones ask others to give way, lowest rank first."""
         assets, graph = self.plans.assets, self.plans.assets.graph
         self._rows = Rows.of(view)
         self.surroundings.begin()

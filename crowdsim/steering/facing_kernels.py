@@ -1,0 +1,58 @@
+"""Facing of a steered agent: it turns before it walks if its way leads behind it, else it faces along its velocity.
+
+Arguments of all helpers: ``mine`` (ROW), the agent that decides; ``rules`` (Rules), the constants of the model;
+``want`` (WANTED of :mod:`crowdsim.steering.decide_kernels`), its decision.
+"""
+
+from crowdsim.geometry.elementary_kernels import atan2
+from crowdsim.jit import helper
+
+_ASKEW, _AWAY = -0.17, -0.5
+"""Cosines of 100 and 120 degrees: from the first one off its heading on, an agent walks slower than it could, from the
+second one on at its speed backward."""
+
+
+@helper
+def turn_first(mine, rules, ux, uy, speed, want):
+    """Return ``speed`` [m/s], or less for an agent that faces away from its way (ux, uy): it turns before it walks.
+
+    Then the facing of ``want`` becomes that way: the present velocity may lead anywhere.
+    """
+    along = mine.hx * ux + mine.hy * uy
+    if along >= _ASKEW:
+        return speed
+    want.facing_x = ux
+    want.facing_y = uy
+    # From the free speed at 100 degrees off its heading to that of a step back from 120 degrees on.
+    share = min((_ASKEW - along) / (_ASKEW - _AWAY), 1.0)
+    return min(speed, mine.speed + share * (rules.backward - mine.speed))
+
+
+@helper
+def face(mine, rules, want):
+    """Set the turn of the body in this step: towards the facing of ``want``.
+
+    That is the agent's present velocity, not the wanted one, unless a rule set another direction. If it is small, it
+    becomes the guidance. Turned shoulders take the side that needs the smaller turn.
+    """
+    most = rules.turn_rate * rules.step
+    # Facings set by rules are unit vectors. Below 0.25 m/s the direction of the velocity is noise: face along guidance,
+    # and turn slowly unless the shoulders are to be turned.
+    if want.facing_x * want.facing_x + want.facing_y * want.facing_y < 0.0625:
+        want.facing_x = mine.gx
+        want.facing_y = mine.gy
+        if want.turn_sin == 0.0:
+            most *= 0.3
+    want.turn = 0.0
+    # An agent that stays where it is keeps its heading.
+    if want.facing_x == 0.0 and want.facing_y == 0.0:
+        return
+    fx = want.facing_x
+    fy = want.facing_y
+    # Rotate the facing by the turn of the shoulders, to the side on which the heading already is.
+    if want.turn_sin > 0.0:
+        side = want.turn_sin if fx * mine.hy - fy * mine.hx > 0.0 else -want.turn_sin
+        fx, fy = fx * want.turn_cos - fy * side, fy * want.turn_cos + fx * side
+    # Signed angle from the heading to the facing, limited by the turn rate.
+    turn = atan2(mine.hx * fy - mine.hy * fx, mine.hx * fx + mine.hy * fy)
+    want.turn = min(max(turn, -most), most)
