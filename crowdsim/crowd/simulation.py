@@ -217,7 +217,7 @@ class Simulation(Commandable, Extensible):
             Called as ``progress(step, step_limit, simulation)`` after every step.
         until : callable, optional
             Called as ``until(simulation)`` before every step, and may give commands; the run ends if it returns True,
-            and no longer when :attr:`finished` is True.
+            and no longer when :attr:`finished` is True: return that if arrivals and ``duration`` are to count.
 
         Returns
         -------

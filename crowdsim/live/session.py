@@ -202,4 +202,8 @@ class Session:
         """Return why no more steps are taken."""
         if self.simulation.step_count >= self.simulation.step_limit:
             return f"the {self.simulation.scenario.duration:g} s of the scenario are over"
+        crowd = self.simulation.crowd
+        missing = int(crowd.expected.sum()) - crowd.arrived
+        if missing:
+            return f"{missing} find no way; open one, or send or add agents, and it goes on"
         return "all have arrived; send or add agents, and it goes on"

@@ -329,18 +329,26 @@ class Decision:
         if best[2] <= rules.tight and not self.in_file():
             best = min(best, self.best_direction(ahead, [40.0, 75.0]), key=lambda each: each[0])
         _, direction, _, self.turn = best
-        speed = self.speed(direction)
+        speed = self.turning(self.speed(direction), direction)
         # Wedged beside a wall: sideways, and now and then a step back if nobody is near.
         near_wall = wall_distance(self.walls, mine["x"], mine["y"]) < mine["half"] + mine["radius"]
-        if mine["turn"] < 0.0 and self.opposed <= 0.0 and mine["stuck"] > 5.0 and near_wall:
-            self.turn = 0.5 * math.pi
-            speed = self.speed(direction)
+        if self.opposed <= 0.0 and mine["stuck"] > 5.0 and near_wall:
+            if mine["turn"] < 0.0:
+                self.turn = 0.5 * math.pi
+                speed = self.turning(self.speed(direction), direction)
             alone = all(gap(self.state, self.me, other) >= 0.3 for other in self.heeded)
             if mine["stuck"] >= 10.0 and mine["stuck"] % 5.0 < 1.0 and alone:
                 speed = -0.3
         # Jammed: a step back now and then.
         back = 20.0 <= mine["stuck"] < 22.0 and self.opposed > 0.0 and is_jammed(mine, self.walls)
         return -0.3 * self.way if back else speed * direction
+
+    def turning(self, speed: float, direction: NDArray[np.float64]) -> float:
+        """Return the speed while it turns: from 100 degrees off its heading on less than free, backward from 120 on."""
+        mine, heading = self.mine, np.array([self.mine["hx"], self.mine["hy"]])
+        if mine["turn"] >= 0.0:
+            return speed
+        return min(speed, float(np.interp(heading @ direction, [-0.5, -0.17], [self.rules.backward, mine["speed"]])))
 
     def best_direction(self, ahead: NDArray[np.float64], turns: list[float]) -> tuple[float, NDArray, float, float]:
         """Return (score, direction, free distance, turn) of the best candidate direction around ``ahead``.

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import CrowdSimError, DrawingUnavailable, RecordingError
 from crowdsim.playback import drawing_backend
 from crowdsim.playback.drawing_backend import DrawingBackend, find_backend
@@ -20,6 +21,7 @@ from crowdsim.playback.window import Player, window
 from crowdsim.recording.header import SolidRecord
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
+from crowdsim.scenario.loader import parse_scenario
 from tests.support.small_recording import small_frame, small_header
 
 SMALL = (160, 90)
@@ -35,6 +37,17 @@ def test_shot_shows_characters_in_the_colors_of_their_behaviors(recording, tmp_p
     assert reddish > 300
     assert bluish > 300
     assert [p.name for p in tmp_path.iterdir()] == ["out.png"]
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_a_run_to_which_nobody_came_has_pictures(tmp_path):
+    scene = "{crowdsim: 1, name: closed, duration: 1, seed: 1, floor: {rectangle: [0, 0, 10, 6]}, obstacles: \
+      [{name: wall, box: {min: [5, 0], max: [5.2, 6]}, top: 2.5}], agents: \
+      [{name: some, count: 2, locomotion: captured, start: {rectangle: [1, 1, 3, 5]}, goal: {point: [9, 3]}}]}"
+    with Simulation(parse_scenario(scene.replace("\\\n", ""))).run(tmp_path / "run.h5") as recording:
+        assert recording.most_present == 0
+        for color in ("behavior", "group", "level"):
+            assert shot(recording, tmp_path / f"{color}.png", time=0.0, size=SMALL, color_by=color).is_file()
 
 
 @pytest.mark.usefixtures("can_draw")

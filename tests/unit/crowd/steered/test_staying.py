@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from crowdsim.crowd.simulation import Simulation
+from crowdsim.geometry.planar import wrap_angle
 from crowdsim.scenario.loader import parse_scenario
 from tests.support.steered_scenes import steered_scene
 
@@ -68,3 +69,24 @@ def test_nobody_begins_inside_of_an_obstacle(seed: int, tmp_path: Path) -> None:
     with Simulation(parse_scenario(scene)).run(tmp_path / "run.h5") as recording:
         assert np.isfinite(recording.x[:, 0]).any()
         assert not np.isfinite(recording.x[:, 1]).any()
+
+
+@pytest.mark.parametrize("speed", [0.8, 1.34, 1.8])
+def test_agents_stop_at_their_spots_and_turn_before_they_walk_back(speed: float, tmp_path: Path) -> None:
+    scene = steered_scene(
+        f"name: alone, count: 1, start: {{point: [1, 3]}}, speed: {speed}, wait: 2, on_arrival: stay, "
+        "goals: [{point: [8, 3], heading: 0}, {point: [2, 3]}]",
+        floor="{rectangle: [0, 0, 10, 6]}",
+        seed=1,
+        duration=60,
+    )
+    with Simulation(parse_scenario(scene)).run(tmp_path / "run.h5") as recording:
+        assert recording.summary["stands"]["stood"] == 2
+        assert recording.summary["stands"]["off_goal_most"] < 0.1
+        x, y, heading = recording.x[:, 0], recording.y[:, 0], recording.heading[:, 0]
+    # It comes to its spot and not beyond it.
+    assert x[np.isfinite(x)].max() < 8.1
+    vx, vy = 10.0 * np.diff(x), 10.0 * np.diff(y)
+    backward = np.abs(wrap_angle(np.arctan2(vy, vx) - heading[1:])) > np.radians(120.0)
+    moves = np.hypot(vx, vy)
+    assert moves[backward].max(initial=0.0) < 0.4
