@@ -176,7 +176,7 @@ class MixedCrowd:
         agents, velocities, walks = view.agent.astype(np.int64), self._velocities(view), self._walks(view)
         speeds, ahead = hypot(*velocities.T), self._walks_ahead[view.behavior]
         self.levels.follow_speeds(agents[walks], speeds[walks], ahead[walks])
-        wanted = walks & self.levels.steer(agents, view.pose[:, :2], self._refused(view))
+        wanted = walks & self.levels.steer(agents, view.pose[:, :2], self._refused(view, walks))
         if self.switches.to_steered(view, wanted, velocities, others):
             captured.world.apply_changes()
             steered.world.apply_changes()
@@ -299,11 +299,13 @@ class MixedCrowd:
         waits = itineraries.cast.waits[agents] > 0.0
         return np.asarray((view.state != AgentState.ARRIVED) & ~(stands & waits & (itineraries.reached[agents] > 0)))
 
-    def _refused(self, view: View) -> NDArray[np.float64]:
-        """Return the time (m,) for which captured rows were refused, or have stood beyond one second [s]."""
+    def _refused(self, view: View, walks: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return the time (m,) for which captured rows were refused, or have stood beyond one second [s].
+
+        Rows that do not want to walk on, of ``walks`` (m,), do not count as standing.
+        """
         step, agents = self.step_count, view.agent.astype(np.int64)
-        walks = view.state != AgentState.WAITING
-        self._stands_since[agents[walks]] = step
+        self._stands_since[agents[~walks | (view.state != AgentState.WAITING)]] = step
         refused = np.where(view.blocked_since >= 0, step - view.blocked_since, 0)
         stood = step - self._stands_since[agents] - STEERING_RATE
         return np.asarray(np.maximum(refused, stood) / STEERING_RATE)

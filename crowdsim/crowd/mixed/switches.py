@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.behaviors.entries import Entries, entry_origins, find_entries, find_exits, node_phases
-from crowdsim.constants import NONE, STEERING_RATE
+from crowdsim.constants import CAPTURE_RATE, NONE, STEERING_RATE
 from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.mixed.aims import Aims
 from crowdsim.crowd.mixed.levels import Levels
+from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.timelines import FASTEST, SLOWEST, Playback
 from crowdsim.crowd.steered.components import Errand
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
@@ -55,6 +56,10 @@ TURNED_OFF = 0.15
 
 WORTH = 2.5
 """Length to go above which captured motion is worth a search [m]."""
+
+DAWDLES = (4.0, 0.5)
+"""Time in which captured motion must come some way to be taken [s], and that way [m]: beside the post of a door, it may
+turn on the spot for ten seconds."""
 
 RETRY = 1.0
 """Time between a failed search and the next one [s]."""
@@ -199,10 +204,9 @@ class Switches:
         rows = {int(agent): row for row, agent in enumerate(view.agent.tolist()) if int(agent) in asked}
         for agent in sorted(asked):
             plan = captured.plans.motions.get(agent)
-            entry = asked[agent]
-            if agent in rows and plan is not None and self._enter(view, rows[agent], agent, entry):
-                continue
-            captured.plans.forget(agent)
+            found = agent in rows and plan is not None and leads_on(plan, captured.assets.graph.node_frames)
+            if not found or not self._enter(view, rows[agent], agent, asked[agent]):
+                captured.plans.forget(agent)
 
     def _enter(self, view: View, row: int, agent: int, asked: _Asked) -> bool:
         """Let a steered agent play the node with which its search begins; return False if it cannot be reserved.
@@ -311,3 +315,17 @@ class Switches:
 
     def _changed(self, agents: Ints, step: int) -> None:
         self._levels.changed[agents] = step
+
+
+def leads_on(plan: MotionPlan, node_frames: NDArray[np.int32]) -> bool:
+    """Return False if the motion of a plan stays in one place for long (DAWDLES).
+
+    ``node_frames`` (nodes,) are the lengths of all nodes of the motion graph [frames].
+    """
+    seconds, way = DAWDLES
+    begins = np.append(0, np.cumsum(node_frames[plan.nodes]))[:-1]
+    # The node that is played some seconds after each begins, if the plan is known so far.
+    later = np.searchsorted(begins, begins + seconds * CAPTURE_RATE)
+    earlier = np.flatnonzero(later < plan.count)
+    gone = plan.origins[later[earlier], :2] - plan.origins[earlier, :2]
+    return bool((hypot(*gone.T) >= way).all())
