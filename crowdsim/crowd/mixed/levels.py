@@ -44,9 +44,6 @@ BLOCKED_FOR = 0.3
 QUEUES_FOR = 12.0
 """The same for an agent without room to pass others, which steering would hardly help [s]."""
 
-ALONE_FOR = 3.0
-"""The same if no other is within NEAR: it does not queue, but finds no captured motion that leads on [s]."""
-
 LANE = (0.9, 4.0)
 """Width between walls below which, less LANE_SPARE, an agent is in a lane, and length that the lane must have had
 behind it [m]."""
@@ -167,8 +164,7 @@ class Levels:
         They were refused for times ``blocked`` (k,) [s].
         """
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
-        queues = np.where(self.near[agents] > 0, QUEUES_FOR, ALONE_FOR)
-        refused = blocked >= np.where(self.confined[agents], queues, BLOCKED_FOR)
+        refused = blocked >= np.where(self.confined[agents], QUEUES_FOR, BLOCKED_FOR)
         # No captured motion has the speed that it was given.
         off_pace = ~self.may_capture[agents]
         anywhere = off_pace | refused | self._slow[agents]

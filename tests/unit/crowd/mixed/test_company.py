@@ -124,7 +124,7 @@ def test_who_is_refused_steers_and_where_captured_motion_is_favored_only_then():
 
 def test_where_nobody_can_pass_characters_queue():
     levels = levels_of()
-    places = [[10.0, 0.0], [11.3, 0.0]]
+    places = [[10.0, 0.0], [12.0, 0.0]]
     corridor = build_walls([[0.0, -1.0, 20.0, -1.0], [0.0, 1.0, 20.0, 1.0]])
     crowd = sorted_crowd(walkers([*places, *APART], [[0.9, 0.0], [0.5, 0.0], *STILL]))
     levels.look_around(crowd, (corridor, NO_WALLS), 0)

@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crowdsim.crowd.mixed.levels import ALONE_FOR, BLOCKED_FOR, QUEUES_FOR, Levels
 from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
 from crowdsim.crowd.mixed.switches import leads_on
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state.motion_plan import MotionPlan
-from crowdsim.scenario.cast import place_crowd
 from crowdsim.scenario.loader import parse_scenario
 
 ROOM = "crowdsim: 1\nname: room\nduration: 60\nseed: 1\nfloor: {rectangle: [0, 0, 10, 6]}\nagents:\n"
@@ -42,22 +40,18 @@ def test_motion_that_stays_in_one_place_does_not_lead_on(x: list[float], leads: 
     assert leads_on(plan_of(x), np.array([60], np.int32)) is leads
 
 
-def test_an_agent_alone_that_stands_steers_sooner_than_one_that_queues() -> None:
-    levels = Levels(place_crowd(parse_scenario(ROOM + WAITS.replace("count: 1", "count: 2, interval: 5"))), None)
-    agents, places = np.arange(2), np.ones((2, 2))
-    # Walls leave no room to pass; another one is near the second agent.
-    levels.confined[:], levels.near[1] = True, 1
-    for blocked, steer in ((ALONE_FOR - 0.1, [False, False]), (ALONE_FOR, [True, False]), (QUEUES_FOR, [True, True])):
-        assert levels.steer(agents, places, np.full(2, blocked)).tolist() == steer
-    levels.confined[:] = False
-    assert levels.steer(agents, places, np.full(2, BLOCKED_FOR)).all()
-
-
-def test_who_waits_at_a_place_goes_on_as_it_came() -> None:
+def test_who_waits_at_a_place_does_not_count_as_held_up() -> None:
     with Simulation(parse_scenario(ROOM + WAITS)) as simulation:
         crowd = simulation.crowd
         assert isinstance(crowd, MixedCrowd)
-        while not simulation.finished:
+        waited = 0
+        while simulation.step_count < 300 and waited < 35:
             simulation.step()
-        assert simulation.arrived == 1
-        assert crowd.switches.counts["steered"] == 0
+            view = crowd.captured.world.view()
+            waited += len(view.agent) and not crowd._walks(view)[0]
+        # As soon as it is to go on, it has a second to find captured motion.
+        assert waited == 35
+        while not crowd._walks(crowd.captured.world.view())[0]:
+            simulation.step()
+        view = crowd.captured.world.view()
+        assert crowd._refused(view, crowd._walks(view))[0] <= 0.1
