@@ -97,7 +97,7 @@ def crowd_meshes(recording: Recording, color_by: str, tallest: float = np.inf) -
 
     ``tallest`` is how tall a body is in the picture at most [pixels].
     """
-    counts = [max(recording.most_present, 1)]  # of a recording without anybody, one mesh that draws nothing
+    counts = [max(recording.most_present, 1)]  # if nobody ever appears, one mesh that draws nothing
     if counts[0] > _MANY:
         counts.insert(0, _NEAR)
     meshes = []

@@ -344,11 +344,11 @@ class Decision:
         return -0.3 * self.way if back else speed * direction
 
     def turning(self, speed: float, direction: NDArray[np.float64]) -> float:
-        """Return the speed while it turns: from 100 degrees off its heading on less than free, backward from 120 on."""
+        """Return the speed while it turns, see :func:`speed_in_turn`."""
         mine, heading = self.mine, np.array([self.mine["hx"], self.mine["hy"]])
         if mine["turn"] >= 0.0:
             return speed
-        return min(speed, float(np.interp(heading @ direction, [-0.5, -0.17], [self.rules.backward, mine["speed"]])))
+        return speed_in_turn(speed, mine["speed"], self.rules.backward, float(heading @ direction))
 
     def best_direction(self, ahead: NDArray[np.float64], turns: list[float]) -> tuple[float, NDArray, float, float]:
         """Return (score, direction, free distance, turn) of the best candidate direction around ``ahead``.
@@ -415,6 +415,16 @@ class Decision:
         if not led:
             creep = max(creep, rules.creep_first * np.clip(mine["stuck"] - 0.2, 0.0, 1.0))
         return max(speed, min(creep, mine["speed"]))
+
+
+def speed_in_turn(speed: float, free: float, backward: float, cosine: float) -> float:
+    """Return the speed while it turns: from 100 degrees off its heading on less than free, backward from 120 on.
+
+    ``cosine`` is that of the angle between heading and way.
+    """
+    if cosine >= -0.17:
+        return speed
+    return min(speed, float(np.interp(cosine, [-0.5, -0.17], [backward, free])))
 
 
 def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

@@ -305,7 +305,8 @@ class MixedCrowd:
         Rows that do not want to walk on, of ``walks`` (m,), do not count as standing.
         """
         step, agents = self.step_count, view.agent.astype(np.int64)
-        self._stands_since[agents[~walks | (view.state != AgentState.WAITING)]] = step
+        stands = walks & (view.state == AgentState.WAITING)
+        self._stands_since[agents[~stands]] = step
         refused = np.where(view.blocked_since >= 0, step - view.blocked_since, 0)
         stood = step - self._stands_since[agents] - STEERING_RATE
         return np.asarray(np.maximum(refused, stood) / STEERING_RATE)
