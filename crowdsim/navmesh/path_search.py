@@ -104,9 +104,9 @@ class PathSearch:
         workers: int | None,
         clearance: Callable[[ArrayLike], float],
     ) -> Paths:
-        """Find paths from ``starts`` to ``goals`` (n, 2) for ``radii`` (n,).
+        """Find paths from ``starts`` to ``goals`` (n, 2) [m] for ``radii`` (n,) [m].
 
-        A clearance of ``least`` (n,) is enough [m].
+        ``least`` (n,) is the clearance that counts as enough: the radius less the tolerance, alike for like radii [m].
 
         All arrays are C-contiguous. ``optimality`` is "best" or "fast". ``clearance`` gives that of a point for error
         messages.

@@ -79,6 +79,8 @@ class SteeredFeet:
     def measure(self) -> tuple[float | None, float | None]:
         """Return the mean speed of planted feet [m/s] and the height of the lowest foot point [m]; None if unknown.
 
+        Heights count from the place of each point on a standing sole.
+
         A point of a foot is planted by the same rule as in clips: slow, low and for a while (`planted_steps`).
         """
         tracks = [np.array(track) for track in (*self._ended, *self._tracks.values()) if len(track) >= SHORTEST]

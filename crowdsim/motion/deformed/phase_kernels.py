@@ -157,7 +157,7 @@ def advance_phases(places, velocities, turns, dt, phases, anchors):
     places: (A, 3) float64 x, y [m] and heading [rad] after the step.
     velocities: (A, 2) float64 [m/s]. turns: (A,) float64 [rad/s].
     phases: (A,) float64 [cycles], updated. STAND for a new body.
-    anchors: (A, 3) float64, pose to which the foot belongs that lifts next, updated. Its place for a new body; see
+    anchors: (A, 3) float64, pose when the body was over the foot now behind, updated. Its place for a new body; see
     :func:`set_anchors` for one that walked as a captured agent before.
     """
     for body in range(len(phases)):

@@ -99,9 +99,9 @@ def disc_clearance(m, x, y, limit, hint):
 
 @helper
 def _inner_distance2(x0, y0, x1, y1, a, b):
-    """Return the squared distance from segment 0-1 to the inside of side ab [m2]; inf if no place inside is nearest.
+    """Return the squared distance from segment 0-1 to side ab [m2], exact if only the inside of the side is nearest.
 
-    a, b: records VERTEX. If an end of the side is nearer to the segment, the result may be greater than that distance.
+    If an end of the side is as near, the result may be more, or inf; it never is less. a, b: records VERTEX.
     """
     ux = b.x - a.x
     uy = b.y - a.y

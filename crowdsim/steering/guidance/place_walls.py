@@ -155,7 +155,8 @@ def update_walls(walls: Walls, segments: Floats, window: Bounds) -> Walls:
     left = walls.left + outer[0] * WALL_CELL
     bottom = walls.bottom + outer[1] * WALL_CELL
     columns, rows = outer[2] - outer[0], outer[3] - outer[1]
-    if columns > 0 and rows > 0:
+    # A window farther off than FARTHEST, as of a movable that is on other layers only, changes no distance.
+    if inner[0] < inner[2] and inner[1] < inner[3]:
         near_starts, near_lists = _lists(segments, left, bottom, columns, rows)
         per_cell = round(WALL_CELL / SPACING)
         part = np.zeros((rows * per_cell + 1, columns * per_cell + 1), np.uint8)

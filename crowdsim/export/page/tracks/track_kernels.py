@@ -143,8 +143,8 @@ def _put_headings(state, out, models, mixer, x, y, headings, begin, first, end, 
     """Code headings from step ``first`` to before ``end``.
 
     ``headings``: the exact ones (T,) float64 [units of turn], and (T,), filled with what a decoder finds.
-    Turns are coded as :func:`choose_turn` says, within ``slack`` (2,). ``stop`` is the step before which the person is
-    present.
+    Turns are coded as :func:`choose_turn` says, within ``slack`` (2,). The person is present up to before step
+    ``stop``.
     """
     exact, heading = headings
     turn = units[TURN]

@@ -82,6 +82,19 @@ def test_walls_beyond_the_frame_are_built_from_the_start():
     assert len(update_walls(old, np.empty((0, 4)), ROOM.bounds).segments) == 0
 
 
+@pytest.mark.parametrize("off", [0.5, 2.0, 3.5, 4.0, 5.0, 6.0, 9.0])
+def test_a_window_off_the_grid_changes_nothing(off):
+    walls = build_walls(outline_segments(ROOM))
+    across, along = (-1.0, 13.0), (-1.0, 9.0)
+    for window in (
+        (-off - 1.0, *along[:1], -off, along[1]),
+        (12.0 + off, along[0], 13.0 + off, along[1]),
+        (across[0], -off - 1.0, across[1], -off),
+        (across[0], 8.0 + off, across[1], 9.0 + off),
+    ):
+        assert_alike(update_walls(walls, walls.segments, window), walls)
+
+
 def test_a_door_that_closes_changes_fields_and_walls():
     area = ROOM.difference(shapely.box(5.9, -1.0, 6.1, 9.0).difference(shapely.box(5.0, 3.0, 7.0, 4.2)))
     door = shapely.box(5.95, 2.9, 6.05, 4.3)
