@@ -82,11 +82,13 @@ class LivePoses:
         self._header = header
         # Captured bodies are posed from the latest step alone.
         kept = round(KEPT * header.steps_per_second) if header.motion.gaits else 1
+        # Columns (N,) of each step kept, in the order of COLUMN_TYPES.
         self._rows: deque[tuple[NDArray[Any], ...]] = deque(maxlen=kept)
         self._table = pose_table_of(header.motion)
         self._foot_table = feet_of_nodes(header, self._table)
         self._clips = GaitClips(header.motion)
         self._followed: FollowedFeet | None = None
+        # There is no table if no agent can be captured.
         if self._foot_table is not None:
             self._followed = FollowedFeet(
                 self._table, self._foot_table, header.agents.count, header.steps_per_second, spans_of(header)

@@ -106,8 +106,8 @@ class Scene:
         self.plotter.set_background(_SKY[1], top=_SKY[0])
         if supersample > 1:
             self.plotter.disable_anti_aliasing()  # the mean of several pixels smooths edges
-        # What is translucent lies on the floor, or is glass that is built before; blending it in order takes a quarter
-        # less of the time of a picture than weighing it by depth.
+        # Blend what is translucent, glass and what lies on the floor, in the order in which it was added: that takes a
+        # quarter less of the time of a picture than weighing it by depth.
         self.plotter.renderer.SetUseOIT(False)
         self._scale = pixels[1] / 900.0  # sizes of texts and lines are given for a picture 900 pixels high
         self._crowds = crowd_meshes(recording, color_by, tallest)

@@ -56,7 +56,7 @@ _SWITCH_COST = 0.05
 MISFIT_COST = 0.15
 """Cost of moving in a behavior one step off the planned one [m2/m]."""
 
-_END_COST = 0.25
+END_COST = 0.25
 """Weight of the error at a branch's end [m]: its distance from the path [m] plus half its heading error [rad]."""
 
 
@@ -260,7 +260,7 @@ def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
         laid.free[entry, k] = False
     laid.arc[entry] = arc_after
     laid.area[entry] = area
-    laid.off[entry] = 0.0 if reached else _END_COST * (end_gap + 0.5 * error)
+    laid.off[entry] = 0.0 if reached else END_COST * (end_gap + 0.5 * error)
 
 
 @helper

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from crowdsim.constants import NONE
-from crowdsim.following.follower.branch_kernels import MISFIT_COST, NODE_COST, branch_is_free, lay_branch
+from crowdsim.following.follower.branch_kernels import END_COST, MISFIT_COST, NODE_COST, branch_is_free, lay_branch
 from crowdsim.following.follower.path_kernels import path_point, project, sample_index
 from crowdsim.following.follower.reach_kernels import branch_keeps_in
 from crowdsim.following.maps.map_kernels import BEHAVIOR, BIN, CELL, END_X, END_Y, LEVEL, WALKED, pack_cell
@@ -172,7 +172,7 @@ def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 misfit = abs(ahead[row, BEHAVIOR] - guide.behavior[sample_index(guide, arc + walked)])
                 # Estimated score: area 0.5 * gap * gain, end error, nodes, behavior, over gain^2 (0.1 m at least).
                 gain = max(walked, 0.1)
-                cost = gap * (0.5 * gain + 0.25) + NODE_COST * level + MISFIT_COST * misfit * gain
+                cost = gap * (0.5 * gain + END_COST) + NODE_COST * level + MISFIT_COST * misfit * gain
                 score = cost / (gain * gain)
                 if count < room or score <= search.listed_score[count - 1]:
                     entry = np.int64(maps.order[row])

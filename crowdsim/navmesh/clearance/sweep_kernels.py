@@ -132,7 +132,8 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
         if sides[h].constraints != 0 or steps < 0 or top + 2 > stack.size:
             return False, root
         g = sides[h].twin
-        # The segment leaves the triangle across this side (from right to left of it); the last one gives the end's.
+        # The segment leaves the triangle across a side that runs from the segment's right to its left; the last one
+        # gives the triangle of the end.
         if ay <= 0.0 and by > 0.0:
             at = ax - ay * (bx - ax) / (by - ay)
             if at <= length and at > reach:

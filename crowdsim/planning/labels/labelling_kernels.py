@@ -55,7 +55,8 @@ def required_length(before, label, after, turned, terms):
             if max(other, label) != n - 1:
                 return math.inf
             turns += 1
-    # A section that is the whole path, or a turned one at an end of the path, may be of any length.
+    # A section that is the whole path may be of any length. So may a turned one at an end of the path: the body begins
+    # or ends sideways there, and the section beside it holds the room to turn.
     if ends == 2 or (ends == 1 and turned[label]):
         return 0.0
     if turned[label] or turns == 0:

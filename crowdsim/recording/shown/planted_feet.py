@@ -37,7 +37,7 @@ def pose_table_of(motion: MotionRecord) -> PoseTable:
 
 
 def feet_of_nodes(header: RecordingHeader, table: PoseTable) -> FootTable | None:
-    """Return places and stances of the feet in all nodes; None for older recordings, which do not tell them."""
+    """Return places and stances of the feet in all nodes; None if there are none, or a recording is too old to tell."""
     motion = header.motion
     if not len(motion.pool_tracks):
         return None
