@@ -16,10 +16,11 @@ second one on at its speed backward."""
 def turn_first(mine, rules, ux, uy, speed, want):
     """Return ``speed`` [m/s], or less for an agent that faces away from its way (ux, uy): it turns before it walks.
 
-    Then the facing of ``want`` becomes that way: the present velocity may lead anywhere.
+    Then the facing of ``want`` becomes that way: the present velocity may lead anywhere. An agent whose free speed is 0
+    stands, and turns as it is told.
     """
     along = mine.hx * ux + mine.hy * uy
-    if along >= _ASKEW:
+    if along >= _ASKEW or mine.speed <= 0.0:
         return speed
     want.facing_x = ux
     want.facing_y = uy

@@ -1,7 +1,8 @@
 """Agents that have long been stuck: wedged beside a wall, or jammed among others.
 
-Wedged ones turn their shoulders, and step back to try again; the commit lets them turn past the corners of walls, too
-(:mod:`turn_kernels`). Those that meet opposing traffic are stuck for other reasons, and are not wedged.
+Wedged ones turn their shoulders, unless a section of the plan prescribes how they turn, and step back to try again; the
+commit lets them turn past the corners of walls, too (:mod:`turn_kernels`). Those that meet opposing traffic are stuck
+for other reasons, and are not wedged.
 
 A jam in a passage dissolves if one agent goes first for long enough to get out, and those in its way go back until they
 are out of it, one after the other. So the right of way lasts (:func:`rank_of`), is taken over by those in front who go

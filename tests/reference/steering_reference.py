@@ -422,7 +422,7 @@ def speed_in_turn(speed: float, free: float, backward: float, cosine: float) -> 
 
     ``cosine`` is that of the angle between heading and way.
     """
-    if cosine >= -0.17:
+    if cosine >= -0.17 or free <= 0.0:
         return speed
     return min(speed, float(np.interp(cosine, [-0.5, -0.17], [backward, free])))
 

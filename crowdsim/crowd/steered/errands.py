@@ -184,7 +184,6 @@ class Errands:
         rows = view.row
         walks = view.errand == Errand.WALKS
         near = np.flatnonzero(walks & (rows["togo"] < NEAR_GOAL))
-        self._approach(view, np.flatnonzero(walks))
         leaves = self._reach(view, step, near[self._within_goals(view, near)])
         self._take_places(view, step, np.flatnonzero(view.errand == Errand.TAKES_PLACE))
         self._turn_and_stand(view, step, np.flatnonzero(view.errand == Errand.TURNS))
@@ -194,6 +193,17 @@ class Errands:
         view.lost_since[~lost] = NONE
         view.lost_since[lost & (view.lost_since == NONE)] = step
         return leaves
+
+    def approach(self, view: View) -> None:
+        """Let walking agents slow down before the spots where they will stand; call it after all that sets speeds."""
+        rows = np.flatnonzero(view.errand == Errand.WALKS)
+        _, stands = self._how_it_ends(view, rows)
+        rows, state = rows[stands], view.row
+        spots = self._spots(view, rows, view.reached[rows])
+        distance = hypot(spots[:, 0] - state["x"][rows], spots[:, 1] - state["y"][rows])
+        # A spot behind a wall is as far as the way to its region.
+        distance = np.maximum(distance, state["togo"][rows])
+        state["speed"][rows] = _speed_near(distance, state["speed"][rows])
 
     def how_they_stood(self, view: View) -> tuple[Floats, Floats]:
         """Return distance to the place [m] and angle to the prescribed heading [rad] (nan if none) of each stand.
@@ -236,14 +246,6 @@ class Errands:
         group = self._itinerary[view.agent[rows]]
         last = view.reached[rows] + 1 == self._places_in_all[group]
         return last, np.where(last, self._stays[group], self._waits[group] > 0)
-
-    def _approach(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Let walking rows slow down before the spots where they will stand."""
-        _, stands = self._how_it_ends(view, rows)
-        rows = rows[stands]
-        spots = self._spots(view, rows, view.reached[rows])
-        distance = hypot(spots[:, 0] - view.row["x"][rows], spots[:, 1] - view.row["y"][rows])
-        view.row["speed"][rows] = _speed_near(distance, view.pace[rows])
 
     def _reach(self, view: View, step: int, there: NDArray[np.int64]) -> NDArray[np.int64]:
         """Let the rows ``there`` (k,), in the region of their goal, leave, go on, or take their spot.
@@ -371,6 +373,6 @@ class Errands:
         return distance
 
 
-def _speed_near(distance: Floats, pace: Floats) -> Floats:
-    """Return the speed at a distance [m] from the spot where an agent is to stand, its ``pace`` at most [m/s]."""
-    return np.minimum(pace, np.maximum(_SLOWING * distance, _SLOWEST))
+def _speed_near(distance: Floats, speed: Floats) -> Floats:
+    """Return the speed at a distance [m] from the spot where an agent is to stand, ``speed`` at most [m/s]."""
+    return np.minimum(speed, np.maximum(_SLOWING * distance, _SLOWEST))

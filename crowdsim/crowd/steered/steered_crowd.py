@@ -211,6 +211,10 @@ class SteeredCrowd:
             self.steering.set_walls(*self.place.walls)
         self.entering.enter(self._step, self.steering)
         self.world.apply_changes()
+        # Walking agents have their free speeds, until `act` lowers some.
+        view = self.world.view()
+        walks = view.errand == Errand.WALKS
+        view.row["speed"][walks] = view.pace[walks]
         self.act()
         self.digest = rows_digest(self.world)
         self.hash = chained_hash(self.digest, self.place.state(), self._step, self.hash)
@@ -225,6 +229,7 @@ class SteeredCrowd:
         place.guidance.write(view.row, view.following)
         leaves = self.errands.update(view, self._step)
         self.parties.keep_together(view)
+        self.errands.approach(view)
         place.lead_out(view.row, np.flatnonzero(view.lost_since != NONE))
         gone = view.id[leaves]
         ghosts = self.meet(gone)

@@ -193,9 +193,8 @@ def follow_feet(work):
         if 2.0 * advance <= 3.0 * work.natural:
             share = (last - since) / advance if advance > 0.0 else 1.0
         else:
-            end = min(since + work.natural, last)
-            share = (end - since) / work.natural
-            begin = frame - (1.0 - share) * work.natural
+            left = max(since + work.natural - last, 0.0)
+            begin, share, end = frame - left, 1.0 - left / work.natural, min(since + work.natural, last)
         count = _play(work, a, old, before, since, end, 0.0, share, count)
         _pose(work, a, old, before, end, share)
         shown = (_shown(work, a, old, end, 0), _shown(work, a, old, end, 1))

@@ -73,9 +73,10 @@ export class FollowedFeet {
     // up to its end, then the last ones of the next node.
     if (2 * advance <= 3 * natural) share = advance > 0 ? (last - old.frame) / advance : 1;
     else {
+      const left = Math.max(old.frame + natural - last, 0);
+      begin = now.frame - left;
+      share = 1 - left / natural;
       end = Math.min(old.frame + natural, last);
-      share = (end - old.frame) / natural;
-      begin = now.frame - (1 - share) * natural;
     }
     found.parts = [partOf(old, old.frame, end, 0, share), partOf(now, begin, now.frame, share, 1)];
     return found;
