@@ -132,8 +132,7 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
         if sides[h].constraints != 0 or steps < 0 or top + 2 > stack.size:
             return False, root
         g = sides[h].twin
-        # The segment leaves the triangle across a side that runs from the segment's right to its left; the last one
-        # gives the triangle of the end.
+        # The segment leaves across a side that runs from its right to its left; the last one gives the end's triangle.
         if ay <= 0.0 and by > 0.0:
             at = ax - ay * (bx - ax) / (by - ay)
             if at <= length and at > reach:
