@@ -105,6 +105,6 @@ def test_feet_stand_where_the_recording_has_them(visit, recorded, tmp_path, shor
         _, joints, _, frames = compare(recording, shown, np.concatenate([drawn, *paced, *beside]).tolist())
     assert len(joints) > 100
     assert np.percentile(joints, 99) <= 0.001
-    assert max(joints) <= 0.005
+    assert max(joints) <= 0.003
     assert frames <= 1e-3
     assert shown.complained == []
