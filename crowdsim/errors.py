@@ -191,3 +191,8 @@ class DrawingUnavailable(CrowdSimError):
     """No drawing backend works on this machine: no display, no EGL, no OSMesa."""
 
     exit_code = 3
+
+
+def one_line(error: Exception) -> str:
+    """Return what a parser says of a damaged file, on one line of at most 120 signs."""
+    return " ".join(str(error).split())[:120]

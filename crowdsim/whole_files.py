@@ -23,11 +23,6 @@ def not_written(file: str | os.PathLike[str], error: OSError) -> str:
     return f"cannot write {file} ({error.strerror or error}); make room on its disk, or choose another place"
 
 
-def one_line(error: Exception) -> str:
-    """Return what a parser says of a damaged file, on one line of at most 120 signs."""
-    return " ".join(str(error).split())[:120]
-
-
 def require_regular(path: Path, kind: type[CrowdSimError], most: int = MOST_BYTES) -> None:
     """Raise ``kind`` if ``path`` is a folder, a device or a pipe, or larger than ``most`` bytes.
 

@@ -47,7 +47,10 @@ class Cost(NamedTuple):
 
 
 def measure(agents: int = AGENTS, steps: int = STEPS, rounds: int = ROUNDS) -> Measurement:
-    """Compare a run and a driven simulation on each level; figures are medians of rounds."""
+    """Compare a run and a driven simulation on each level.
+
+    Figures are medians of rounds; ``more_most_percent`` is the largest of them.
+    """
     rows: list[dict[str, Any]] = []
     for level in _LEVELS:
         costs = [compare(level, agents, steps) for _ in range(rounds)]

@@ -12,8 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.units import METERS, meters_per_unit
-from crowdsim.errors import GeometryError, PlaceError
-from crowdsim.whole_files import one_line
+from crowdsim.errors import GeometryError, PlaceError, one_line
 
 SAGITTA = 2e-3
 """How far the chords of a curve may leave it [m]. A smaller value makes more corners."""

@@ -18,9 +18,9 @@ from crowdsim.environment.layers import polygons_only
 from crowdsim.environment.sections import snapped_union
 from crowdsim.environment.solids import MIN_EXTENT, Solid
 from crowdsim.environment.units import meters_per_unit
-from crowdsim.errors import GeometryError, PlaceError
+from crowdsim.errors import GeometryError, PlaceError, one_line
 from crowdsim.geometry.polygons import LARGE_EXTENT, buffered, clean_polygon
-from crowdsim.whole_files import one_line, require_regular
+from crowdsim.whole_files import require_regular
 
 WALL_THICKNESS = 0.10
 """Thickness of walls that a plan draws as lines [m]."""

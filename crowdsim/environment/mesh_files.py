@@ -16,10 +16,10 @@ from scipy.sparse.csgraph import connected_components
 
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.units import doubt_about_height, meters_per_unit
-from crowdsim.errors import GeometryError, PlaceError
+from crowdsim.errors import GeometryError, PlaceError, one_line
 from crowdsim.geometry import planar
 from crowdsim.geometry.products import dot
-from crowdsim.whole_files import one_line, require_regular
+from crowdsim.whole_files import require_regular
 
 Floats = NDArray[np.float64]
 

@@ -83,8 +83,8 @@ def _thing(movable: Movable, placing: Placing | None, door: bool) -> dict[str, A
         for solid in movable.solids
     ]
     mesh = solids_mesh(solids)
-    # The footprint is placed already, so it is moved no more: the map is the identity.
-    outline = placed(movable.footprint(placing), (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)).convex_hull
+    # The hull of a footprint without area is a line or a point, which has no exterior.
+    outline = movable.footprint(placing).convex_hull
     thing["top"] = max((solid.top for solid in solids), default=0.0)
     thing["outline"] = np.round(np.array(getattr(outline, "exterior", outline).coords), 3).tolist()
     thing["corners"] = np.round(mesh.points[mesh.triangles].reshape(-1), 3).tolist()

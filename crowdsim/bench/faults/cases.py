@@ -203,7 +203,7 @@ def _recorded(number: int) -> dict[str, tuple[Any, ...]]:
 
 @cache
 def _recordings() -> list[bytes]:
-    """Return the recordings in the folder RECORDINGS, or short real ones that together use every part of the format."""
+    """Return the recordings in the folder RECORDINGS, or short real ones: of all levels, and of a changing place."""
     given = os.environ.get(RECORDINGS)
     if given:
         return [path.read_bytes() for path in sorted(Path(given).glob("*.h5"))]

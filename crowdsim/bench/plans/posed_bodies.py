@@ -10,7 +10,7 @@ turn, in the middle of the room that plans leave for that.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -286,8 +286,8 @@ class Obstacles:
         return depths
 
 
-def prism_distances(footprints: Floats, rims: Floats, points: Floats, above: Floats) -> Floats:
-    """Return distances (n,) of points from upright prisms [m], negative inside.
+def prism_distances(footprints: NDArray[Any], rims: NDArray[Any], points: NDArray[Any], above: Floats) -> Floats:
+    """Return distances (n,) of points from upright prisms [m], negative inside; nan for an empty footprint.
 
     Parameters
     ----------

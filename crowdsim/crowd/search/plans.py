@@ -156,7 +156,8 @@ class Plans:
     def collect(self) -> list[Found]:
         """Return the results of the slices that were begun in the step before, but for those of no use any more.
 
-        Searches that an edit made invalid are dropped. Routes found from a stand, and goals without a path, are noted.
+        Drop searches that an edit made invalid, unless their agent walks what they found before. Note routes found from
+        a stand, and goals that have no path from there; routes that join a plan are noted when they are joined.
         """
         results = []
         for agent, search, found in self.searches.collect(self.step):
@@ -165,8 +166,10 @@ class Plans:
             late = outdated(self.assets, plan, request.position, self.environment.edits[search.revision :])
             goes_on = search.handed is not None
             followed = self.motions.get(agent)
+            # It follows another plan; or an edit made this result invalid: a next slice, if there is one, takes it into
+            # account.
             if goes_on and (late or followed is None or followed.nodes is not search.handed):
-                continue  # it follows another plan, or the next slice takes the edit into account
+                continue
             if late:
                 self.searches.drop(agent)
             elif join is None:

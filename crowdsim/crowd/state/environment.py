@@ -79,6 +79,7 @@ class EnvironmentState:
             self.meshes, assets.behaviors, areas=self.areas, planner=assets.planner, bodies=assets.bodies
         )
         self._growths = area_growths(assets.behaviors, len(free))
+        # Revision at which passages were found last, and their segments (S, 4) [m]; None before the first request.
         self._passages: tuple[int, NDArray[np.float64]] | None = None
         # Mesh handles and placings of the movables present, by their numbers.
         self._handles: dict[int, list[tuple[NavMesh, Handle]]] = {}

@@ -49,9 +49,10 @@ class Reserving:
     def reserve(
         self, view: View, walker: Walker, plan: MotionPlan, following: int, obstacles: Obstacles
     ) -> dict[str, Any] | None:
-        """Return the columns of a reservation from a walker's pose through node ``following`` to a stop.
+        """Return the columns of a reservation from a walker's pose through node ``following`` of a plan to its end.
 
-        None without one. Its timeline is scratch, which the next reservation overwrites.
+        It takes as few later nodes as lead to a stop, or out of the world. None without one. Its timeline is scratch,
+        which the next reservation overwrites.
         """
         assets = self.plans.assets
         available = min(plan.count - following, LOOKAHEAD)

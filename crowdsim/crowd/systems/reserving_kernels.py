@@ -66,7 +66,7 @@ def frame_of(graph, rows, row, playback):
 
     ``rows`` are the columns of the captured agents (:mod:`crowdsim.crowd.state.components`), ``row`` is one of
     them. Time within a frame is counted in ticks, FRAME_TICKS of which are a frame. A waiting agent can leave its
-    idle node at any frame; it counts as at the end of it.
+    idle node also in a step that does not play it to its end: it then counts as at the end of it.
     """
     length = np.int64(graph.node_frames[rows.node[row]])
     frame = np.int64(rows.frame[row])

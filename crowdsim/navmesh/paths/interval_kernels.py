@@ -98,7 +98,7 @@ def _key(m, regions, waypoints, guide, label, gx, gy, radius):
     key = 0.0
     if guide is not None:
         key = guided_estimate(m.sides, m.vertices, guide, label, radius, _estimate(label, gx, gy))
-    # With regions: aim at the next bridge, from which the rest of the way is known.
+    # With regions: aim at the next bridge; the rest is estimated by straight lines from bridge to bridge.
     if regions is not None:
         aim = waypoints[regions[m.sides[label.h].twin // 3].top]
         key = GREED * aim.rest + _estimate(label, aim.x, aim.y)

@@ -124,7 +124,7 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
     Return (points, their number, node, inside, vertex, edge, distance, x0, y0, x1, y1). ``node`` is -1 if nothing is
     too close. Otherwise the piece (x0, y0) -> (x1, y1) runs around node ``node`` (``inside``) or from there to the
     next, and comes as near as ``distance`` [m] to ``vertex`` or to the half-edge ``edge``; the other one is -1. All
-    three are -1 if the piece starts outside of free space.
+    three are -1 if the piece starts outside of free space, or after rounding errors.
     """
     sides = m.sides
     vertices = m.vertices
@@ -169,8 +169,6 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
                 if is_open:
                     triangle = fan
             if not is_open:
-                if triangle < 0:
-                    triangle = triangle_of(m, px, py, NONE)
                 # Sweep the piece. In doubt the exact distance decides.
                 free, end = sweep(sides, vertices, stack, triangle, px, py, x, y, least)
                 if not free:
