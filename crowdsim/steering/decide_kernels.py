@@ -302,6 +302,7 @@ def follow_way(rows, mine, near, count, walls, rules, want):
         want.turn_cos = 0.0
         want.turn_sin = 1.0
     speed = choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want)
+    # A section that prescribes the turn of the body prescribes where it faces, too.
     if mine.turn < 0.0:
         speed = turn_first(mine, rules, ux, uy, speed, want)
     want.vx, want.vy = press_or_step_back(mine, near, count, walls, wedged, want.opposed, speed, ux, uy)

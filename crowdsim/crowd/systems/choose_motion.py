@@ -369,8 +369,10 @@ class Choosing:
         take(view, row, int(chain.nodes[1]), chain.origins[1], chain.blend_offsets[1])
 
     def _stand(self, view: View, row: int, agent: int) -> None:
-        """Wait at the end of the node: in an idle node if one may follow, else on the node's last frame."""
-        # The larger state: an agent that has arrived stays ARRIVED, which comes after WAITING.
+        """Wait at the end of the node: in an idle node if one may follow, else on the node's last frame.
+
+        An agent that has arrived stays so: of the states, the later one counts.
+        """
         idle = self.plans.assets.idle_after(int(view.node[row]))
         # On the last frame it keeps its plan, whose next node may follow; that node does not follow an idle one.
         if idle == NONE:

@@ -85,12 +85,12 @@ def test_walls_beyond_the_frame_are_built_from_the_start():
 @pytest.mark.parametrize("off", [0.5, 2.0, 3.5, 4.0, 5.0, 6.0, 9.0])
 def test_a_window_off_the_grid_changes_nothing(off):
     walls = build_walls(outline_segments(ROOM))
-    across, along = (-1.0, 13.0), (-1.0, 9.0)
+    # To the left and right of the room, below and above it.
     for window in (
-        (-off - 1.0, *along[:1], -off, along[1]),
-        (12.0 + off, along[0], 13.0 + off, along[1]),
-        (across[0], -off - 1.0, across[1], -off),
-        (across[0], 8.0 + off, across[1], 9.0 + off),
+        (-off - 1.0, -1.0, -off, 9.0),
+        (12.0 + off, -1.0, 13.0 + off, 9.0),
+        (-1.0, -off - 1.0, 13.0, -off),
+        (-1.0, 8.0 + off, 13.0, 9.0 + off),
     ):
         assert_alike(update_walls(walls, walls.segments, window), walls)
 
