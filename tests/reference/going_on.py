@@ -11,7 +11,7 @@ from crowdsim.constants import NONE
 from crowdsim.crowd.giving_way.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.near.neighbor_kernels import widen
 from crowdsim.crowd.state.reservation_kernels import ROUNDING
-from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
+from crowdsim.crowd.state.way_kernels import IN_PASSAGE, lay_way, rank_behind, ways_before
 from crowdsim.crowd.systems.choose_kernels import (
     ALL_DONE,
     BEHIND,
@@ -95,6 +95,16 @@ def _ends_last_goal(table: Any, progress: Any, agent: int) -> bool:
     return int(progress.reached[agent]) + int(table.passes[agent]) + 1 == places
 
 
+def _rank_at(rank: int, place: np.ndarray, passages: np.ndarray, reach: float) -> int:
+    """Return the rank of a row that comes to rest at a place (2,), from that which it would have in the open."""
+    for passage in passages.reshape(-1, 2, 2):
+        along = passage[1] - passage[0]
+        share = np.clip((place - passage[0]) @ along / (along @ along), 0.0, 1.0)
+        if 0 <= rank < IN_PASSAGE and hypot(*(place - passage[0] - share * along)) < reach:
+            return rank - IN_PASSAGE
+    return rank
+
+
 def _reserve(
     graph: Any, rows: Any, row: int, table: Any, progress: Any, obstacles: Any, everyone: Any, scratch: Any, *last: Any
 ) -> int:
@@ -102,12 +112,13 @@ def _reserve(
     playback, asking = last
     agent, following = int(rows.agent[row]), int(rows.cursor[row]) + 1
     nodes, origins, blend_offsets, rates = _plan(table, agent)
-    near = everyone.near
+    near, reach = everyone.near, obstacles.off_passages * float(rows.body_radius[row])
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, rows.way[row])
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, near)
-    rows.rank[row] = min(int(rows.turn[row]), behind)
-    ways = np.empty_like(scratch.ways)
-    ways = ways[: ways_before(row, rows.way, rows.rank, WAY_REACH, near, ways)]
+    rest = rows.timeline[row, -1, :2].copy()
+    rows.rank[row] = _rank_at(min(int(rows.turn[row]), behind), rest, obstacles.passages, reach)
+    scratch.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, near, scratch.ways)
+    ways = scratch.ways[: scratch.ways_count[0]]
     radius = float(rows.body_radius[row])
     mine = obstacles._replace(
         agent=agent,
@@ -142,6 +153,7 @@ def _reserve(
     rows.gone_slot[row] = gone
     rows.part[row], rows.rate[row], rows.wanted_rate[row] = played.part, played.rate, played.wanted
     rows.reserved[row] = following + taken - 1
+    rows.rank[row] = _rank_at(int(rows.rank[row]), timeline[-1, :2], obstacles.passages, reach)
     widen(near, row, rows.timeline_circle[row])
     lay_way(origins, following + taken, timeline[-1], WAY_METERS, rows.way[row])
     return int(count)

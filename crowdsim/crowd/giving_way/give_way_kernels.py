@@ -6,8 +6,7 @@ Arguments of all helpers: ``graph`` (GraphArrays); ``obstacles``, ``everyone`` (
 :mod:`crowdsim.crowd.state.timelines`; ``asking`` with ``moves`` of :mod:`crowdsim.crowd.giving_way.asking`. A slot is
 the number of a sample since the run began, ``gone`` that from which the row takes no room. ``frame`` is that from which
 a row goes on; ``chain``, ``first``, ``available``, ``ends_plan`` and ``timeline`` those of
-:func:`~crowdsim.crowd.state.reservation_kernels.reserve`. ``ways`` [m], ``ranks``, ``pose``
-and ``may_move`` (True: it stands and has not decided yet) are columns of all rows.
+:func:`~crowdsim.crowd.state.reservation_kernels.reserve`.
 """
 
 import math
@@ -15,9 +14,18 @@ import math
 import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE
-from crowdsim.crowd.near.neighbor_kernels import cells_within, rows_of_line, widen
+from crowdsim.crowd.near.neighbor_kernels import widen
 from crowdsim.crowd.state.body_kernels import meets_body
-from crowdsim.crowd.state.reservation_kernels import BEYOND, IN_WAY, ROUNDING, TOO_LONG, lay_out, next_met, stays_free
+from crowdsim.crowd.state.reservation_kernels import (
+    BEYOND,
+    IN_WAY,
+    ROUNDING,
+    TOO_LONG,
+    enters_against,
+    lay_out,
+    next_met,
+    stays_free,
+)
 from crowdsim.crowd.state.sampling_kernels import from_stand, sample_chain
 from crowdsim.crowd.state.way_kernels import FOREVER, near_any, nearest_of_way
 from crowdsim.geometry.elementary_kernels import hypot
@@ -327,36 +335,6 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
 
 
 @kernel
-def next_in_way(ways, ranks, may_move, me, pose, width, begin, near):
-    """Return the first row from ``begin`` on that stands in the way ahead of ``me`` and ranks behind it; -1 if none.
-
-    ``width`` is the distance to the way that counts [m]; ``near`` are the rows by cells.
-    """
-    way = ways[me]
-    left = right = way[0, 0]
-    bottom = top = way[0, 1]
-    if math.isnan(left):
-        return -1
-    # Bounding box of the way, to find the cells.
-    for k in range(1, len(way)):
-        left, right = min(left, way[k, 0]), max(right, way[k, 0])
-        bottom, top = min(bottom, way[k, 1]), max(top, way[k, 1])
-    best = -1
-    low, high, first, last = cells_within(near, left, bottom, right, top, width)
-    for line in range(first, last + 1):
-        number, after = rows_of_line(near, line, low, high)
-        while number < after:
-            row = near.order[number]
-            number += 1
-            # The lowest number wins, whatever the order of the cells.
-            if begin <= row and (best < 0 or row < best) and may_move[row] and ranks[row] > ranks[me]:
-                off, _, _ = nearest_of_way(way, pose[row, 0], pose[row, 1])
-                if off < width:
-                    best = row
-    return best
-
-
-@kernel
 def reserve_by_asking(
     graph,
     obstacles,
@@ -388,7 +366,7 @@ def reserve_by_asking(
             if found == TOO_LONG or tried == WANTED:
                 break
             stands = stands or found >= 0 or found == IN_WAY
-            if found < 0:
+            if found < 0 or (tolerant and not leaves and enters_against(timeline, chain, available, obstacles)):
                 continue
             gone = found if leaves else forever
             count = clear_way(graph, obstacles, everyone, row, timeline, gone, playback, draft, asking)

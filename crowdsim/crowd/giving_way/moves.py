@@ -95,6 +95,10 @@ def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
     """Return the moves from one idle node, the quickest of each cell of end poses, in the order of duration."""
     start = _Move((), (), (0.0, 0.0, 0.0), idle, 0)
     steps = _steps(graph, start, twisted=True)
+    # Who holds its arms in may have to let them go first: where that stays in place, moves go on behind it as well.
+    for first in list(steps):
+        if not any(first.twists) and first.length < LEAST_MOVE and abs(first.end[2]) < _NOTABLE_TURN:
+            steps += _steps(graph, first, twisted=True)
     found = list(steps)
     for first in steps:
         # Only steps as captured are continued, without extra rotation: that leaves few combinations.

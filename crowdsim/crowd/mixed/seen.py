@@ -25,8 +25,11 @@ TRACK_ROOM = 0.015
 """Enlargement of reserved discs for steered bodies [m]: tracks bend between two samples of a timeline. Where they bend
 more, the pieces between their quarters are reserved, too."""
 
-PUSHES_AFTER = 0.5
-"""Time for which a captured agent is refused before steered ones in its way step aside [s]."""
+PUSHES_AFTER = 2.5
+"""Time for which a captured agent is refused before steered ones in its way step aside [s].
+
+It is longer than IMPATIENCE_SECONDS, so that agents that look for a way around others do not push: if they did all the
+time, those who come out of a door would go back into it whenever others wait in front of it."""
 
 _PUSHING = LASTING + RANK_RANGE
 """Rank of such an agent (plus the time), above that of any steered one."""

@@ -87,6 +87,8 @@ class Plans:
     """By agent: route that it has followed last, also if it is to plan another one."""
     unreachable: dict[int, str] = field(default_factory=dict)
     """By agent: reason why no path to its goal was found at the last request."""
+    no_motion: dict[int, int] = field(default_factory=dict)
+    """By agent: number of searches in a row that found a path and no motion along it."""
     looked_ahead: dict[int, NDArray[np.int32]] = field(default_factory=dict)
     """By agent: nodes of the plan from whose goal the way onwards was requested last."""
     moved: int = 0
@@ -108,7 +110,11 @@ class Plans:
 
     def rank(self, agent: int) -> int:
         """Return the rank of an agent that sets out now: behind all that did before, and behind lower numbers."""
-        return (self.step * len(self.itineraries.cast.starts) + agent) * _FOLLOWERS
+        return (self.step * 2 * len(self.itineraries.cast.starts) + agent) * _FOLLOWERS
+
+    def rank_behind_all(self, place: int) -> int:
+        """Return the rank of the agent at ``place`` of those that let all others go first from now on."""
+        return self.rank(len(self.itineraries.cast.starts) + place)
 
     def rows_of_agents(self, view: View) -> NDArray[np.int64]:
         """Return the row of each agent (n,), NONE outside of the world."""
@@ -128,7 +134,15 @@ class Plans:
     def forget(self, agent: int) -> None:
         """Drop all plans and searches of an agent."""
         self.searches.drop(agent)
-        for table in (self.motions, self.routes, self.followed, self.unreachable, self.looked_ahead, self._joins):
+        for table in (
+            self.motions,
+            self.routes,
+            self.followed,
+            self.unreachable,
+            self.no_motion,
+            self.looked_ahead,
+            self._joins,
+        ):
             table.pop(agent, None)
         self.away.discard(agent)
 
@@ -192,6 +206,13 @@ class Plans:
         else:
             self.motions[agent] = plan
             self.searches.handed(agent, plan.nodes, first)
+
+    def note_motion(self, found: Found) -> None:
+        """Count searches of an agent that found a path and no motion along it; one that finds motion ends the count."""
+        if found.plan is not None:
+            self.no_motion.pop(found.agent, None)
+        elif found.over and not found.outdated and found.agent not in self.unreachable:
+            self.no_motion[found.agent] = self.no_motion.get(found.agent, 0) + 1
 
     def follow_route(self, agent: int, route: AnnotatedPath) -> None:
         """Note the route that an agent follows from now on."""

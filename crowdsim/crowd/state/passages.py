@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 from crowdsim.geometry.elementary import hypot
 from crowdsim.navmesh.navmesh import NavMesh
 
+_STRIDE = 0.25  # largest distance between two places of an edge at which its clearance is measured, in widths
+
 
 def narrow_passages(mesh: NavMesh, width: float) -> NDArray[np.float64]:
-    """Find the free edges of a mesh that are shorter than ``width`` [m]; return (S, 4) x and y of both ends.
+    """Find the free edges of a mesh along which there is nowhere room for two; return (S, 4) x and y of both ends.
 
-    All vertices are on obstacles, so an agent that crosses an edge passes between two of them. Edges that only lead
-    into a corner, or another narrow dead end, are left out.
+    All vertices are on obstacles, so an agent that crosses an edge passes between two of them. Room for two is a
+    clearance of half of ``width`` [m]: no edge shorter than that has it, nor has one that goes slantwise through a long
+    narrow passage. Edges that only lead into a corner, or another narrow dead end, are left out.
     """
     arrays = mesh.arrays
     triangles = int(arrays.frame[0]["triangles"])
@@ -26,7 +29,8 @@ def narrow_passages(mesh: NavMesh, width: float) -> NDArray[np.float64]:
     twin = sides["twin"].reshape(-1, 3)
     opened = (sides["constraints"].reshape(-1, 3) == 0) & free[:, None] & (twin >= 0)
     opened &= free[np.where(twin >= 0, twin // 3, 0)]
-    narrow = opened & (hypot(across[..., 0] - ends[..., 0], across[..., 1] - ends[..., 1]) < width)
+    narrow = np.zeros_like(opened)
+    narrow[opened] = _are_narrow(mesh, ends[opened], across[opened], width)
     while True:
         # A triangle whose only open side is narrow is a dead end: close that side, which may make another one.
         dead = np.flatnonzero((opened.sum(axis=1) == 1) & (opened & narrow).any(axis=1))
@@ -40,3 +44,25 @@ def narrow_passages(mesh: NavMesh, width: float) -> NDArray[np.float64]:
     # Each edge once, from the half-edge with the lower number of both.
     kept = opened & narrow & (np.arange(3 * triangles).reshape(-1, 3) < twin)
     return np.concatenate([ends[kept], across[kept]], axis=1)
+
+
+def _are_narrow(
+    mesh: NavMesh, begins: NDArray[np.float64], ends: NDArray[np.float64], width: float
+) -> NDArray[np.bool_]:
+    """Return which edges (k,) have a clearance below half of ``width`` [m] all along; both ends (k, 2) are given."""
+    lengths = hypot(*(ends - begins).T)
+    narrow = np.asarray(lengths < width)
+    # Look in the middle of the others, then in the middle of both halves, and so on: most have room in the middle.
+    left = np.flatnonzero(~narrow)
+    parts = 1
+    while len(left):
+        shares = (np.arange(parts) + 0.5) / parts
+        places = begins[left, None] + shares[:, None] * (ends - begins)[left, None]
+        clear = mesh.clearances(places.reshape(-1, 2), width / 2).reshape(-1, parts).max(axis=1)
+        left = left[clear < width / 2]
+        parts *= 2
+        # Between places as close as this, there could be room for two only by a hair.
+        near = lengths[left] / parts < _STRIDE * width
+        narrow[left[near]] = True
+        left = left[~near]
+    return narrow

@@ -22,7 +22,7 @@ from crowdsim.crowd.near.neighbor_kernels import OF_BODIES, OF_TIMELINES, cells_
 from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import BEND, RADIUS
 from crowdsim.crowd.state.sampling_kernels import beside_discs, measure_bends, moving_gap, sample_places, sure_gap
-from crowdsim.crowd.state.way_kernels import FOREVER, stops_in_passage, stops_in_way
+from crowdsim.crowd.state.way_kernels import FOREVER, meets_oncoming, stops_in_passage, stops_in_way
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
@@ -324,6 +324,16 @@ def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tole
 
 
 @helper
+def enters_against(timeline, chain, available, obstacles):
+    """Return True if a timeline enters a narrow passage against another agent; see `meets_oncoming`.
+
+    ``available`` nodes of the plan follow the first one of the ``chain``.
+    """
+    off = obstacles.off_passages
+    return meets_oncoming(timeline, chain, available, obstacles.ways, obstacles.passages, off)
+
+
+@helper
 def _fixed_until(graph, chain, taken, frame, playback, most):
     """Return the slot before which a timeline of ``taken`` nodes is the same if more nodes are taken; ``most`` at most.
 
@@ -364,6 +374,8 @@ def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, firs
             stands = stands or found >= 0 or found == IN_WAY
             if found < 0:
                 continue  # it cannot come to a stand after this node; try the next
+            if tolerant and not leaves and enters_against(timeline, chain, available, obstacles):
+                continue
             gone = found if leaves else forever
             if not meets_anyone(row, timeline, start, gone, start, obstacles.body_radius, everyone):
                 return taken, gone

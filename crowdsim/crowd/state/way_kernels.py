@@ -3,7 +3,8 @@
 A way is a polyline (P, 2) [m]: the next meters of an agent's plan after the end of its timeline; nan without one.
 The lower rank goes first. docs/waiting.md has the rules.
 
-``ways`` (N, P, 2) are those of all rows.
+``ways`` (N, P, 2) are those of all rows; ``ranks``, ``pose`` and ``may_move`` (True: it stands and has not decided
+yet) are columns of all rows, too.
 """
 
 import math
@@ -15,6 +16,9 @@ from crowdsim.jit import helper, kernel
 
 FOREVER = 9223372036854775807
 """The slot of leaving of an agent that never leaves, and a rank behind all others."""
+
+IN_PASSAGE = 1 << 62
+"""By how much the rank of an agent that comes to rest in a narrow passage is lower; more than any rank but the last."""
 
 
 @helper
@@ -54,6 +58,35 @@ def stops_in_passage(timeline, passages, distance):
     return near_any(passages, timeline[-1, 0], timeline[-1, 1], distance) and not near_any(
         passages, timeline[0, 0], timeline[0, 1], distance
     )
+
+
+@helper
+def meets_oncoming(timeline, chain, available, ways, passages, distance):
+    """Return True if a timeline (K, 13) enters a narrow passage through which the way of another agent comes.
+
+    The passage is entered as in :func:`stops_in_passage`. ``chain`` holds the next ``available`` nodes of the plan,
+    behind the present one; ``ways`` (W, P, 2) are those of the others [m].
+    """
+    if not stops_in_passage(timeline, passages, distance):
+        return False
+    for way in ways:
+        for point in range(len(way) - 1):
+            x, y = way[point, 0], way[point, 1]
+            if not near_any(passages, x, y, distance):
+                continue
+            # Direction of the own plan where it is nearest to that point of the way.
+            least = distance * distance
+            ux = uy = 0.0
+            for k in range(available):
+                ax, ay = chain.origins[k, 0], chain.origins[k, 1]
+                bx, by = chain.origins[k + 1, 0], chain.origins[k + 1, 1]
+                square = point_segment_distance2(x, y, ax, ay, bx, by)
+                if square < least:
+                    least = square
+                    ux, uy = bx - ax, by - ay
+            if ux * (way[point + 1, 0] - x) + uy * (way[point + 1, 1] - y) < 0.0:
+                return True
+    return False
 
 
 @kernel
@@ -143,6 +176,18 @@ def rank_behind(row, ways, ranks, width, reach, near):
 
 
 @kernel
+def rank_at(turn, behind, x, y, passages, off):
+    """Return the rank of a row that comes to rest at (x, y): its turn, or ``behind`` the one that it follows if lower.
+
+    In one of ``passages`` (M, 4), nearer than ``off`` [m], it goes before all who are outside of them: most bodies
+    cannot turn about there, so the others have to make room for it to come out.
+    """
+    rank = min(turn, behind)
+    # Those who go nowhere stay last; the rank of one in a passage may have been taken over already.
+    return rank - IN_PASSAGE if 0 <= rank < IN_PASSAGE and near_any(passages, x, y, off) else rank
+
+
+@kernel
 def ways_before(row, ways, ranks, reach, near, out):
     """Gather the ways of rows with a lower rank that begin within ``reach`` [m] of the begin of the way of ``row``.
 
@@ -169,3 +214,33 @@ def ways_before(row, ways, ranks, reach, near, out):
             out[number, k, 0] = its[k, 0]
             out[number, k, 1] = its[k, 1]
     return count
+
+
+@kernel
+def next_in_way(ways, ranks, may_move, me, pose, width, begin, near):
+    """Return the first row from ``begin`` on that stands in the way ahead of ``me`` and ranks behind it; -1 if none.
+
+    ``width`` is the distance to the way that counts [m]; ``near`` are the rows by cells.
+    """
+    way = ways[me]
+    left = right = way[0, 0]
+    bottom = top = way[0, 1]
+    if math.isnan(left):
+        return -1
+    # Bounding box of the way, to find the cells.
+    for k in range(1, len(way)):
+        left, right = min(left, way[k, 0]), max(right, way[k, 0])
+        bottom, top = min(bottom, way[k, 1]), max(top, way[k, 1])
+    best = -1
+    low, high, first, last = cells_within(near, left, bottom, right, top, width)
+    for line in range(first, last + 1):
+        number, after = rows_of_line(near, line, low, high)
+        while number < after:
+            row = near.order[number]
+            number += 1
+            # The lowest number wins, whatever the order of the cells.
+            if begin <= row and (best < 0 or row < best) and may_move[row] and ranks[row] > ranks[me]:
+                off, _, _ = nearest_of_way(way, pose[row, 0], pose[row, 1])
+                if off < width:
+                    best = row
+    return best

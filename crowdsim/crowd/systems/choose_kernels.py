@@ -13,7 +13,7 @@ ticks per step, FRAME_TICKS of which are a frame.
 import numpy as np
 
 from crowdsim.constants import NONE
-from crowdsim.crowd.giving_way.give_way_kernels import next_in_way
+from crowdsim.crowd.state.way_kernels import next_in_way
 from crowdsim.crowd.systems.reserving_kernels import (
     ask_on,
     frame_of,

@@ -28,7 +28,7 @@ from crowdsim.crowd.systems.choose_kernels import (
     ask_in_turn,
     go_on,
 )
-from crowdsim.crowd.systems.give_way import GivingWay
+from crowdsim.crowd.systems.give_way import GivingWay, Step
 from crowdsim.crowd.systems.going_on import Progress, Rows, Scratch, Walker, take
 from crowdsim.crowd.systems.replan import reach_goal, standing_near
 from crowdsim.crowd.systems.reserving import Reserving
@@ -48,6 +48,9 @@ LONG_SECONDS = 5.0
 
 ASIDE_SECONDS = 3.0
 """Time after which a waiting agent in a narrow place steps close to a wall [s]."""
+
+NO_MOTION = 2
+"""Number of searches in a row without motion after which an agent makes a step to begin elsewhere."""
 
 RETRY_SECONDS = 0.1
 """Time between two tries of a standing agent that waits for others to go on [s]."""
@@ -165,9 +168,14 @@ class Choosing:
 
     def _stays_refused(self, view: View, row: int, ends: bool) -> None:
         """Let a row to which no other can give way step to a wall, or rest if its node ``ends``."""
-        if self._waits(view, row, ASIDE_SECONDS) and self._steps_aside(view, row):
+        # Others may have room to leave its way while it stands, and not while it walks towards them.
+        if not self.plans.environment.waited_for:
+            self._clear_ahead(view, row, self.surroundings.obstacles(view, self._walker(row)))
+        if self._waits(view, row, ASIDE_SECONDS) and self._moves(view, row, self._giving_way.step_to_wall):
+            # Now there may be a way past each other.
+            self.plans.looked_around[view.agent[[row, *standing_near(view, row)]]] = self.plans.step
             return
-        if self._waits(view, row, LONG_SECONDS):
+        if view.rank[row] >= 0 and self._waits(view, row, LONG_SECONDS):
             view.way[row] = np.nan  # the rows that it waits for may need its way
         if ends:
             self._rests(view, row)
@@ -204,9 +212,13 @@ class Choosing:
                 elif not view.stays[row]:
                     return True  # it leaves the world at the end of this node
                 else:
+                    view.way[row] = np.nan
                     view.state[row] = AgentState.ARRIVED
                     view.rank[row] = view.turn[row] = LAST
-        self._come_to_rest(view, row)
+        # Where no motion was found along its path, it makes a step: from elsewhere, there may be one.
+        vain = self.plans.no_motion.get(agent, 0) >= NO_MOTION
+        if not (vain and self._moves(view, row, self._giving_way.step_off)):
+            self._come_to_rest(view, row)
         return True
 
     def _goes_ahead(self, view: View, walker: Walker, plan: MotionPlan | None) -> None:
@@ -257,7 +269,7 @@ class Choosing:
         """Let a row that cannot go on stop; one that stands already waits; one that has no stop stands where it is."""
         graph, agent, node = self.plans.assets.graph, int(view.agent[row]), int(view.node[row])
         if graph.stop_edge[node] != NONE:
-            self._abandon(view, row, agent)
+            self._interrupt(view, row, agent)
             self._stop(view, row)
         elif graph.node_idle[node]:
             # Repeat the idle node. Agents that have arrived stay so (the states are in that order).
@@ -274,8 +286,9 @@ class Choosing:
         """
         rate = self.plans.motions.rate(int(view.agent[row]), following)
         walker = self._walker(row, rate)
-        self.reserving.find_ways(view, row, plan, following)
-        obstacles = self.surroundings.with_ways(self.surroundings.obstacles(view, walker), self._scratch)
+        obstacles = self.surroundings.obstacles(view, walker)
+        self.reserving.find_ways(view, row, plan, following, obstacles)
+        obstacles = self.surroundings.with_ways(obstacles, self._scratch)
         found = self.reserving.reserve(view, walker, plan, following, obstacles)
         # As slowly as possible it may pass behind others that are in the way now.
         if found is None:
@@ -318,18 +331,13 @@ class Choosing:
         since = int(view.blocked_since[row])
         return since != NONE and self.plans.step - since >= seconds * self.plans.assets.steps_per_second
 
-    def _steps_aside(self, view: View, row: int) -> bool:
-        """Let a standing row step to a wall, so that others can pass; return True if it does."""
-        # No row steps aside while an event waits until its place is empty; and moves begin from idle nodes only.
+    def _moves(self, view: View, row: int, step: Step) -> bool:
+        """Let a standing row make a step of its own accord, to a wall or off its place; return True if it does."""
+        # No row moves while an event waits until its place is empty; and moves begin from idle nodes only.
         if self.plans.environment.waited_for or not self.plans.assets.graph.node_idle[view.node[row]]:
             return False
-        obstacles = self.surroundings.obstacles(view, self._walker(row))
         near = self.surroundings.neighbors(view)
-        if not self._giving_way.step_to_wall(view, row, obstacles, self._scratch.draft, near):
-            return False
-        # Now there may be a way past each other.
-        self.plans.looked_around[view.agent[[row, *standing_near(view, row)]]] = self.plans.step
-        return True
+        return step(view, row, self.surroundings.obstacles(view, self._walker(row)), self._scratch.draft, near)
 
     def _begin_chain(self, view: View, row: int) -> Chain:
         """Return the chain of the present node alone."""
@@ -357,10 +365,14 @@ class Choosing:
             self.plans.request_on(agent, Join(plan, plan.count - 1, reaches=True), len(plan.passes) + 1)
 
     def _abandon(self, view: View, row: int, agent: int) -> None:
-        """Drop the plan of a row."""
+        """Drop the plan of a row, and the way ahead of it."""
+        self._interrupt(view, row, agent)
+        view.way[row] = np.nan
+
+    def _interrupt(self, view: View, row: int, agent: int) -> None:
+        """Drop the plan of a row that comes to rest; others keep its way ahead free until it has another plan."""
         self.plans.motions.pop(agent, None)
         view.cursor[row] = view.reserved[row] = NONE
-        view.way[row] = np.nan
 
     def _stop(self, view: View, row: int) -> None:
         """Enter the first node of the stop that was reserved with the present node."""
@@ -378,7 +390,7 @@ class Choosing:
         if idle == NONE:
             view.state[row] = max(view.state[row], AgentState.WAITING)
             return
-        self._abandon(view, row, agent)
+        self._interrupt(view, row, agent)
         view.state[row] = max(view.state[row], AgentState.WAITING)
         take(view, row, idle, self._end(view, row), np.zeros(3))
 

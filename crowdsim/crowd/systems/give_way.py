@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.giving_way.aside_kernels import step_to_wall
 from crowdsim.crowd.giving_way.asking import Asking, Standing, Trail
-from crowdsim.crowd.giving_way.give_way_kernels import lay_move, next_in_way, step_aside
+from crowdsim.crowd.giving_way.give_way_kernels import lay_move, step_aside
 from crowdsim.crowd.giving_way.moves import MOVE_NODES, moves_of
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Plans
@@ -15,6 +17,7 @@ from crowdsim.crowd.state.components import TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.state_hash import timeline_digest
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Playback, Timelines
+from crowdsim.crowd.state.way_kernels import next_in_way
 from crowdsim.crowd.systems.going_on import Scratch
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
@@ -27,6 +30,11 @@ TRIES_AHEAD = 100
 
 TRIES_A_STEP = 6000
 """Moves that are tried in one step for all agents that ask."""
+
+
+Step = Callable[[View, int, Obstacles, Chain, Neighbors], bool]
+"""Method of GivingWay by which a row makes a step of its own accord: from view, row, obstacles, draft and the rows by
+cells to whether it does."""
 
 
 class GivingWay:
@@ -98,6 +106,19 @@ class GivingWay:
         steps = bool(step_to_wall(graph, obstacles, Timelines.of(view, near), row, now, draft, asking))
         self.move(view, int(steps))
         return steps
+
+    def step_off(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> bool:
+        """Let a standing row without a plan step off its place, for its own sake; return True if it does.
+
+        ``near`` are the rows by cells.
+        """
+        graph, asking = self.plans.assets.graph, self.asking(view)
+        now = Playback.natural(self.plans.step, self.plans.assets.frames_per_step)
+        self._take_tries(TRIES_AHEAD)
+        count = step_aside(graph, obstacles, Timelines.of(view, near), row, row, now, draft, asking)
+        self._give_back_tries()
+        self.move(view, count)
+        return bool(count > 0)
 
     def move(self, view: View, count: int) -> None:
         """Let the first ``count`` rows of the trail set out on their moves; none if it is -1."""

@@ -75,7 +75,11 @@ class Replanning:
         patience = np.where(looks, IMPATIENCE_SECONDS, PATIENCE_SECONDS) * rate
         patient = (view.blocked_since < 0) | (blocked < patience)
         rows = np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step))
-        for row, agent, waits in zip(rows.tolist(), view.agent[rows].tolist(), patient[rows].tolist(), strict=True):
+        # Of those whose patience ends in one step the last goes first then: two who only wait for each other get turns.
+        places = np.empty(len(rows), np.int64)
+        places[np.lexsort((rows, view.rank[rows]))[::-1]] = np.arange(len(rows))
+        of_rows = zip(rows.tolist(), view.agent[rows].tolist(), patient[rows].tolist(), places.tolist(), strict=True)
+        for row, agent, waits, place in of_rows:
             near = np.empty(0, np.int64)
             if agent in plans.motions:
                 if waits:
@@ -83,7 +87,7 @@ class Replanning:
                 # It keeps its plan, as it may be free before a way around is found. Others go first meanwhile.
                 view.blocked_since[row] = plans.step
                 if not looks[row]:
-                    view.rank[row] = view.turn[row] = plans.rank(agent)
+                    view.rank[row] = view.turn[row] = plans.rank_behind_all(place)
                     plans.looked_around[agent] = plans.step
                 near = standing_near(view, row)
             elif self._is_there(view, row, agent):
@@ -114,6 +118,7 @@ class Replanning:
             view.cursor[row] = view.reserved[row] = NONE
         view.plan_digest[row] = 0 if plan is None else plan.digest
         plans.hand_out(found.agent, plan)
+        plans.note_motion(found)
         # Without a way to its goal it ranks last; with one again, as if it set out now.
         if found.agent in plans.unreachable:
             view.rank[row] = view.turn[row] = LAST
@@ -121,6 +126,7 @@ class Replanning:
             view.rank[row] = view.turn[row] = plans.rank(found.agent)
         # If an edit made the result invalid, another search may succeed at once; after any other failure it would not.
         if plan is None and found.over:
+            view.way[row] = np.nan
             pause = 0.0 if found.outdated else RETRY_SECONDS
             view.retry_step[row] = plans.step + int(pause * plans.assets.steps_per_second)
 

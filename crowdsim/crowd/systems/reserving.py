@@ -13,7 +13,7 @@ from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, node_is_free, reserve
 from crowdsim.crowd.state.state_hash import timeline_digest
 from crowdsim.crowd.state.timelines import Obstacles
-from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
+from crowdsim.crowd.state.way_kernels import lay_way, rank_at, rank_behind, ways_before
 from crowdsim.crowd.systems.going_on import Scratch, Walker
 from crowdsim.crowd.systems.reserving_kernels import BEHIND_METERS, BEHIND_WIDTH, LOOKAHEAD, WAY_METERS, WAY_REACH
 from crowdsim.crowd.systems.surroundings import Surroundings
@@ -72,7 +72,7 @@ class Reserving:
         if not taken:
             return None
         tracks = timeline[:, :2]
-        return {
+        columns = {
             "timeline": timeline,
             "timeline_circle": np.array([*tracks[0], hypot(*(tracks - tracks[0]).T).max() + ROUNDING]),
             "timeline_digest": timeline_digest(timeline),
@@ -83,13 +83,20 @@ class Reserving:
             "wanted_rate": walker.playback.wanted,
             "reserved": following + taken - 1,
         }
+        # Who comes to rest in a narrow passage ranks first from now on. An agent that is not in a row yet has no rank.
+        if walker.row != NONE:
+            rank = view.rank[walker.row]
+            columns["rank"] = rank_at(rank, rank, *tracks[-1], obstacles.passages, obstacles.off_passages)
+        return columns
 
-    def find_ways(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
+    def find_ways(self, view: View, row: int, plan: MotionPlan, following: int, obstacles: Obstacles) -> None:
         """Publish the way ahead along a plan from node ``following`` on, and gather the ways of rows that go first.
 
         A row that follows another one closely takes over its rank.
         """
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
         near, scratch = self.surroundings.neighbors(view), self._scratch
-        view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near))
+        behind = rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near)
+        rest = view.timeline[row, -1, :2]
+        view.rank[row] = rank_at(view.turn[row], behind, *rest, obstacles.passages, obstacles.off_passages)
         scratch.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, scratch.ways)

@@ -16,7 +16,7 @@ from crowdsim.crowd.giving_way.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.near.neighbor_kernels import widen
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, lay_out, meets_anyone, reserve
 from crowdsim.crowd.state.timelines import SLOWEST, Obstacles, Playback
-from crowdsim.crowd.state.way_kernels import FOREVER, lay_way, rank_behind, ways_before
+from crowdsim.crowd.state.way_kernels import FOREVER, lay_way, rank_at, rank_behind, ways_before
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import array_at, helper, kernel
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, next_rate
@@ -174,7 +174,8 @@ def prepare(rows, row, table, progress, obstacles, everyone, scratch):
     # Publish the way ahead, take over the rank of an agent that it follows, and gather the ways to be kept free.
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, rows.way[row])
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, everyone.near)
-    rows.rank[row] = min(rows.turn[row], behind)
+    x, y, off = rows.timeline[row, -1, 0], rows.timeline[row, -1, 1], obstacles.off_passages * rows.body_radius[row]
+    rows.rank[row] = rank_at(rows.turn[row], behind, x, y, obstacles.passages, off)
     scratch.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, everyone.near, scratch.ways)
     kept_clear = obstacles_of(obstacles, rows, row, scratch.ways[: scratch.ways_count[0]])
 
@@ -197,15 +198,17 @@ def prepare(rows, row, table, progress, obstacles, everyone, scratch):
 
 
 @helper
-def own_nodes(rows, row, table, taken, timeline, gone, playback, everyone):
+def own_nodes(rows, row, table, taken, timeline, gone, playback, everyone, obstacles):
     """Let a row own the next ``taken`` nodes of its plan with their ``timeline``; its way begins at the end of that.
 
-    ``gone`` is the slot from which the row takes no room.
+    ``gone`` is the slot from which the row takes no room; ``obstacles`` are those of its own body.
     """
     following = np.int64(rows.cursor[row]) + 1
     _, origins, _ = plan_of(table, np.int64(rows.agent[row]))
     own_timeline(rows, row, timeline, gone, playback, everyone)
     rows.reserved[row] = following + taken - 1
+    rank, x, y = rows.rank[row], timeline[-1, 0], timeline[-1, 1]
+    rows.rank[row] = rank_at(rank, rank, x, y, obstacles.passages, obstacles.off_passages)
     lay_way(origins, following + taken, timeline[-1], WAY_METERS, rows.way[row])
 
 
@@ -230,7 +233,7 @@ def reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, 
             graph, kept_clear, everyone, row, frame, mine, chain, scratch.draft, 1, available, leaves, timeline
         )
         if taken > 0:
-            own_nodes(rows, row, table, taken, timeline, gone, mine, everyone)
+            own_nodes(rows, row, table, taken, timeline, gone, mine, everyone, kept_clear)
             return True
     return False
 
@@ -251,7 +254,7 @@ def ask_on(graph, rows, row, table, progress, obstacles, everyone, scratch, play
     )
     if taken == 0:
         return -1
-    own_nodes(rows, row, table, taken, timeline, gone, mine, everyone)
+    own_nodes(rows, row, table, taken, timeline, gone, mine, everyone, kept_clear)
     return count
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.giving_way.asking import Asking, Standing, Trail
-from crowdsim.crowd.giving_way.give_way_kernels import clear_way, lay_move, next_in_way, reserve_by_asking, step_aside
+from crowdsim.crowd.giving_way.give_way_kernels import clear_way, lay_move, reserve_by_asking, step_aside
 from crowdsim.crowd.giving_way.moves import LEAST_MOVE, MOVE_NODES, moves_of
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.state.components import SAMPLE
@@ -17,6 +17,7 @@ from crowdsim.crowd.state.reservation_kernels import next_met, pair_meets
 from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Playback, Timelines
 from crowdsim.crowd.state.way_kernels import (
     lay_way,
+    next_in_way,
     rank_behind,
     stops_in_passage,
     stops_in_way,

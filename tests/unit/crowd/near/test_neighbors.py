@@ -5,13 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crowdsim.crowd.giving_way.give_way_kernels import next_in_way
 from crowdsim.crowd.near.neighbor_kernels import extent, measure_spread, widen
 from crowdsim.crowd.near.neighbors import MOST_CELLS, Neighbors
 from crowdsim.crowd.state.components import SAMPLE
 from crowdsim.crowd.state.reservation_kernels import next_met
 from crowdsim.crowd.state.timelines import Timelines
-from crowdsim.crowd.state.way_kernels import rank_behind, ways_before
+from crowdsim.crowd.state.way_kernels import next_in_way, rank_behind, ways_before
 from tests.reference.crowd import FOREVER, discs_along
 from tests.reference.neighbors import rank_behind_all, rows_before, rows_in_way, rows_met
 
