@@ -35,6 +35,16 @@ def door(count: int, seed: int, rest: str = "") -> str:
     return text + GROUP.format(name="b", count=count, start=east, goal=west, rest=rest)
 
 
+def gap(each: int, seed: int) -> str:
+    """Two rooms with a gap of 0.7 m between them, 3 m long: nobody can pass, or turn about, in it."""
+    text = HEAD.format(seed=seed, duration=100, floor="{rectangle: [0.0, 0.0, 11.0, 6.0]}") + "obstacles:\n"
+    text += "  - {name: below, box: {min: [4.0, 0.0], max: [7.0, 2.65]}, top: 2.2}\n"
+    text += "  - {name: above, box: {min: [4.0, 3.35], max: [7.0, 6.0]}, top: 2.2}\nagents:\n"
+    west, east = [0.4, 0.4, 3.2, 5.6], [7.8, 0.4, 10.6, 5.6]
+    text += GROUP.format(name="a", count=each, start=west, goal=[9.4, 0.4, 10.6, 5.6], rest="")
+    return text + GROUP.format(name="b", count=each, start=east, goal=[0.4, 0.4, 1.6, 5.6], rest="")
+
+
 def assert_nobody_meets(crowd: CapturedCrowd) -> None:
     """Assert that no two reserved timelines meet since the later one began, and that no two bodies touch now.
 
@@ -93,6 +103,13 @@ def test_three_and_three_pass_a_door(seed: int) -> None:
     assert arrived == 6
     assert seconds < 40
     assert moved > 0
+
+
+@pytest.mark.parametrize(("each", "seed"), [(1, 11), (1, 16), (1, 35), (1, 38), (2, 7), (2, 15), (2, 33), (2, 41)])
+def test_those_who_meet_at_a_gap_go_through_it_in_turn(each: int, seed: int) -> None:
+    arrived, seconds, _, _ = run(gap(each, seed))
+    assert arrived == 2 * each
+    assert seconds < 90
 
 
 def test_who_gives_way_does_not_depend_on_the_number_of_workers() -> None:

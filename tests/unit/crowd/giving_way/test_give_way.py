@@ -17,13 +17,16 @@ from crowdsim.crowd.state.reservation_kernels import next_met, pair_meets
 from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Playback, Timelines
 from crowdsim.crowd.state.way_kernels import (
     lay_way,
+    meets_oncoming,
     next_in_way,
+    rank_at,
     rank_behind,
     stops_in_passage,
     stops_in_way,
     ways_before,
 )
 from crowdsim.geometry.planar import compose
+from crowdsim.jit import kernel
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.crowd import FOREVER, discs_along, off_way, walking_graph
 
@@ -241,3 +244,61 @@ def test_a_door_is_a_narrow_passage_and_a_corner_is_none() -> None:
     assert np.abs(found[:, [0, 2]] - 5.0).max() < 0.11
     assert len(narrow_passages(NavMesh(shapely.box(0, 0, 10, 4)), 1.2)) == 0
     assert len(narrow_passages(NavMesh(rooms), 0.9)) == 0
+
+
+@given(st.floats(0.4, 2.0), st.floats(0.3, 8.0), st.floats(0.0, 0.4), st.floats(0.0, 6.3))
+def test_a_narrow_passage_is_one_all_along(gap: float, length: float, slant: float, turn: float) -> None:
+    halls = shapely.box(-14, -4, -length / 2, 4) | shapely.box(length / 2, -4, 14, 4)
+    walls = [
+        (-length / 2, -gap / 2),
+        (length / 2, slant - gap / 2),
+        (length / 2, slant + gap / 2),
+        (-length / 2, gap / 2),
+    ]
+    rooms = shapely.affinity.rotate(shapely.union(halls, shapely.Polygon(walls)), turn, origin=(0, 0), use_radians=True)
+    mesh = NavMesh(rooms)
+    found = narrow_passages(mesh, 1.2)
+    for x, y, to_x, to_y in found:
+        along = np.linspace([x, y], [to_x, to_y], 60)
+        assert mesh.clearances(along).max() < 0.6
+    # Slanted walls are a little closer to each other than the width of the opening.
+    if gap < 1.2:
+        middle = np.linspace([-length / 2, 0.0], [length / 2, slant], 20) @ [
+            [np.cos(turn), np.sin(turn)],
+            [-np.sin(turn), np.cos(turn)],
+        ]
+        lines = shapely.linestrings(found.reshape(-1, 2, 2))
+        assert shapely.distance(shapely.points(middle)[:, None], lines).min(axis=1).max() < gap
+    if gap * length / np.hypot(length, slant) > 1.25:
+        assert len(found) == 0
+
+
+def test_those_who_come_to_rest_in_a_passage_rank_before_all_outside_but_not_those_who_go_nowhere() -> None:
+    passages = np.array([[0.0, -0.5, 0.0, 0.5]])
+    assert rank_at(640, FOREVER, 2.0, 0.0, passages, 0.9) == 640
+    assert rank_at(640, 65, 2.0, 0.0, passages, 0.9) == 65, "it follows another one"
+    inside = [rank_at(turn, FOREVER, 0.5, 0.0, passages, 0.9) for turn in (0, 64, 640, 10**15)]
+    assert inside == sorted(inside)
+    assert inside[-1] < 0
+    assert rank_at(640, inside[0] + 1, 0.5, 0.0, passages, 0.9) == inside[0] + 1, "taken over once"
+    assert rank_at(FOREVER, FOREVER, 0.5, 0.0, passages, 0.9) == FOREVER
+
+
+@pytest.mark.parametrize("towards", [True, False])
+@pytest.mark.parametrize("begins", [-2.0, -0.4])
+def test_nobody_enters_a_passage_against_one_who_comes_out_of_it(towards: bool, begins: float) -> None:
+    passages = np.array([[0.0, -0.4, 3.0, 0.4]])
+    way = np.column_stack([np.linspace(2.0, -2.0, 8), np.zeros(8)])
+    ways = way[None] if towards else way[None, ::-1]
+    chain = Chain.empty(12)
+    chain.origins[:, 0] = begins + 0.5 * np.arange(12)
+    tracks = np.column_stack([np.linspace(begins, 1.0, SLOTS), np.zeros(SLOTS)])
+    enters = _enters_against(discs_along(tracks, RADIUS), chain, 11, ways, passages, 0.9)
+    assert enters == (towards and begins < -0.9), "one that is in it already goes on"
+    assert not _enters_against(discs_along(tracks - [3.0, 0.0], RADIUS), chain, 11, ways, passages, 0.9)
+
+
+@kernel
+def _enters_against(timeline, chain, available, ways, passages, distance):
+    """Call the helper of the kernels."""
+    return meets_oncoming(timeline, chain, available, ways, passages, distance)
