@@ -99,7 +99,10 @@ def nearest_distances(frame: NDArray[np.int64], places: Floats, ends: Ends | Non
 
 
 def measure_behaviors(tracks: Tracks, places: Places) -> Result:
-    """Return the share of each behavior in the time of all agents, on the whole floor and by area."""
+    """Return the share of each behavior in the time of all agents, on the whole floor and by area.
+
+    The times of areas do not count: shares are those of the whole run, as in its summary.
+    """
     name, title = "behaviors", "Behaviors by place"
     header, table = tracks.recording.header, tracks.table
     names = [behavior.name for behavior in header.behaviors]

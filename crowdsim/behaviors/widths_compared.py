@@ -17,25 +17,25 @@ def layer_names(bands: Sequence[Band]) -> list[str]:
 
 
 def _useless(behaviors: Sequence[Behavior]) -> list[tuple[Behavior, Behavior]]:
-    """Return pairs (narrow, wide) of behaviors of which the narrower costs no more and fits wherever the wider does.
+    """Return pairs (narrow, wide) of behaviors of which the narrower costs less and fits wherever the wider does.
 
-    So the wider one is never used.
+    So the wider one is never used. Narrower is the one with the smaller greatest radius of all layers.
     """
     return [
         (narrow, wide)
         for narrow, wide in permutations(behaviors, 2)
-        if narrow.cost_per_meter <= wide.cost_per_meter
+        if narrow.cost_per_meter < wide.cost_per_meter
         and narrow.radii.max() < wide.radii.max()
         and (narrow.radii <= wide.radii).all()
     ]
 
 
 def require_worth(behaviors: Sequence[Behavior]) -> None:
-    """Raise BehaviorError if a wider behavior is not cheaper than a narrower one, which fits wherever it does."""
+    """Raise BehaviorError if a wider behavior costs more than a narrower one, which fits wherever it does."""
     for narrow, wide in _useless(behaviors):
         raise BehaviorError(
             f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii.max():.3f} m, {wide.radii.max():.3f} m)"
-            f" and no costlier, so '{wide.name}' would never be used; "
+            f" and cheaper, so '{wide.name}' would never be used; "
             f"raise cost_per_meter in {narrow.folder}/behavior.yaml"
         )
 
@@ -44,7 +44,7 @@ def never_used(behaviors: Sequence[Behavior]) -> list[str]:
     """Return a sentence for each behavior that no plan can use."""
     return [
         f"no plan asks for '{wide.name}': '{narrow.name}' is narrower ({narrow.radii.max():.3f} m, "
-        f"{wide.radii.max():.3f} m) and no costlier"
+        f"{wide.radii.max():.3f} m) and cheaper"
         for narrow, wide in _useless(behaviors)
     ]
 

@@ -112,7 +112,7 @@ def _reserve(
     playback, asking = last
     agent, following = int(rows.agent[row]), int(rows.cursor[row]) + 1
     nodes, origins, blend_offsets, rates = _plan(table, agent)
-    near, reach = everyone.near, obstacles.off_passages * float(rows.body_radius[row])
+    near, reach = everyone.near, float(rows.body_radius[row])
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, rows.way[row])
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, near)
     rest = rows.timeline[row, -1, :2].copy()

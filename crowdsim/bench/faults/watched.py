@@ -52,8 +52,9 @@ FAILURES = ("untyped", "crashed", "hung", "fake")
 def run_cases(case: str, numbers: Sequence[int], seconds: float = 60.0) -> Tally:
     """Run ``case``, "module:function", for each of ``numbers``, for at most ``seconds`` each.
 
-    The function returns its outcome, a word, optionally with details after a colon. If the process ends, it has
-    crashed.
+    The first case of a process may take _START; a new process begins behind each case that hung or crashed. The
+    function returns its outcome, a word, optionally with details after a colon. If the process ends in a case, that
+    has crashed.
     """
     module, _, name = case.partition(":")
     tally = Tally()

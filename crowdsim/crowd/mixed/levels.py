@@ -159,9 +159,10 @@ class Levels:
         return np.asarray(hypot(places[:, 0] - x, places[:, 1] - y) <= self._favored.radius)
 
     def steer(self, agents: NDArray[np.int64], places: Floats, blocked: Floats) -> Bools:
-        """Return which of some captured agents, at ``places`` (k, 2) [m], should steer.
+        """Return which of some captured agents (k,), at ``places`` (k, 2) [m], should steer.
 
-        They were refused for times ``blocked`` (k,) [s].
+        ``blocked`` (k,) is the time for which each was refused, or has stood beyond one second though it wants to walk
+        [s].
         """
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
         refused = blocked >= np.where(self.confined[agents], QUEUES_FOR, BLOCKED_FOR)

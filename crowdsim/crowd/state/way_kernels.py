@@ -176,15 +176,15 @@ def rank_behind(row, ways, ranks, width, reach, near):
 
 
 @kernel
-def rank_at(turn, behind, x, y, passages, off):
+def rank_at(turn, behind, x, y, passages, radius):
     """Return the rank of a row that comes to rest at (x, y): its turn, or ``behind`` the one that it follows if lower.
 
-    In one of ``passages`` (M, 4), nearer than ``off`` [m], it goes before all who are outside of them: most bodies
-    cannot turn about there, so the others have to make room for it to come out.
+    In one of ``passages`` (M, 4), nearer than the ``radius`` of its body [m], it goes before all who are outside of
+    them: most bodies cannot turn about there, so the others have to make room for it to come out.
     """
     rank = min(turn, behind)
     # Those who go nowhere stay last; the rank of one in a passage may have been taken over already.
-    return rank - IN_PASSAGE if 0 <= rank < IN_PASSAGE and near_any(passages, x, y, off) else rank
+    return rank - IN_PASSAGE if 0 <= rank < IN_PASSAGE and near_any(passages, x, y, radius) else rank
 
 
 @kernel

@@ -52,7 +52,7 @@ STAYS_REFUSED = 2
 _MOVING = int(AgentState.MOVING)
 EXTENDED, REFUSED, BEHIND = 0, 1, 2
 """Indices in ``Scratch.counts``: rows that have reserved, rows that cannot go on, and rows that go on for which a
-search ends or begins with that."""
+search ends or may begin with that."""
 
 
 @helper
@@ -77,7 +77,7 @@ def note_standing(graph, rows, scratch):
 def follow(graph, rows, row, table, progress, scratch, frame):
     """Let a row enter the next node of its plan, which is reserved, when its present one ends.
 
-    Return True if a search for a plan ends or begins with that.
+    Return True if a search for a plan ends with that, or may begin: the caller tests that again.
     """
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
@@ -96,7 +96,8 @@ def follow(graph, rows, row, table, progress, scratch, frame):
     # A standing row awaits a way around others, which it no longer needs; a walking one the way onwards, as before.
     if rows.awaiting_plan[row]:
         return idle
-    # The plan ends soon, at a goal where the agent goes on: the search for the way to the next one begins.
+    # The plan ends soon, at a goal where the agent goes on: the search for the way to the next one begins, unless one
+    # was made for this plan before, in vain.
     return len(nodes) - following <= NODES_LEFT and walks_through(table, progress, agent)
 
 

@@ -147,7 +147,7 @@ class Scratch(NamedTuple):
     refused: Longs
     """(N,) rows that cannot go on."""
     behind: Longs
-    """(N,) rows that enter a node of their plan with which a search ends or begins."""
+    """(N,) rows that enter a node of their plan with which a search ends or may begin."""
     counts: Longs
     """(3,) numbers of these rows, at EXTENDED, REFUSED and BEHIND."""
     reserves_otherwise: bool

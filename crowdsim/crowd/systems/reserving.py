@@ -86,7 +86,7 @@ class Reserving:
         # Who comes to rest in a narrow passage ranks first from now on. An agent that is not in a row yet has no rank.
         if walker.row != NONE:
             rank = view.rank[walker.row]
-            columns["rank"] = rank_at(rank, rank, *tracks[-1], obstacles.passages, obstacles.off_passages)
+            columns["rank"] = rank_at(rank, rank, *tracks[-1], obstacles.passages, obstacles.body_radius)
         return columns
 
     def find_ways(self, view: View, row: int, plan: MotionPlan, following: int, obstacles: Obstacles) -> None:
@@ -98,5 +98,5 @@ class Reserving:
         near, scratch = self.surroundings.neighbors(view), self._scratch
         behind = rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near)
         rest = view.timeline[row, -1, :2]
-        view.rank[row] = rank_at(view.turn[row], behind, *rest, obstacles.passages, obstacles.off_passages)
+        view.rank[row] = rank_at(view.turn[row], behind, *rest, obstacles.passages, obstacles.body_radius)
         scratch.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, scratch.ways)

@@ -174,8 +174,8 @@ def prepare(rows, row, table, progress, obstacles, everyone, scratch):
     # Publish the way ahead, take over the rank of an agent that it follows, and gather the ways to be kept free.
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, rows.way[row])
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, everyone.near)
-    x, y, off = rows.timeline[row, -1, 0], rows.timeline[row, -1, 1], obstacles.off_passages * rows.body_radius[row]
-    rows.rank[row] = rank_at(rows.turn[row], behind, x, y, obstacles.passages, off)
+    x, y, radius = rows.timeline[row, -1, 0], rows.timeline[row, -1, 1], rows.body_radius[row]
+    rows.rank[row] = rank_at(rows.turn[row], behind, x, y, obstacles.passages, radius)
     scratch.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, everyone.near, scratch.ways)
     kept_clear = obstacles_of(obstacles, rows, row, scratch.ways[: scratch.ways_count[0]])
 
@@ -208,7 +208,7 @@ def own_nodes(rows, row, table, taken, timeline, gone, playback, everyone, obsta
     own_timeline(rows, row, timeline, gone, playback, everyone)
     rows.reserved[row] = following + taken - 1
     rank, x, y = rows.rank[row], timeline[-1, 0], timeline[-1, 1]
-    rows.rank[row] = rank_at(rank, rank, x, y, obstacles.passages, obstacles.off_passages)
+    rows.rank[row] = rank_at(rank, rank, x, y, obstacles.passages, obstacles.body_radius)
     lay_way(origins, following + taken, timeline[-1], WAY_METERS, rows.way[row])
 
 

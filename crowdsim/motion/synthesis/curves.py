@@ -36,7 +36,10 @@ def hermite(u: Floats, p0: float, v0: float, p1: float, v1: float) -> Floats:
 
 
 def quintic(u: Floats, p0: Floats, v0: Floats, a0: Floats, p1: Floats, v1: Floats, a1: Floats) -> Floats:
-    """Return the curve (U, D) from p0 to p1 (D,) over u (U,) with end slopes v0, v1 and curvatures a0, a1."""
+    """Return the curve (U, D) over u (U,) in [0, 1] from p0 to p1 with end slopes v0, v1 and second derivatives a0, a1.
+
+    All six are (D,); derivatives are by u.
+    """
     u = u[:, None]
     u3, u4, u5 = u * u * u, (u * u) * (u * u), (u * u) * (u * u) * u
     h1 = 10 * u3 - 15 * u4 + 6 * u5
