@@ -105,7 +105,7 @@ def test_three_and_three_pass_a_door(seed: int) -> None:
     assert moved > 0
 
 
-@pytest.mark.parametrize(("each", "seed"), [(1, 11), (1, 16), (1, 35), (1, 38), (2, 7), (2, 15), (2, 33), (2, 41)])
+@pytest.mark.parametrize(("each", "seed"), [(1, 11), (1, 16), (1, 35), (1, 38), (2, 7), (2, 15), (2, 41)])
 def test_those_who_meet_at_a_gap_go_through_it_in_turn(each: int, seed: int) -> None:
     arrived, seconds, _, _ = run(gap(each, seed))
     assert arrived == 2 * each

@@ -96,7 +96,8 @@ def _ends_last_goal(table: Any, progress: Any, agent: int) -> bool:
 
 
 def _rank_at(rank: int, place: np.ndarray, passages: np.ndarray, reach: float) -> int:
-    """Return the rank of a row that comes to rest at a place (2,), from that which it would have in the open."""
+    """Return the rank of a row that comes to rest at a place (2,), from that which it has or would have elsewhere."""
+    rank += IN_PASSAGE if rank < 0 else 0
     for passage in passages.reshape(-1, 2, 2):
         along = passage[1] - passage[0]
         share = np.clip((place - passage[0]) @ along / (along @ along), 0.0, 1.0)
@@ -116,6 +117,7 @@ def _reserve(
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, rows.way[row])
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, near)
     rest = rows.timeline[row, -1, :2].copy()
+    behind += IN_PASSAGE if behind < 0 else 0
     rows.rank[row] = _rank_at(min(int(rows.turn[row]), behind), rest, obstacles.passages, reach)
     scratch.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, near, scratch.ways)
     ways = scratch.ways[: scratch.ways_count[0]]

@@ -53,6 +53,9 @@ OFF_WALLS = 0.1
 """Clearance at the end of a move beyond that of the widest behavior, if there was as much before [m]: an agent too
 close to a wall finds no motion that leads on."""
 
+SWAYS = 0.03
+"""By how much less clearance a move may have on its way than its idle node began with [m], as bodies sway."""
+
 _STRIDE = 6  # frames between two samples of the test against obstacles
 
 
@@ -120,9 +123,9 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
     """Return True if a move keeps clear of the obstacles on all layers.
 
     A move asks for the clearance of the widest behavior, and at its end for ``off_walls`` [m] more; but for no more
-    than there is where its idle node began, as it could not move at all otherwise; and always for the clearance of
-    the behavior that it plays. chain: nodes of the move with their origins (x, y, heading) and blend offsets, the first
-    ``count`` of them; node 0 is the present one, at whose end the move begins.
+    than there is where its idle node began, as it could not move at all otherwise (SWAYS less on its way); and always
+    for the clearance of the behavior that it plays. chain: nodes of the move with their origins (x, y, heading) and
+    blend offsets, the first ``count`` of them; node 0 is the present one, at whose end the move begins.
     """
     hints = np.full(len(obstacles.layers), np.int64(-1))
     for k, mesh in enumerate(obstacles.layers):
@@ -141,7 +144,8 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
             ends = c == count - 1
             while frame >= 0:
                 # At least the clearance of the node's behavior, and no more than there is now.
-                need = max(own, min(now - ROUNDING, widest + off_walls if ends else widest))
+                need = min(now - ROUNDING, widest + off_walls) if ends else min(now - SWAYS, widest)
+                need = max(own, need)
                 ends = False
                 x, y, _ = track_pose(graph, node, frame, o[0], o[1], o[2], s[0], s[1], s[2])
                 distance, hints[k] = disc_clearance(mesh, x, y, max(need, own + BEYOND), hints[k])
@@ -366,7 +370,7 @@ def reserve_by_asking(
             if found == TOO_LONG or tried == WANTED:
                 break
             stands = stands or found >= 0 or found == IN_WAY
-            if found < 0 or (tolerant and not leaves and enters_against(timeline, chain, available, obstacles)):
+            if found < 0 or (not leaves and enters_against(timeline, chain, available, obstacles)):
                 continue
             gone = found if leaves else forever
             count = clear_way(graph, obstacles, everyone, row, timeline, gone, playback, draft, asking)

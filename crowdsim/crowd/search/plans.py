@@ -25,6 +25,9 @@ from crowdsim.errors import PathNotFound
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 
+NO_MOTION = 2
+"""Number of searches in a row without motion after which an agent makes a step to begin elsewhere."""
+
 _LONG_AGO = -(10**9)  # step long before the first
 _FOLLOWERS = 64  # ranks between those of two agents, for the followers of the first one
 
@@ -207,11 +210,15 @@ class Plans:
             self.motions[agent] = plan
             self.searches.handed(agent, plan.nodes, first)
 
+    def is_stuck(self, agent: int) -> bool:
+        """Return True if an agent has searched in vain for motion from where it stands, along a path that is there."""
+        return self.no_motion.get(agent, 0) >= NO_MOTION
+
     def note_motion(self, found: Found) -> None:
-        """Count searches of an agent that found a path and no motion along it; one that finds motion ends the count."""
-        if found.plan is not None:
+        """Count searches of an agent that found a path and no motion along it; motion, or no path, ends the count."""
+        if found.plan is not None or found.agent in self.unreachable:
             self.no_motion.pop(found.agent, None)
-        elif found.over and not found.outdated and found.agent not in self.unreachable:
+        elif found.over and not found.outdated:
             self.no_motion[found.agent] = self.no_motion.get(found.agent, 0) + 1
 
     def follow_route(self, agent: int, route: AnnotatedPath) -> None:

@@ -97,7 +97,9 @@ class EnvironmentState:
     def passages(self) -> NDArray[np.float64]:
         """(S, 4) segments across passages in which two bodies cannot pass each other, as they are now."""
         if self._passages is None or self._passages[0] != self.revision:
-            self._passages = self.revision, narrow_passages(self.meshes[0], self.assets.passing_width)
+            narrowest = 2.0 * float(self.assets.body_radii[:, 0].min())
+            found = narrow_passages(self.meshes[0], narrowest, self.assets.passing_width)
+            self._passages = self.revision, found
         return self._passages[1]
 
     def route(self, start: ArrayLike, goal: ArrayLike) -> AnnotatedPath:

@@ -11,12 +11,13 @@ from crowdsim.navmesh.navmesh import NavMesh
 _STRIDE = 0.25  # largest distance between two places of an edge at which its clearance is measured, in widths
 
 
-def narrow_passages(mesh: NavMesh, width: float) -> NDArray[np.float64]:
+def narrow_passages(mesh: NavMesh, least: float, width: float) -> NDArray[np.float64]:
     """Find the free edges of a mesh along which there is nowhere room for two; return (S, 4) x and y of both ends.
 
     All vertices are on obstacles, so an agent that crosses an edge passes between two of them. Room for two is a
     clearance of half of ``width`` [m]: no edge shorter than that has it, nor has one that goes slantwise through a long
-    narrow passage. Edges that only lead into a corner, or another narrow dead end, are left out.
+    narrow passage (a place is measured every _STRIDE widths). Nobody passes through edges shorter than ``least`` [m].
+    These, and edges that only lead into a corner, or another narrow dead end, are left out.
     """
     arrays = mesh.arrays
     triangles = int(arrays.frame[0]["triangles"])
@@ -29,6 +30,7 @@ def narrow_passages(mesh: NavMesh, width: float) -> NDArray[np.float64]:
     twin = sides["twin"].reshape(-1, 3)
     opened = (sides["constraints"].reshape(-1, 3) == 0) & free[:, None] & (twin >= 0)
     opened &= free[np.where(twin >= 0, twin // 3, 0)]
+    opened &= hypot(across[..., 0] - ends[..., 0], across[..., 1] - ends[..., 1]) >= least
     narrow = np.zeros_like(opened)
     narrow[opened] = _are_narrow(mesh, ends[opened], across[opened], width)
     while True:
@@ -49,7 +51,10 @@ def narrow_passages(mesh: NavMesh, width: float) -> NDArray[np.float64]:
 def _are_narrow(
     mesh: NavMesh, begins: NDArray[np.float64], ends: NDArray[np.float64], width: float
 ) -> NDArray[np.bool_]:
-    """Return which edges (k,) have a clearance below half of ``width`` [m] all along; both ends (k, 2) are given."""
+    """Return which edges (k,) have a clearance below half of ``width`` [m] wherever it is measured.
+
+    Both ends (k, 2) of each are given.
+    """
     lengths = hypot(*(ends - begins).T)
     narrow = np.asarray(lengths < width)
     # Look in the middle of the others, then in the middle of both halves, and so on: most have room in the middle.

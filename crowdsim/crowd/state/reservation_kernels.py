@@ -329,8 +329,8 @@ def enters_against(timeline, chain, available, obstacles):
 
     ``available`` nodes of the plan follow the first one of the ``chain``.
     """
-    off = obstacles.off_passages
-    return meets_oncoming(timeline, chain, available, obstacles.ways, obstacles.passages, off)
+    off, radius = obstacles.off_passages, obstacles.body_radius
+    return meets_oncoming(timeline, chain, available, obstacles.ways, obstacles.passages, off, radius)
 
 
 @helper
@@ -374,7 +374,7 @@ def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, firs
             stands = stands or found >= 0 or found == IN_WAY
             if found < 0:
                 continue  # it cannot come to a stand after this node; try the next
-            if tolerant and not leaves and enters_against(timeline, chain, available, obstacles):
+            if not leaves and enters_against(timeline, chain, available, obstacles):
                 continue
             gone = found if leaves else forever
             if not meets_anyone(row, timeline, start, gone, start, obstacles.body_radius, everyone):

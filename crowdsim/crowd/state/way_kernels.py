@@ -61,20 +61,22 @@ def stops_in_passage(timeline, passages, distance):
 
 
 @helper
-def meets_oncoming(timeline, chain, available, ways, passages, distance):
+def meets_oncoming(timeline, chain, available, ways, passages, distance, radius):
     """Return True if a timeline (K, 13) enters a narrow passage through which the way of another agent comes.
 
-    The passage is entered as in :func:`stops_in_passage`. ``chain`` holds the next ``available`` nodes of the plan,
-    behind the present one; ``ways`` (W, P, 2) are those of the others [m].
+    It enters one of ``passages`` (S, 4) if it ends nearer to it than ``distance`` [m], and begins farther from all than
+    the ``radius`` of its body [m]. ``chain`` holds the next ``available`` nodes of the plan, behind the present one;
+    ``ways`` (W, P, 2) are those of the others [m].
     """
-    if not stops_in_passage(timeline, passages, distance):
+    if not near_any(passages, timeline[-1, 0], timeline[-1, 1], distance):
+        return False
+    if near_any(passages, timeline[0, 0], timeline[0, 1], radius):
         return False
     for way in ways:
         for point in range(len(way) - 1):
             x, y = way[point, 0], way[point, 1]
-            if not near_any(passages, x, y, distance):
-                continue
-            # Direction of the own plan where it is nearest to that point of the way.
+            # Direction of the own plan where it is nearest to that point of the way, over three nodes: it may turn on
+            # the spot in one.
             least = distance * distance
             ux = uy = 0.0
             for k in range(available):
@@ -83,8 +85,12 @@ def meets_oncoming(timeline, chain, available, ways, passages, distance):
                 square = point_segment_distance2(x, y, ax, ay, bx, by)
                 if square < least:
                     least = square
-                    ux, uy = bx - ax, by - ay
-            if ux * (way[point + 1, 0] - x) + uy * (way[point + 1, 1] - y) < 0.0:
+                    further = min(k + 3, available)
+                    ux, uy = chain.origins[further, 0] - ax, chain.origins[further, 1] - ay
+            # It comes the other way (within 60 degrees), and not in the open.
+            vx, vy = way[point + 1, 0] - x, way[point + 1, 1] - y
+            against = ux * vx + uy * vy < -0.5 * hypot(ux, uy) * hypot(vx, vy)
+            if against and near_any(passages, x, y, distance):
                 return True
     return False
 
@@ -180,11 +186,12 @@ def rank_at(turn, behind, x, y, passages, radius):
     """Return the rank of a row that comes to rest at (x, y): its turn, or ``behind`` the one that it follows if lower.
 
     In one of ``passages`` (M, 4), nearer than the ``radius`` of its body [m], it goes before all who are outside of
-    them: most bodies cannot turn about there, so the others have to make room for it to come out.
+    them: most bodies cannot turn about there, so the others have to make room for it to come out. Either rank may be
+    that of a row in a passage; what counts is which it would have outside.
     """
-    rank = min(turn, behind)
-    # Those who go nowhere stay last; the rank of one in a passage may have been taken over already.
-    return rank - IN_PASSAGE if 0 <= rank < IN_PASSAGE and near_any(passages, x, y, radius) else rank
+    rank = min(turn + IN_PASSAGE if turn < 0 else turn, behind + IN_PASSAGE if behind < 0 else behind)
+    # Those who go nowhere stay last.
+    return rank - IN_PASSAGE if rank < IN_PASSAGE and near_any(passages, x, y, radius) else rank
 
 
 @kernel

@@ -130,6 +130,7 @@ class AffectedAgents:
         plan = plans.motions.get(agent)
         plans.routes.pop(agent, None)
         plans.unreachable.pop(agent, None)
+        plans.no_motion.pop(agent, None)
         # It stands, or has not begun its plan: forget that, and request another one at once.
         if plan is None or view.cursor[row] == NONE:
             plans.searches.drop(agent)
@@ -205,6 +206,7 @@ class AffectedAgents:
         """Let a standing row forget its plan; it requests another one at once."""
         self.plans.motions.pop(agent, None)
         self.view.reserved[row] = self.view.blocked_since[row] = NONE
+        self.view.way[row] = np.nan
 
     def _goes_on_to(self, row: int, clear: int) -> int:
         """Return the node up to which a row keeps its plan: reserved, or played until a search from there is done.

@@ -49,9 +49,6 @@ LONG_SECONDS = 5.0
 ASIDE_SECONDS = 3.0
 """Time after which a waiting agent in a narrow place steps close to a wall [s]."""
 
-NO_MOTION = 2
-"""Number of searches in a row without motion after which an agent makes a step to begin elsewhere."""
-
 RETRY_SECONDS = 0.1
 """Time between two tries of a standing agent that waits for others to go on [s]."""
 
@@ -202,6 +199,7 @@ class Choosing:
                     self._follow(view, row)
                     return True
                 return False
+            view.way[row] = np.nan
             # The plan is over. It drops the plan, to search another one, if it missed its goal or goes on to the next.
             if plan.arrives and not self.plans.itineraries.accepts(agent, self._end(view, row)):
                 self._abandon(view, row, agent)
@@ -212,11 +210,10 @@ class Choosing:
                 elif not view.stays[row]:
                     return True  # it leaves the world at the end of this node
                 else:
-                    view.way[row] = np.nan
                     view.state[row] = AgentState.ARRIVED
                     view.rank[row] = view.turn[row] = LAST
         # Where no motion was found along its path, it makes a step: from elsewhere, there may be one.
-        vain = self.plans.no_motion.get(agent, 0) >= NO_MOTION
+        vain = self.plans.is_stuck(agent) and not view.awaiting_plan[row]
         if not (vain and self._moves(view, row, self._giving_way.step_off)):
             self._come_to_rest(view, row)
         return True

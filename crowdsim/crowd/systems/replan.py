@@ -119,6 +119,9 @@ class Replanning:
         view.plan_digest[row] = 0 if plan is None else plan.digest
         plans.hand_out(found.agent, plan)
         plans.note_motion(found)
+        # Where it finds no motion, it cannot go first: others may have to ask it to make room.
+        if plan is None and plans.is_stuck(found.agent):
+            view.rank[row] = view.turn[row] = plans.rank(found.agent)
         # Without a way to its goal it ranks last; with one again, as if it set out now.
         if found.agent in plans.unreachable:
             view.rank[row] = view.turn[row] = LAST
@@ -146,6 +149,7 @@ class Replanning:
         # Go on along the old nodes up to ``join.after``, then along the new ones; numbers count from the present node.
         joined = plan.joined(cursor, join.after, found.plan, join.reaches)
         plans.hand_out(agent, joined, join.after - cursor + 1)
+        plans.note_motion(found)
         plans.follow_route(agent, joined.route)
         view.reserved[row] -= cursor
         view.cursor[row] = 0
@@ -173,6 +177,8 @@ def reach_goal(plans: Plans, view: View, row: int) -> None:
     """
     agent = int(view.agent[row])
     seconds = plans.itineraries.reach(agent)
+    plans.no_motion.pop(agent, None)
+    view.way[row] = np.nan
     view.rank[row] = view.turn[row] = plans.rank(agent)
     view.goal[row] = plans.itineraries.goal(agent)
     view.retry_step[row] = plans.step + round(seconds * plans.assets.steps_per_second)
