@@ -67,8 +67,8 @@ def moves_of(graph: GraphArrays) -> Moves:
     """Find all moves of a motion graph, by the idle node from which they set out.
 
     A move is one node that ends standing, or one and the stop behind it; twice with the same last node; or a turn
-    followed by one of these. The clips decide which there are: without side steps, moves are turns with steps behind
-    them.
+    followed by one of these; with the arms held in, any of these behind the node that lets them go. The clips decide
+    which there are: without side steps, moves are turns with steps behind them.
     """
     rows: list[_Move] = []
     begin = np.zeros(len(graph.node_frames) + 1, np.int32)

@@ -304,7 +304,7 @@ class Choosing:
         return True
 
     def _clear_ahead(self, view: View, row: int, obstacles: Obstacles) -> None:
-        """Let standing rows in the way ahead of a row that has just reserved step aside."""
+        """Let standing rows in the way ahead of a row that has reserved, or is refused, step aside."""
         self._giving_way.clear_ahead(
             view,
             row,
