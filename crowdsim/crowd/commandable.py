@@ -139,7 +139,7 @@ class Commandable(ABC):
         Raises
         ------
         ScenarioError
-            If there is no such door, or it is open.
+            If there is no such door, it is open, or a later event would become impossible.
         """
         self._give(open=name)
 
@@ -154,7 +154,7 @@ class Commandable(ABC):
         Raises
         ------
         ScenarioError
-            If there is no such door, or it is closed.
+            If there is no such door, it is closed or was told to close, or a later event would become impossible.
         """
         self._give(close=name)
 

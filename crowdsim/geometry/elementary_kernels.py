@@ -285,7 +285,7 @@ def _product(a, b):
 @helper
 def power(x, y):
     """Return x to the power of y, nan for x < 0 unless y is 0: exp(y ln x) with the logarithm in two doubles."""
-    # Special cases as in C.
+    # Special cases as in C, but for x < 0 and the sign of -0.0.
     if y == 0.0 or x == 1.0:
         return 1.0
     if y != y:
