@@ -145,7 +145,12 @@ def _stand_rows(stands: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _search_row(searches: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the number of motion searches, and what happened to those that took long."""
+    """Return label and text: the number of motion searches, what happened to some, and the median time to a motion.
+
+    ``sliced``: searches of more than one slice. ``backtracked``: how often one would have had to change nodes already
+    played. ``recovered``: how often a search from behind played nodes found a motion; one search may count in either
+    several times. The time is None if no search has found any nodes.
+    """
     text = str(searches["asked"])
     if searches["sliced"]:
         text += f", {searches['sliced']} went on while their motion was walked"

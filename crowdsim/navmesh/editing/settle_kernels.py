@@ -148,7 +148,7 @@ def _touch_corners(m, w):
                 return STUCK
             v = w.to_do[i].touched
             i += 1
-            # Removed meanwhile, or a corner of the box.
+            # Removed meanwhile, or a corner of the box: that stays, and the triangles around it do not close a circle.
             if vertices[v].vhe < 0 or v < BOX_CORNERS:
                 continue
             if _has_changed(m, w, v):

@@ -179,8 +179,9 @@ def _road_to(states, last, behaviors):
 def choose_landmarks(marks, of_goal, seen, starts, behaviors, telling):
     """Fill ``telling`` with the landmarks that bound the cost from the start to the goal best (ALT).
 
-    By the triangle inequality, a way from state to goal costs at least the difference of their costs from a landmark;
-    the bounds are summed over the points that the start sees, ``seen[:starts]``, each with its widest behavior.
+    By the triangle inequality, a way from state to goal costs at least the difference of their costs from a landmark,
+    but for changes of behavior (see `_bound_to_goal`); the bounds are summed over the points that the start sees,
+    ``seen[:starts]``, each with its widest behavior.
 
     marks: (states, l) cost between each state and each landmark. of_goal: (l,) the goal's. seen: records ROAD_WAY, the
     first ``starts`` in use. behaviors: their number. telling: (k,) int64, filled with landmarks, the best one first.
