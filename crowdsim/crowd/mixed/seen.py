@@ -28,8 +28,9 @@ more, the pieces between their quarters are reserved, too."""
 PUSHES_AFTER = 2.5
 """Time for which a captured agent is refused before steered ones in its way step aside [s].
 
-It is longer than IMPATIENCE_SECONDS, so that agents that look for a way around others do not push: if they did all the
-time, those who come out of a door would go back into it whenever others wait in front of it."""
+It is longer than IMPATIENCE_SECONDS of :mod:`crowdsim.crowd.systems.replan`, so that agents that look for a way around
+others do not push: if they did all the time, those who come out of a door would go back into it whenever others wait in
+front of it."""
 
 _PUSHING = LASTING + RANK_RANGE
 """Rank of such an agent (plus the time), above that of any steered one."""

@@ -15,9 +15,9 @@ def narrow_passages(mesh: NavMesh, least: float, width: float) -> NDArray[np.flo
     """Find the free edges of a mesh along which there is nowhere room for two; return (S, 4) x and y of both ends.
 
     All vertices are on obstacles, so an agent that crosses an edge passes between two of them. Room for two is a
-    clearance of half of ``width`` [m]: no edge shorter than that has it, nor has one that goes slantwise through a long
-    narrow passage (a place is measured every _STRIDE widths). Nobody passes through edges shorter than ``least`` [m].
-    These, and edges that only lead into a corner, or another narrow dead end, are left out.
+    clearance of half of ``width`` [m]: no edge shorter than ``width`` has it, nor has one that goes slantwise through a
+    long narrow passage (clearances are measured every _STRIDE widths). Nobody passes through edges shorter than
+    ``least`` [m]. These, and edges that only lead into a corner, or another narrow dead end, are left out.
     """
     arrays = mesh.arrays
     triangles = int(arrays.frame[0]["triangles"])

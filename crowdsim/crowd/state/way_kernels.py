@@ -62,7 +62,7 @@ def stops_in_passage(timeline, passages, distance):
 
 @helper
 def meets_oncoming(timeline, chain, available, ways, passages, distance, radius):
-    """Return True if a timeline (K, 13) enters a narrow passage through which the way of another agent comes.
+    """Return True if a timeline (K, 13) enters a narrow passage against the way of another agent through it.
 
     It enters one of ``passages`` (S, 4) if it ends nearer to it than ``distance`` [m], and begins farther from all than
     the ``radius`` of its body [m]. ``chain`` holds the next ``available`` nodes of the plan, behind the present one;

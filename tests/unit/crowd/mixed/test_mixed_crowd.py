@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
+from crowdsim.crowd.mixed.seen import PUSHES_AFTER
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.steered.components import Errand
+from crowdsim.crowd.systems.replan import IMPATIENCE_SECONDS
 from crowdsim.recording.header import AgentState
 from crowdsim.scenario.loader import parse_scenario
 from tests.reference.mixed_crowd import core_of, gap_to_piece
@@ -220,3 +222,7 @@ def test_nothing_comes_to_where_anybody_is_on_either_level() -> None:
     outcomes = [event["outcome"] for event in crowd.summary()["events"]]
     assert outcomes.count("happened") >= 3
     assert crowd.arrived == 24
+
+
+def test_who_looks_for_a_way_around_others_does_not_push_meanwhile() -> None:
+    assert PUSHES_AFTER > IMPATIENCE_SECONDS
