@@ -153,9 +153,10 @@ def _search_row(searches: Mapping[str, Any]) -> tuple[str, str]:
     """
     text = str(searches["asked"])
     if searches["sliced"]:
-        text += f", {searches['sliced']} went on while their motion was walked"
+        text += f", {searches['sliced']} in several slices"
     if searches["backtracked"]:
-        text += f", {searches['backtracked']} had to turn back behind that, {searches['recovered']} found a way on"
+        text += f"; {searches['backtracked']} times back to nodes already played"
+        text += f", {searches['recovered']} times on from there"
     first = searches["first_movement_ms_median"]
     return "searches for motion", text if first is None else f"{text}; first movement after {first:.1f} ms"
 

@@ -352,19 +352,22 @@ def _fixed_until(graph, chain, taken, frame, playback, most):
 
 
 @kernel
-def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, first, available, ends_plan, timeline):
+def reserve(
+    graph, obstacles, everyone, row, frame, playback, chain, draft, first, available, ends_plan, strict, timeline
+):
     """Find the shortest continuation that ends standing, or gone, touches no obstacle and meets no timeline.
 
     Entry 0 of ``chain`` is the present node, entries 1 to ``available`` are the next nodes of the plan, of which at
     least ``first`` are taken. ``draft`` is scratch of the same size. ``ends_plan``: the agent leaves the world
-    after the last of them. ``obstacles`` and ``everyone`` (all rows) are those of
+    after the last of them. ``strict``: it stops in no narrow passage, even if the plan offers no other place.
+    ``obstacles`` and ``everyone`` (all rows) are those of
     :mod:`crowdsim.crowd.state.timelines`. Return (number of nodes taken, gone slot), with 0 nodes if there is none; its
     timeline (or the last that was tried) is left in ``timeline`` (K, 13). Row -1 has yet to enter the world.
     """
     forever = np.int64(FOREVER)
     start = playback.clock // playback.slot_frames
     # Stops in narrow passages are allowed only if the plan offers no other place to stand at all.
-    for tolerant in range(2):
+    for tolerant in range(1 if strict else 2):
         stands = False  # True if, without other agents, it could stand outside of narrow passages, or leave
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available

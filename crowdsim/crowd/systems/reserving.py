@@ -44,15 +44,15 @@ class Reserving:
         hints = np.full(len(obstacles.layers), NONE, np.int64)
         if plan.count == 0 or not node_is_free(graph, walker.node, walker.origin, nothing, obstacles, hints):
             return None
-        return self.reserve(view, walker, plan, 0, obstacles)
+        return self.reserve(view, walker, plan, 0, obstacles, strict=True)
 
     def reserve(
-        self, view: View, walker: Walker, plan: MotionPlan, following: int, obstacles: Obstacles
+        self, view: View, walker: Walker, plan: MotionPlan, following: int, obstacles: Obstacles, *, strict: bool
     ) -> dict[str, Any] | None:
         """Return the columns of a reservation from a walker's pose through node ``following`` of a plan to its end.
 
-        It takes as few later nodes as lead to a stop, or out of the world. None without one. Its timeline is scratch,
-        which the next reservation overwrites.
+        It takes as few later nodes as lead to a stop, or out of the world. None without one. ``strict``: it stops in no
+        narrow passage. Its timeline is scratch, which the next reservation overwrites.
         """
         assets = self.plans.assets
         available = min(plan.count - following, LOOKAHEAD)
@@ -67,7 +67,7 @@ class Reserving:
         leaves = plan.arrives and last and not walker.stays and following + available == plan.count
         everyone = self.surroundings.everyone(view)
         now = walker.row, walker.frame, walker.playback
-        ahead_of = chain, self._scratch.draft, 1, available, leaves, timeline
+        ahead_of = chain, self._scratch.draft, 1, available, leaves, strict, timeline
         taken, gone = reserve(assets.graph, obstacles, everyone, *now, *ahead_of)
         if not taken:
             return None

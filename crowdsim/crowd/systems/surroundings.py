@@ -62,9 +62,9 @@ class Surroundings:
     def _obstacles(self, view: View, walker: Walker, kept_free: NDArray[np.float64]) -> Obstacles:
         """Return the obstacles of a walker; ``kept_free`` (M, 4) are outlines that it must not enter."""
         assets, environment = self.plans.assets, self.plans.environment
-        # An agent alone in the world hinders no other: it may stop in passages. The rows are then its own (1, True), or
-        # none before it has entered (0, False).
-        alone = len(view.agent) == (walker.row != NONE)
+        # An agent alone in the world hinders no other: it may stop in passages. Others are captured rows besides its
+        # own, which it lacks before it has entered, and steered bodies besides its own, which it has until then.
+        others = len(view.agent) - (walker.row != NONE) + np.count_nonzero(self.bodies.rows["id"] != walker.agent)
         return Obstacles(
             layers=tuple(mesh.arrays for mesh in environment.meshes),
             radii=assets.body_radii,
@@ -74,7 +74,7 @@ class Surroundings:
             bodies=self.bodies,
             agent=walker.agent,
             body_radius=walker.body_radius,
-            passages=_NOTHING if alone else environment.passages,
+            passages=environment.passages if others else _NOTHING,
             off_passages=PASSAGE_BODIES * walker.body_radius,
         )
 

@@ -77,8 +77,8 @@ def test_the_summary_is_shown_with_units():
     assert rows["state hash"] == "00ff00ff00ff00ff"
     assert rows["stands at goals"] == "2, 6.2 cm off at most, turned 10 degrees off at most"
     assert rows["searches for motion"] == (
-        "58, 3 went on while their motion was walked, 2 had to turn back behind that, 1 found a way on; first movement"
-        " after 3.2 ms"
+        "58, 3 in several slices; 2 times back to nodes already played, 1 times on from there; first movement after"
+        " 3.2 ms"
     )
 
 

@@ -224,5 +224,31 @@ def test_nothing_comes_to_where_anybody_is_on_either_level() -> None:
     assert crowd.arrived == 24
 
 
+DOOR = """\
+crowdsim: 1
+name: door
+seed: {seed}
+duration: 60
+floor: {{rectangle: [0, 0, 10.2, 5]}}
+obstacles:
+  - {{name: below, box: {{min: [5, 0], max: [5.2, 2.05]}}, top: 2.5}}
+  - {{name: above, box: {{min: [5, 2.95], max: [5.2, 5]}}, top: 2.5}}
+agents:
+  - {{name: one, locomotion: captured, count: 1, start: {{rectangle: [0.6, 0.6, 3.6, 4.4]}},
+     goal: {{rectangle: [6.6, 0.6, 9.6, 4.4]}}}}
+  - {{name: four, locomotion: steered, count: 4, start: {{rectangle: [6.6, 0.6, 9.6, 4.4]}},
+     goal: {{rectangle: [0.6, 0.6, 3.6, 4.4]}}}}
+"""
+
+
+@pytest.mark.parametrize("seed", [3, 10, 30])
+def test_the_only_captured_one_does_not_stop_in_a_door_of_steered_ones(seed: int) -> None:
+    simulation, crowd = crowd_of(DOOR.format(seed=seed))
+    with simulation:
+        while not simulation.finished:
+            simulation.step()
+    assert crowd.arrived == 5
+
+
 def test_who_looks_for_a_way_around_others_does_not_push_meanwhile() -> None:
     assert PUSHES_AFTER > IMPATIENCE_SECONDS

@@ -10,7 +10,6 @@ from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.state.components import BEND, CORE, QUARTERS, RADIUS, REST, SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.reservation_kernels import (
     append_stop,
-    comes_near,
     meets_anyone,
     node_is_free,
     pair_meets,
@@ -299,7 +298,11 @@ def test_advancing_plays_a_chain_frame_by_frame(frames: int, wanted: float) -> N
 
 
 def reserved(
-    other: tuple[float, float] | np.ndarray, room: shapely.Polygon | None = None, kept_free: np.ndarray = NOTHING
+    other: tuple[float, float] | np.ndarray,
+    room: shapely.Polygon | None = None,
+    kept_free: np.ndarray = NOTHING,
+    passages: np.ndarray = NOTHING,
+    strict: bool = False,
 ):
     """What a walker that starts at START along three strides may reserve where ``other`` stands, or walks (48, 2).
 
@@ -316,10 +319,11 @@ def reserved(
     out = np.zeros((48, SAMPLE))
     radii, breadths = np.array([[0.2, 0.3]]), np.array([[0.3, 0.0]])
     obstacles = Obstacles((mesh, mesh), radii, breadths, kept_free, 0.35, NO_BODIES, 0, 0.3)
+    obstacles = obstacles._replace(passages=passages, off_passages=0.6)
     starts, gones, radii = np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3)
     everyone = timelines_of(timelines, starts, gones, radii)
     draft = Chain.empty(12)
-    taken, gone = reserve(GRAPH, obstacles, everyone, 0, 0, natural(0), chain, draft, 1, 3, False, out)
+    taken, gone = reserve(GRAPH, obstacles, everyone, 0, 0, natural(0), chain, draft, 1, 3, False, strict, out)
     return taken, gone, out[:, :2]
 
 
@@ -335,6 +339,14 @@ def test_one_stride_is_reserved_with_the_stop_behind_it() -> None:
     taken, gone, timeline = reserved((50.0, 50.0))
     assert (taken, gone) == (1, FOREVER)
     assert timeline == pytest.approx(walked(1)[0], abs=1e-12)
+
+
+def test_a_stop_in_a_narrow_passage_is_taken_only_without_another_place_and_never_if_strict() -> None:
+    ends = [walked(taken)[1] for taken in (1, 2, 3)]
+    # Passages, as points, at the ends of the first strides: far from where the walker starts.
+    narrow = [np.array([[*end, *end] for end in ends[:count]]).reshape(-1, 4) for count in (0, 1, 3)]
+    assert [reserved((50.0, 50.0), passages=passages)[0] for passages in narrow] == [1, 2, 1]
+    assert [reserved((50.0, 50.0), passages=passages, strict=True)[0] for passages in narrow] == [1, 2, 0]
 
 
 @settings(deadline=None)
@@ -430,17 +442,3 @@ def test_nothing_is_reserved_into_what_is_kept_free_and_more_nodes_do_not_help()
     assert reserved((50.0, 50.0), kept_free=np.concatenate([ring[:-1], ring[1:]], axis=1))[0] == 0
     away = np.concatenate([ring[:-1], ring[1:]], axis=1) + [9.0, 0.0, 9.0, 0.0]
     assert reserved((50.0, 50.0), kept_free=away)[0] == 1
-
-
-@given(st.integers(0, 10_000))
-@settings(max_examples=60, deadline=None, derandomize=True)
-def test_a_timeline_comes_near_segments_exactly_when_shapely_says_so(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    timeline = np.cumsum(rng.normal(0.0, 0.4, (8, 2)) * (rng.random((8, 1)) < 0.8), axis=0)
-    segments = rng.uniform(-2.0, 2.0, (4, 4))
-    segments[0, 2:] = segments[0, :2]
-    distance = float(rng.uniform(0.01, 1.0))
-    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
-    nearest = shapely.LineString(timeline).distance(shapely.MultiLineString(list(lines)))
-    if abs(nearest - distance) > 1e-9:
-        assert comes_near(timeline, segments, distance) == (nearest < distance)
