@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import typer
@@ -14,6 +14,9 @@ from crowdsim.cli.tables import print_table
 _ON_TIME = 0.1
 """Delay of an event that is not reported [s]: it waits for the next step anyway."""
 
+
+_NAMED = 5
+"""Number of agents of a group that are named in one line."""
 
 _NEVER = {
     "waiting": "never: an agent was in the way until the end",
@@ -59,7 +62,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("arrived", str(summary["arrived"])),
         *([("  removed", str(summary["removed"]))] if summary.get("removed") else []),
         *([("  on call, never added", str(summary["not_added"]))] if summary.get("not_added") else []),
-        *([("  still waiting at the end", str(summary["waiting"]))] if summary["waiting"] else []),
+        *_left_rows(summary),
         *((f"  no way for agent {agent}", reason) for agent, reason in summary["unreachable"].items()),
         *((f"rounds of {group}", str(count)) for group, count in summary["laps"].items()),
         *((f"left through {name}", _left(exit_)) for name, exit_ in summary["exits"].items()),
@@ -82,6 +85,24 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("recording", summary["recording"]),
         *([("page", summary["page"])] if "page" in summary else []),
     ]
+
+
+def _left_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return rows (label, text): the agents that have not come to their goals at the end, by group."""
+    rows = []
+    for label, key in (("  on the way at the end", "on_the_way"), ("  did not enter", "not_entered")):
+        groups = summary.get(key, {})
+        if groups:
+            rows.append((label, "; ".join(f"{name} {_numbered(agents)}" for name, agents in groups.items())))
+    if summary["waiting"]:
+        rows.append(("  still waiting at the end", str(summary["waiting"])))
+    return rows
+
+
+def _numbered(agents: Sequence[int]) -> str:
+    """Return how many agents there are, and the numbers of the first few."""
+    numbers = ", ".join(map(str, agents[:_NAMED])) + (", ..." if len(agents) > _NAMED else "")
+    return f"{len(agents)} (agents {numbers})" if len(agents) > 1 else f"1 (agent {numbers})"
 
 
 def _level_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:

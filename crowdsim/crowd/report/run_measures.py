@@ -12,13 +12,14 @@ from crowdsim.crowd.report.attribute_statistics import AttributeStatistics
 from crowdsim.crowd.report.measured_places import MeasuredPlaces
 from crowdsim.crowd.report.party_statistics import PartyStatistics
 from crowdsim.crowd.report.share import EVERYBODY, Share
-from crowdsim.recording.header import RecordedFrame
+from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.measured import Measured
+from crowdsim.scenario.people.arrivals import start_times
 from crowdsim.scenario.scenario import Scenario
 
 
 class RunMeasures:
-    """Areas, lines, parties and attributes of one run.
+    """Areas, lines, parties and attributes of one run, and who has not come to its goal at the end.
 
     Parameters
     ----------
@@ -34,17 +35,28 @@ class RunMeasures:
         self._places = MeasuredPlaces(scenario, share)
         self._parties = PartyStatistics(scenario)
         self._attributes = AttributeStatistics(attributes, scenario.steps_per_second, scenario.span, share)
+        self._share = share
+        # By group, its agents, which have consecutive numbers in the order of the groups.
+        ends = np.cumsum([len(start_times(scenario, number)) for number in range(len(scenario.agents))])
+        numbers = np.split(np.arange(ends[-1]), ends[:-1])
+        self._groups = {group.name: agents for group, agents in zip(scenario.agents, numbers, strict=True)}
+        # (n,) agents of the share: its last state, and whether it ever was in the world.
+        self._state = np.full(len(np.arange(ends[-1])[share.agents]), AgentState.ABSENT, np.int32)
+        self._entered = np.zeros(len(self._state), np.bool_)
 
     def join(self) -> None:
         """Take in what other processes have measured; all must do so at once, after the last step."""
         self._places.join()
         self._attributes.join()
+        self._state, self._entered = (self._share.ranks.together(of)[0] for of in (self._state, self._entered))
 
     def add(self, frame: RecordedFrame) -> None:
         """Add one step of the agents of the share."""
         self._places.add(frame)
         self._parties.add(frame)
         self._attributes.add(frame)
+        self._state[:] = frame.state
+        self._entered |= self._state != AgentState.ABSENT
 
     def measured(self) -> Measured:
         """Return what was measured in areas and at lines, for the recording."""
@@ -56,10 +68,18 @@ class RunMeasures:
         ``removed`` (N,) are the agents that a command took out, ``expected`` (N,) those of
         :attr:`crowdsim.crowd.crowd.Crowd.expected`: others that were not removed are on call and were never added.
         """
+        on_the_way = (self._state == AgentState.MOVING) | (self._state == AgentState.WAITING)
         return {
             "removed": int(removed.sum()),
             "not_added": int((~expected & ~removed).sum()),
+            "on_the_way": self._by_group(on_the_way),
+            "not_entered": self._by_group(expected & ~removed & ~self._entered),
             **self._places.summary(),
             "together": self._parties.summary(),
             "attributes": self._attributes.summary(),
         }
+
+    def _by_group(self, which: NDArray[np.bool_]) -> dict[str, list[int]]:
+        """Return the agents for which ``which`` (N,) is True, by group; groups without any are left out."""
+        found = {name: agents[which[agents]].tolist() for name, agents in self._groups.items()}
+        return {name: agents for name, agents in found.items() if agents}

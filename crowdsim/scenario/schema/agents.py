@@ -244,7 +244,7 @@ class AgentGroup(Part):
             raise ValueError("agents do not wait on a 'route'; list its places as 'goals', or drop 'wait'")
 
     def _check_stands(self) -> None:
-        """Refuse headings and ``stand_within`` for goals at which no agent stands."""
+        """Refuse headings, ``stand_within`` and ``wait`` for goals at which no agent stands."""
         regions = self.regions()
         if not regions:
             return
@@ -258,6 +258,8 @@ class AgentGroup(Part):
                 name = ".".join(str(part) for part in key)
                 needed = "'on_arrival: stay'" if key == regions[-1][0] else "'wait'"
                 raise ValueError(f"no agent stands at {name} to face its 'heading'; give {needed}, or drop it")
+        if self.wait > 0.0 and len(regions) == 1 and regions[0][1].along is None:
+            raise ValueError("agents 'wait' between goals; give 'goals' with at least two, or drop it")
 
     @property
     def rounds(self) -> int:

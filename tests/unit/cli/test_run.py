@@ -10,6 +10,8 @@ SUMMARY = {
     "characters": 3,
     "arrived": 2,
     "waiting": 1,
+    "on_the_way": {"guards": [0], "guests": [4, 5, 6, 7, 8, 9]},
+    "not_entered": {"late": [2, 3]},
     "unreachable": {"1": "no path: too narrow"},
     "laps": {"guards": 7},
     "exits": {"north": {"left": 2, "last": 8.25}, "south": {"left": 0, "last": None}},
@@ -56,6 +58,8 @@ SUMMARY = {
 def test_the_summary_is_shown_with_units():
     rows = dict(summary_rows(SUMMARY))
     assert rows["characters"] == "3"
+    assert rows["  on the way at the end"] == "guards 1 (agent 0); guests 6 (agents 4, 5, 6, 7, 8, ...)"
+    assert rows["  did not enter"] == "late 2 (agents 2, 3)"
     assert rows["mean time to arrive"] == "8.2 s"
     assert rows["share of the way"] == "frontal 50%, arm_constrained 25%, lateral 25%"
     assert rows["  in gap"] == "lateral 100%"

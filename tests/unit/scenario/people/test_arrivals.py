@@ -104,12 +104,13 @@ def test_each_goal_of_a_sequence_is_checked_in_its_place():
     [
         ("", "goal: {point: [4, 4], heading: 90}", "at goal to face its 'heading'; give 'on_arrival: stay'"),
         ("wait: 1", "goal: {point: [4, 4], heading: 90}", "at goal to face"),
+        ("wait: 1", "goal: {point: [4, 4]}", "agents 'wait' between goals; give 'goals' with at least two, or drop it"),
         ("on_arrival: stay", "goals: [{point: [4, 4], heading: 90}, {point: [6, 4]}]", "at goals.0 .* give 'wait'"),
         ("wait: 1", "goals: [{point: [4, 4]}, {point: [6, 4], heading: 9}]", "at goals.1 .* give 'on_arrival: stay'"),
         ("on_arrival: stay", "goal: {point: [4, 4], heading: 400}", "heading: .*360"),
     ],
 )
-def test_headings_are_for_those_who_stand(keys: str, goals: str, complaint: str) -> None:
+def test_headings_and_waits_are_for_those_who_stand(keys: str, goals: str, complaint: str) -> None:
     with pytest.raises(ScenarioError, match=complaint):
         parse_scenario(standing(keys, goals))
 
