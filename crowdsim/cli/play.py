@@ -49,6 +49,7 @@ def play(
         str,
         typer.Option("--color", help="Meaning of shirt colors: behavior, group, agent, level, or an attribute."),
     ] = "behavior",
+    paths: Annotated[bool, typer.Option("--paths/--no-paths", help="Draw planned paths on the floor.")] = True,
     size: Annotated[
         str | None,
         typer.Option("--size", metavar="WxH", help="Pixels [default: 1600x900, of a film or window 1280x720]."),
@@ -63,7 +64,7 @@ def play(
         raise typer.BadParameter("only --shot takes a time", param_hint="--time")
     if film is None and (start is not None or end is not None):
         raise typer.BadParameter("only --film takes a part of the time", param_hint="--start, --end")
-    camera: dict[str, Any] = {"view": view, "agent": agent, "color_by": color}
+    camera: dict[str, Any] = {"view": view, "agent": agent, "color_by": color, "paths": paths}
     if size is not None:
         camera["size"] = read_size(size)
     out = shot if shot is not None else film

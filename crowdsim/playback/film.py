@@ -32,6 +32,7 @@ def film(
     view: str = "overview",
     agent: int | None = None,
     color_by: str = "behavior",
+    paths: bool = True,
     progress: Progress | None = None,
     processes: int = 1,
 ) -> Path:
@@ -51,7 +52,7 @@ def film(
         Width and height in pixels, even numbers.
     start, end : float
         Times [s].
-    view, agent, color_by
+    view, agent, color_by, paths
         As for a picture; the view ``follow`` moves with its agent.
     progress : callable or None
         Called with the number of pictures done and their total, several times a second; what it raises ends the film.
@@ -69,7 +70,7 @@ def film(
     stop = recording.duration if end is None else end
     _check(recording, fps, size, start, stop)
     count = int(np.floor((stop - start) * fps + 1e-9)) + 1
-    shooting = Shooting(fps, size, start, view, agent, color_by)
+    shooting = Shooting(fps, size, start, view, agent, color_by, paths)
     middle = count // 2 if count >= _LONG else count
     parts = [part for part in (range(middle), range(middle, count)) if part]
 

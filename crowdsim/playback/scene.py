@@ -77,6 +77,8 @@ class Scene:
         Whether to open a window.
     tallest : float
         How tall a body is in the drawn picture at most [pixels]; by default, all have their full number of corners.
+    paths : bool
+        Whether planned paths are drawn on the floor.
     """
 
     def __init__(
@@ -87,6 +89,7 @@ class Scene:
         supersample: float = 1,
         interactive: bool = False,
         tallest: float = np.inf,
+        paths: bool = True,
     ) -> None:
         colorings = (*COLORINGS, *recording.header.agents.attributes)
         if color_by not in colorings:
@@ -114,6 +117,7 @@ class Scene:
         self._backdrop: Backdrop | None = None
         self._still: list[Any] = []
         self._lamps: Lamps | None = None
+        self._draws_paths = paths
         self._path_actor: Any = None
         self._movables: tuple[SolidRecord, ...] = ()
         self._movable_actors: list[Any] = []
@@ -159,9 +163,10 @@ class Scene:
             crowd.update(time, agents)
             self._move(crowd, drawn)
         frame = self.recording.at_time(time)
-        going = (frame.state == AgentState.MOVING) | (frame.state == AgentState.WAITING)
-        places = (np.where(going, each, np.nan) for each in (frame.x, frame.y))
-        self._draw_paths(paths_ahead(self.recording.paths_at(time), *places))
+        if self._draws_paths:
+            going = (frame.state == AgentState.MOVING) | (frame.state == AgentState.WAITING)
+            places = (np.where(going, each, np.nan) for each in (frame.x, frame.y))
+            self._draw_paths(paths_ahead(self.recording.paths_at(time), *places))
         movables = self.recording.movables_at(time)
         if movables != self._movables:
             self._draw_movables(movables)

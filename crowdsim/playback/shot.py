@@ -25,6 +25,7 @@ def shot(
     size: tuple[int, int] = (1600, 900),
     agent: int | None = None,
     color_by: str = "behavior",
+    paths: bool = True,
 ) -> Path:
     """Write a picture (PNG or JPEG) of ``recording``.
 
@@ -44,6 +45,8 @@ def shot(
         Agent to follow.
     color_by : str
         ``behavior``, ``group``, ``agent``, ``level`` (captured or steered), or the name of an attribute.
+    paths : bool
+        Whether planned paths are drawn on the floor.
 
     Returns
     -------
@@ -59,7 +62,7 @@ def shot(
     """
     with whole_file(path, _ENDINGS, "pictures") as written:
         moment = telling_time(recording) if time is None else time
-        _draw(recording, [(written, moment)], view, size, agent, color_by)
+        _draw(recording, [(written, moment)], view, size, agent, color_by, paths)
     return Path(path)
 
 
@@ -71,6 +74,7 @@ def shots(
     size: tuple[int, int] = (1600, 900),
     agent: int | None = None,
     color_by: str = "behavior",
+    paths: bool = True,
 ) -> list[Path]:
     """Write a picture at each of ``times`` [s], as :func:`shot` does; the scene is built once for all.
 
@@ -80,11 +84,11 @@ def shots(
         The files: ``path`` with the time before its suffix, as ``walk-12.5.png``.
     """
     path = Path(path)
-    paths = [path.with_name(f"{path.stem}-{time:g}{path.suffix}") for time in times]
+    names = [path.with_name(f"{path.stem}-{time:g}{path.suffix}") for time in times]
     with ExitStack() as stack:
-        files = [stack.enter_context(whole_file(each, _ENDINGS, "pictures")) for each in paths]
-        _draw(recording, list(zip(files, times, strict=True)), view, size, agent, color_by)
-    return paths
+        files = [stack.enter_context(whole_file(each, _ENDINGS, "pictures")) for each in names]
+        _draw(recording, list(zip(files, times, strict=True)), view, size, agent, color_by, paths)
+    return names
 
 
 def _draw(
@@ -94,11 +98,12 @@ def _draw(
     size: tuple[int, int],
     agent: int | None,
     color_by: str,
+    paths: bool,
 ) -> None:
     """Draw the recording at each time [s] and save the picture to its file, in one scene for all."""
     from PIL import Image
 
-    scene = Scene(recording, size, color_by, supersample=_SUPERSAMPLE)
+    scene = Scene(recording, size, color_by, supersample=_SUPERSAMPLE, paths=paths)
     try:
         for written, time in pictures:
             scene.look(view, time, agent)

@@ -42,6 +42,7 @@ def window(
     agent: int | None = None,
     size: tuple[int, int] = (1280, 720),
     color_by: str = "behavior",
+    paths: bool = True,
 ) -> None:
     """Open a window on ``recording`` and return when it is closed.
 
@@ -59,6 +60,8 @@ def window(
         Width and height in pixels.
     color_by : str
         ``behavior``, ``group``, ``agent``, ``level`` (captured or steered), or the name of an attribute.
+    paths : bool
+        Whether planned paths are drawn on the floor.
 
     Raises
     ------
@@ -67,7 +70,7 @@ def window(
     DrawingUnavailable
         If there is no display.
     """
-    scene = Scene(recording, size, color_by, interactive=True)
+    scene = Scene(recording, size, color_by, interactive=True, paths=paths)
     try:
         _play(scene, Player(recording.duration), view, agent)
     finally:

@@ -35,6 +35,7 @@ class Shooting:
     view: str
     agent: int | None
     color_by: str
+    paths: bool
 
 
 class Packet(NamedTuple):
@@ -75,7 +76,7 @@ def encoded_pictures(recording: Recording, shooting: Shooting, pictures: range) 
     begin = shooting.start + pictures.start / shooting.fps
     camera = place_camera(recording, shooting.view, aspect, begin, shooting.agent)
     tallest = tallest_person(recording, camera, round(shooting.size[1] * _SUPERSAMPLE))
-    scene = Scene(recording, shooting.size, shooting.color_by, supersample=_SUPERSAMPLE, tallest=tallest)
+    scene = Scene(recording, shooting.size, shooting.color_by, _SUPERSAMPLE, tallest=tallest, paths=shooting.paths)
     reduction = _Reduction(shooting.size)
     try:
         scene.set_camera(camera)

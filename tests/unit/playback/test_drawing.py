@@ -81,6 +81,19 @@ def test_pixels_are_means_of_those_drawn(recording, supersample):
 
 
 @pytest.mark.usefixtures("can_draw")
+def test_planned_paths_are_drawn_unless_they_are_not_wanted(recording):
+    pictures = []
+    for wanted in (True, False):
+        scene = Scene(recording, SMALL, paths=wanted)
+        scene.look("top", 1.0)
+        scene.show_time(1.0)
+        pictures.append(scene.picture())
+        scene.close()
+    assert recording.paths_at(1.0)
+    assert not np.array_equal(*pictures)
+
+
+@pytest.mark.usefixtures("can_draw")
 def test_time_view_and_coloring_change_the_picture(recording):
     pictures = {}
     for color_by in ("behavior", "agent", "level"):
