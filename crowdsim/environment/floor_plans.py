@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
-from shapely.affinity import scale as scaled
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.dxf_drawing import Drawing, read_dxf
@@ -128,6 +127,8 @@ def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
     # NotImplementedError is raised for curves.
     except (shapely.errors.ShapelyError, NotImplementedError) as error:
         raise PlaceError(f"{file}: is not well-known text ({one_line(error)}); write one POLYGON") from None
+    if meters != 1.0:
+        geometry = shapely.transform(geometry, lambda places: meters * places)
     try:
         parts = _polygons_of(geometry, file)
         for polygon in shapely.get_parts(parts):
@@ -135,8 +136,6 @@ def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
         floor = shapely.union_all([clean_polygon(part, str(file)) for part in parts])
     except GeometryError as error:
         raise PlaceError(str(error)) from None
-    if meters != 1.0:
-        floor = scaled(floor, meters, meters, origin=(0.0, 0.0))
     report = [f"{file.name}: floor of {floor.area:.1f} m2, obstacles are its holes"]
     if not geometry.is_valid:
         why = shapely.is_valid_reason(geometry)

@@ -39,6 +39,12 @@ def test_units_scale_a_plan_and_odd_sizes_are_doubted(tmp_path):
     assert not any("meters?" in line for line in plan.report)
 
 
+def test_a_large_place_drawn_in_millimeters_is_read_in_meters(tmp_path):
+    """Limits on sizes are in meters."""
+    path = wkt(tmp_path, "POLYGON((0 0,30000000 0,30000000 20000000,0 20000000,0 0))")
+    assert read_floor_plan(path, units="mm").floor.area == pytest.approx(30_000.0 * 20_000.0)
+
+
 @pytest.mark.parametrize(
     ("text", "word"),
     [
