@@ -15,7 +15,7 @@ from shapely import MultiPolygon, Polygon
 from crowdsim.environment.clutter import draw_clutter, open_ways
 from crowdsim.environment.floor_plans import read_floor_plan
 from crowdsim.environment.floors import place_on_floor
-from crowdsim.environment.layers import AnySolid, dropped_solids, taken_between
+from crowdsim.environment.layers import AnySolid, dropped_solids, polygons_only, taken_between
 from crowdsim.environment.mesh_files import read_mesh_file
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import polygon_from_points
@@ -79,6 +79,7 @@ class _Reader:
         self.solids: dict[KeyPath, tuple[AnySolid, ...]] = {}
         self.report: list[str] = []
         self.complaints: list[Complaint] = []
+        self._drawn: list[Polygon | MultiPolygon] = []
 
     def site(self) -> Site:
         """Read all obstacles, then the floor, then draw the clutter."""
@@ -125,6 +126,8 @@ class _Reader:
         if not found.solids:
             raise PlaceError(f"{plan.file}: draws no walls or obstacles; name it as the floor's 'file' instead")
         self.report += found.report
+        if found.floor is not None:
+            self._drawn.append(found.floor)
         return found.solids
 
     def _on_floor(self) -> Polygon | MultiPolygon:
@@ -176,7 +179,7 @@ class _Reader:
                 self.complaints.append(((*path, "mesh"), "; ".join([message, *doubts])))
 
     def _given_floor(self) -> Polygon | MultiPolygon | None:
-        """Return the floor that the scenario draws or names; None if it is to be derived from obstacles."""
+        """Return the floor that the scenario or a plan draws; None if it is to be derived from obstacles."""
         floor = self.keys.floor
         if floor.rectangle is not None:
             return shapely.box(*floor.rectangle)
@@ -193,6 +196,9 @@ class _Reader:
                 raise PlaceError(f"{floor.file}: draws no floor; name its layer as 'drawing_layer', or give 'derive'")
             self.report += found.report
             return found.floor
+        # Plans of obstacles that draw the floor, too; parts of meshes may lie at any height.
+        if self._drawn and not any(obstacle.mesh for obstacle in self.keys.obstacles):
+            return polygons_only(shapely.union_all(self._drawn))
         return None
 
     def _draw_clutter(self, floor: Polygon | MultiPolygon) -> None:

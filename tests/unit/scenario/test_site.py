@@ -108,6 +108,20 @@ def test_a_floor_covered_by_a_mesh_of_another_unit_hints_at_it(room):
     assert re.search("obstacles cover all of it; room.glb: warning: .* give units=m,", refused(room, place))
 
 
+def test_a_derived_floor_is_the_one_that_a_plan_draws(tmp_path):
+    document = pytest.importorskip("ezdxf").new()
+    document.header["$INSUNITS"] = 6
+    drawing = document.modelspace()
+    drawing.add_lwpolyline([(0, 0), (10, 0), (10, 8), (0, 8)], close=True)
+    for wall in (((5, 0), (5, 3)), ((5, 5), (5, 8))):
+        drawing.add_line(*wall)
+    document.saveas(tmp_path / "plan.dxf")
+    place = "floor: {derive: true}\nobstacles: [{name: walls, plan: {file: plan.dxf}, top: 2.5}]\n"
+    scenario = load(tmp_path, place)
+    assert scenario.environment.floor.area == pytest.approx(80.0)
+    assert len(solids_of(scenario)) == 2
+
+
 def test_a_derived_floor_of_another_unit_is_refused_with_its_place(room):
     mesh = "{file: room.glb, scale: 248000, position: [-100000, 0, 0]}"
     said = refused(room, f"floor: {{derive: true}}\nobstacles: [{{name: house, mesh: {mesh}}}]\n")
