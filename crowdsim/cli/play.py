@@ -75,7 +75,7 @@ def play(
 
     with Recording.open(file) as recording:
         if browser:
-            _open_page(recording, view, agent)
+            _open_page(recording, view, agent, paths)
         elif shot is not None:
             from crowdsim.playback.shot import shot as take_shot
             from crowdsim.playback.shot import shots
@@ -106,12 +106,12 @@ def _open_window(recording: Recording, camera: dict[str, Any]) -> None:
         ) from None
 
 
-def _open_page(recording: Recording, view: str, agent: int | None) -> None:
+def _open_page(recording: Recording, view: str, agent: int | None, paths: bool) -> None:
     """Write a page to a temporary folder, which stays for the browser, and open it."""
-    from crowdsim.export.page.page import write_page
+    from crowdsim.export.page.page import PageOptions, write_page
 
     page = Path(tempfile.mkdtemp(prefix="crowdsim-")) / f"{recording.path.stem}.html"
-    write_page(recording, page)
+    write_page(recording, page, PageOptions(paths=None if paths else "none"))
     link = [f"view={view}"] if agent is None else [f"agent={agent}", f"view={view}"]
     typer.launch(f"{page.as_uri()}#{'&'.join(link)}")
     typer.echo(page)

@@ -88,14 +88,14 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _left_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return rows (label, text): the agents that have not come to their goals at the end, by group."""
+    """Return rows (label, text): the agents on the way at the end and those that did not enter, by group."""
     rows = []
     for label, key in (("  on the way at the end", "on_the_way"), ("  did not enter", "not_entered")):
-        groups = summary.get(key, {})
+        groups = {name: agents for name, agents in summary[key].items() if agents}
         if groups:
             rows.append((label, "; ".join(f"{name} {_numbered(agents)}" for name, agents in groups.items())))
-    if summary["waiting"]:
-        rows.append(("  still waiting at the end", str(summary["waiting"])))
+        if groups and key == "on_the_way" and summary["waiting"]:
+            rows.append(("    of these, waiting", str(summary["waiting"])))
     return rows
 
 
@@ -176,8 +176,8 @@ def _search_row(searches: Mapping[str, Any]) -> tuple[str, str]:
     if searches["sliced"]:
         text += f", {searches['sliced']} in several slices"
     if searches["backtracked"]:
-        text += f"; {searches['backtracked']} times back to nodes already played"
-        text += f", {searches['recovered']} times on from there"
+        text += f"; {searches['backtracked']} turned back behind nodes already played"
+        text += f", {searches['recovered']} found motion from there"
     first = searches["first_movement_ms_median"]
     return "searches for motion", text if first is None else f"{text}; first movement after {first:.1f} ms"
 

@@ -117,7 +117,7 @@ class RankedRun:
                 self._join(part, measures, writer)
                 summary = {
                     **crowd.summary(),
-                    **measures.summary(np.zeros(crowd.count, np.bool_), crowd.expected),
+                    **measures.summary(np.zeros(crowd.count, np.bool_), crowd.expected, crowd.arrivals),
                     "real_time_factor": crowd.step_count / self.scenario.steps_per_second / seconds,
                 }
                 writer.finish(summary, measures.measured())

@@ -258,7 +258,7 @@ class Simulation(Commandable, Extensible):
                     progress(self.step_count, self.step_limit, self)
             seconds = time.perf_counter() - started
             if begins:
-                measured = measures.summary(self._removed, crowd.expected)
+                measured = measures.summary(self._removed, crowd.expected, crowd.arrivals)
                 self._summary = {**crowd.summary(), **measured, "real_time_factor": self.step_count / rate / seconds}
             if writer is not None:
                 writer.finish(self.summary, measures.measured())

@@ -19,7 +19,7 @@ from crowdsim.scenario.scenario import Scenario
 
 
 class RunMeasures:
-    """Areas, lines, parties and attributes of one run, and who has not come to its goal at the end.
+    """Areas, lines, parties and attributes of one run, and who is on the way at its end.
 
     Parameters
     ----------
@@ -62,24 +62,27 @@ class RunMeasures:
         """Return what was measured in areas and at lines, for the recording."""
         return self._places.measured()
 
-    def summary(self, removed: NDArray[np.bool_], expected: NDArray[np.bool_]) -> dict[str, Any]:
+    def summary(
+        self, removed: NDArray[np.bool_], expected: NDArray[np.bool_], arrivals: NDArray[np.int64]
+    ) -> dict[str, Any]:
         """Return the figures of the run.
 
-        ``removed`` (N,) are the agents that a command took out, ``expected`` (N,) those of
-        :attr:`crowdsim.crowd.crowd.Crowd.expected`: others that were not removed are on call and were never added.
+        ``removed`` (N,) are the agents that a command took out. ``expected`` and ``arrivals`` (N,) are those of
+        :class:`crowdsim.crowd.crowd.Crowd`: agents not expected that were not removed are on call and were never added.
         """
-        on_the_way = (self._state == AgentState.MOVING) | (self._state == AgentState.WAITING)
+        # Agents may give way after they have arrived, or arrive in the step in which they enter.
+        to_come = arrivals < 0
+        moving = (self._state == AgentState.MOVING) | (self._state == AgentState.WAITING)
         return {
             "removed": int(removed.sum()),
             "not_added": int((~expected & ~removed).sum()),
-            "on_the_way": self._by_group(on_the_way),
-            "not_entered": self._by_group(expected & ~removed & ~self._entered),
+            "on_the_way": self._by_group(to_come & moving),
+            "not_entered": self._by_group(to_come & expected & ~removed & ~self._entered),
             **self._places.summary(),
             "together": self._parties.summary(),
             "attributes": self._attributes.summary(),
         }
 
     def _by_group(self, which: NDArray[np.bool_]) -> dict[str, list[int]]:
-        """Return the agents for which ``which`` (N,) is True, by group; groups without any are left out."""
-        found = {name: agents[which[agents]].tolist() for name, agents in self._groups.items()}
-        return {name: agents for name, agents in found.items() if agents}
+        """Return the agents of each group for which ``which`` (N,) is True."""
+        return {name: agents[which[agents]].tolist() for name, agents in self._groups.items()}

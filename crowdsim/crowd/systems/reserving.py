@@ -44,6 +44,7 @@ class Reserving:
         hints = np.full(len(obstacles.layers), NONE, np.int64)
         if plan.count == 0 or not node_is_free(graph, walker.node, walker.origin, nothing, obstacles, hints):
             return None
+        # It may go on steering instead, so it need not stop in a narrow passage.
         return self.reserve(view, walker, plan, 0, obstacles, strict=True)
 
     def reserve(

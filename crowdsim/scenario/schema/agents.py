@@ -252,7 +252,8 @@ class AgentGroup(Part):
         stands = [self.wait > 0.0] * len(regions)
         stands[-1] = self.on_arrival == "stay" or (self.wait > 0.0 and self.rounds != 1)
         if "stand_within" in self.model_fields_set and not any(stands):
-            raise ValueError("'stand_within' is about goals to stand at; give 'wait' or 'on_arrival: stay', or drop it")
+            needed = "'on_arrival: stay'" if len(regions) == 1 else "'wait' or 'on_arrival: stay'"
+            raise ValueError(f"'stand_within' is about goals to stand at; give {needed}, or drop it")
         for (key, goal), stood_at in zip(regions, stands, strict=True):
             if goal.heading is not None and not stood_at:
                 name = ".".join(str(part) for part in key)

@@ -10,8 +10,8 @@ SUMMARY = {
     "characters": 3,
     "arrived": 2,
     "waiting": 1,
-    "on_the_way": {"guards": [0], "guests": [4, 5, 6, 7, 8, 9]},
-    "not_entered": {"late": [2, 3]},
+    "on_the_way": {"guards": [0], "guests": [4, 5, 6, 7, 8, 9], "late": []},
+    "not_entered": {"guards": [], "guests": [], "late": [2, 3]},
     "unreachable": {"1": "no path: too narrow"},
     "laps": {"guards": 7},
     "exits": {"north": {"left": 2, "last": 8.25}, "south": {"left": 0, "last": None}},
@@ -59,6 +59,7 @@ def test_the_summary_is_shown_with_units():
     rows = dict(summary_rows(SUMMARY))
     assert rows["characters"] == "3"
     assert rows["  on the way at the end"] == "guards 1 (agent 0); guests 6 (agents 4, 5, 6, 7, 8, ...)"
+    assert rows["    of these, waiting"] == "1"
     assert rows["  did not enter"] == "late 2 (agents 2, 3)"
     assert rows["mean time to arrive"] == "8.2 s"
     assert rows["share of the way"] == "frontal 50%, arm_constrained 25%, lateral 25%"
@@ -81,8 +82,8 @@ def test_the_summary_is_shown_with_units():
     assert rows["state hash"] == "00ff00ff00ff00ff"
     assert rows["stands at goals"] == "2, 6.2 cm off at most, turned 10 degrees off at most"
     assert rows["searches for motion"] == (
-        "58, 3 in several slices; 2 times back to nodes already played, 1 times on from there; first movement after"
-        " 3.2 ms"
+        "58, 3 in several slices; 2 turned back behind nodes already played, 1 found motion from there; first"
+        " movement after 3.2 ms"
     )
 
 

@@ -81,16 +81,13 @@ def test_pixels_are_means_of_those_drawn(recording, supersample):
 
 
 @pytest.mark.usefixtures("can_draw")
-def test_planned_paths_are_drawn_unless_they_are_not_wanted(recording):
-    pictures = []
-    for wanted in (True, False):
-        scene = Scene(recording, SMALL, paths=wanted)
-        scene.look("top", 1.0)
-        scene.show_time(1.0)
-        pictures.append(scene.picture())
-        scene.close()
+def test_planned_paths_are_drawn_unless_they_are_not_wanted(recording, tmp_path):
+    files = [shot(recording, tmp_path / f"{k}.png", 1.0, "top", SMALL, paths=k == 0) for k in range(3)]
+    files += shots(recording, tmp_path / "some.png", [1.0], "top", SMALL, paths=False)
+    drawn, *others = (np.asarray(Image.open(file)).astype(int) for file in files)
     assert recording.paths_at(1.0)
-    assert not np.array_equal(*pictures)
+    assert (np.abs(drawn - others[0]).max(axis=2) > 20).sum() > 10
+    assert all(np.array_equal(others[0], other) for other in others[1:])
 
 
 @pytest.mark.usefixtures("can_draw")

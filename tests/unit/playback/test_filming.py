@@ -77,7 +77,10 @@ def test_a_part_of_a_recording_is_filmed_by_the_command(recording, tmp_path):
     arguments = ["play", str(recording.path), "--film", str(file), "--size", "160x90", "--start", "1.0", "--end", "1.5"]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.output
-    assert len(pictures_of(file)) == 16
+    drawn = pictures_of(file)
+    assert len(drawn) == 16
+    assert CliRunner().invoke(app, [*arguments, "--no-paths"]).exit_code == 0
+    assert np.abs(np.subtract(drawn[0], pictures_of(file)[0], dtype=float)).max() > 20.0
     refused = CliRunner().invoke(app, [*arguments[:-1], "1000"])
     assert refused.exit_code == 2
     assert "a film cannot go from 1 to 1000 s" in str(refused.output) + str(refused.exception)

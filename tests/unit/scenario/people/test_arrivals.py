@@ -69,7 +69,7 @@ def test_everyone_from_a_source_is_placed():
         ("count: 2\n    repeat: 2", "15:5: agents.0: 'repeat' goes round among several places; give 'goals'"),
         (
             "count: 2\n    stand_within: 0.05",
-            "15:5: agents.0: 'stand_within' is about goals to stand at; give 'wait' or 'on_arrival: stay', or drop it",
+            "15:5: agents.0: 'stand_within' is about goals to stand at; give 'on_arrival: stay', or drop it",
         ),
         (
             "count: 2\n    on_arrival: stay\n    stand_within: 0.001",
