@@ -361,27 +361,28 @@ def reserve(
     least ``first`` are taken. ``draft`` is scratch of the same size. ``ends_plan``: the agent leaves the world
     after the last of them. ``strict``: it stops in no narrow passage, even if the plan offers no other place.
     ``obstacles`` and ``everyone`` (all rows) are those of
-    :mod:`crowdsim.crowd.state.timelines`. Return (number of nodes taken, gone slot), with 0 nodes if there is none; its
-    timeline (or the last that was tried) is left in ``timeline`` (K, 13). Row -1 has yet to enter the world.
+    :mod:`crowdsim.crowd.state.timelines`. Return (number of nodes taken, gone slot, True if it could stand outside of
+    narrow passages or leave without other agents), with 0 nodes if there is none; its timeline (or the last that was
+    tried) is left in ``timeline`` (K, 13). Row -1 has yet to enter the world.
     """
     forever = np.int64(FOREVER)
     start = playback.clock // playback.slot_frames
     # Stops in narrow passages are allowed only if the plan offers no other place to stand at all.
+    stands = False
     for tolerant in range(1 if strict else 2):
-        stands = False  # True if, without other agents, it could stand outside of narrow passages, or leave
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available
             found = lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline)
             if found == TOO_LONG:
                 break
-            stands = stands or found >= 0 or found == IN_WAY
+            stands = stands or (not tolerant and (found >= 0 or found == IN_WAY))
             if found < 0:
                 continue  # it cannot come to a stand after this node; try the next
             if not leaves and enters_against(timeline, chain, available, obstacles):
                 continue
             gone = found if leaves else forever
             if not meets_anyone(row, timeline, start, gone, start, obstacles.body_radius, everyone):
-                return taken, gone
+                return taken, gone, stands
             # It meets another timeline. If that is before its stop sets in, all longer continuations do, too; else one
             # with more nodes may get past.
             fixed = _fixed_until(graph, chain, taken, frame, playback, start + len(timeline))
@@ -389,4 +390,4 @@ def reserve(
                 break
         if stands:
             break
-    return 0, forever
+    return 0, forever, stands

@@ -286,11 +286,9 @@ class Choosing:
         obstacles = self.surroundings.obstacles(view, walker)
         self.reserving.find_ways(view, row, plan, following, obstacles)
         obstacles = self.surroundings.with_ways(obstacles, self._scratch)
-        found = self.reserving.reserve(view, walker, plan, following, obstacles, strict=False)
         # As slowly as possible it may pass behind others that are in the way now.
-        if found is None:
-            slower = self._walker(row, min(int(slowest(self._playback)), rate))
-            found = self.reserving.reserve(view, slower, plan, following, obstacles, strict=True)
+        slower = self._walker(row, min(int(slowest(self._playback)), rate))
+        found = self.reserving.reserve(view, (walker, slower), plan, following, obstacles)
         if found is None:
             return False
         self._giving_way.decided(view, row)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -45,17 +46,25 @@ class Reserving:
         if plan.count == 0 or not node_is_free(graph, walker.node, walker.origin, nothing, obstacles, hints):
             return None
         # It may go on steering instead, so it need not stop in a narrow passage.
-        return self.reserve(view, walker, plan, 0, obstacles, strict=True)
+        return self.reserve(view, (walker,), plan, 0, obstacles, strict=True)
 
     def reserve(
-        self, view: View, walker: Walker, plan: MotionPlan, following: int, obstacles: Obstacles, *, strict: bool
+        self,
+        view: View,
+        walkers: Sequence[Walker],
+        plan: MotionPlan,
+        following: int,
+        obstacles: Obstacles,
+        *,
+        strict: bool = False,
     ) -> dict[str, Any] | None:
         """Return the columns of a reservation from a walker's pose through node ``following`` of a plan to its end.
 
-        It takes as few later nodes as lead to a stop, or out of the world. None without one. ``strict``: it stops in no
-        narrow passage. Its timeline is scratch, which the next reservation overwrites.
+        ``walkers`` are the same one at several rates, which are tried in turn: a slower one stops in no narrow passage
+        if one before it could stand elsewhere; if ``strict``, none stops in one. It takes as few later nodes as lead to
+        a stop, or out of the world. None without one. Its timeline is scratch, which the next reservation overwrites.
         """
-        assets = self.plans.assets
+        assets, walker = self.plans.assets, walkers[0]
         available = min(plan.count - following, LOOKAHEAD)
         chain, timeline = self._scratch.chain, self._scratch.timeline
         chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = walker.node, walker.origin, walker.blend_offset
@@ -67,10 +76,14 @@ class Reserving:
         last = self.plans.itineraries.is_last(walker.agent, len(plan.passes))
         leaves = plan.arrives and last and not walker.stays and following + available == plan.count
         everyone = self.surroundings.everyone(view)
-        now = walker.row, walker.frame, walker.playback
-        ahead_of = chain, self._scratch.draft, 1, available, leaves, strict, timeline
-        taken, gone = reserve(assets.graph, obstacles, everyone, *now, *ahead_of)
-        if not taken:
+        ahead_of = chain, self._scratch.draft, 1, available, leaves
+        for walker in walkers:
+            now = walker.row, walker.frame, walker.playback
+            taken, gone, stands = reserve(assets.graph, obstacles, everyone, *now, *ahead_of, strict, timeline)
+            if taken:
+                break
+            strict = strict or stands
+        else:
             return None
         tracks = timeline[:, :2]
         columns = {

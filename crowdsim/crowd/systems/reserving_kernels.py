@@ -226,11 +226,12 @@ def reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, 
     kept_clear, available, leaves = prepare(rows, row, table, progress, obstacles, everyone, scratch)
     chain, timeline = scratch.chain, scratch.timeline
     own_rate = rates_of(table, np.int64(rows.agent[row]))[np.int64(rows.cursor[row]) + 1]
-    # First at its own rate, then as slowly as possible. Slowly, places behind a passage may be too far for a timeline:
-    # that is no reason to stop in the passage.
-    for strict, wanted in ((False, own_rate), (True, min(slowest(playback), own_rate))):
+    # First at its own rate, then as slowly as possible. Slowly, places behind a passage that it could reach at its own
+    # rate may be too far for a timeline: that is no reason to stop in the passage.
+    strict = False
+    for wanted in (own_rate, min(slowest(playback), own_rate)):
         mine = playback_of(graph, rows, row, playback, wanted)
-        taken, gone = reserve(
+        taken, gone, strict = reserve(
             graph, kept_clear, everyone, row, frame, mine, chain, scratch.draft, 1, available, leaves, strict, timeline
         )
         if taken > 0:

@@ -323,7 +323,7 @@ def reserved(
     starts, gones, radii = np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3)
     everyone = timelines_of(timelines, starts, gones, radii)
     draft = Chain.empty(12)
-    taken, gone = reserve(GRAPH, obstacles, everyone, 0, 0, natural(0), chain, draft, 1, 3, False, strict, out)
+    taken, gone, _ = reserve(GRAPH, obstacles, everyone, 0, 0, natural(0), chain, draft, 1, 3, False, strict, out)
     return taken, gone, out[:, :2]
 
 
