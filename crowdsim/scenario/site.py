@@ -79,6 +79,7 @@ class _Reader:
         self.solids: dict[KeyPath, tuple[AnySolid, ...]] = {}
         self.report: list[str] = []
         self.complaints: list[Complaint] = []
+        # Floors that plans of obstacles draw.
         self._drawn: list[Polygon | MultiPolygon] = []
 
     def site(self) -> Site:
@@ -196,7 +197,7 @@ class _Reader:
                 raise PlaceError(f"{floor.file}: draws no floor; name its layer as 'drawing_layer', or give 'derive'")
             self.report += found.report
             return found.floor
-        # Plans of obstacles that draw the floor, too; parts of meshes may lie at any height.
+        # With meshes, whose parts may lie at any height, the floor is found among all parts instead.
         if self._drawn and not any(obstacle.mesh for obstacle in self.keys.obstacles):
             return polygons_only(shapely.union_all(self._drawn))
         return None

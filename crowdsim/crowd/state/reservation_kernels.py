@@ -368,7 +368,7 @@ def reserve(
     forever = np.int64(FOREVER)
     start = playback.clock // playback.slot_frames
     # Stops in narrow passages are allowed only if the plan offers no other place to stand at all.
-    stands = False
+    stands = False  # whether there is one, of which only the first, not tolerant round tells
     for tolerant in range(1 if strict else 2):
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available

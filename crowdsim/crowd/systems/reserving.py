@@ -77,6 +77,7 @@ class Reserving:
         leaves = plan.arrives and last and not walker.stays and following + available == plan.count
         everyone = self.surroundings.everyone(view)
         ahead_of = chain, self._scratch.draft, 1, available, leaves
+        # Behind a passage, places that a faster one can reach may be too far for the timeline of a slower one.
         for walker in walkers:
             now = walker.row, walker.frame, walker.playback
             taken, gone, stands = reserve(assets.graph, obstacles, everyone, *now, *ahead_of, strict, timeline)
