@@ -38,6 +38,9 @@ _OF_AREAS = {"diagram": fundamental_diagram, "service": levels_of_service}
 MEASUREMENTS = ("evacuation", "groups", "flow", "diagram", "service", "maps", "distances", "behaviors")
 """Names of the results, in the order in which they are shown."""
 
+LEAST_RATE = 0.001
+"""Least rate at which areas are measured [1/s]: about every quarter of an hour."""
+
 
 class Analysis(NamedTuple):
     """All that was measured in a recording.
@@ -102,7 +105,7 @@ def analyze(
     rate : float or None
         Frames per second [1/s], a divisor of the recording's; by default up to 10.
     voronoi_rate : float
-        Times a second at which areas are measured [1/s].
+        Times a second at which areas are measured [1/s], LEAST_RATE at least.
     only : sequence of str
         Names of MEASUREMENTS; by default all.
 
@@ -114,8 +117,8 @@ def analyze(
     for name in only:
         if name not in MEASUREMENTS:
             raise CrowdSimError(f"there is no measurement '{name}'; {nearest(name, MEASUREMENTS, 'there are')}")
-    if not voronoi_rate > 0.0:
-        raise CrowdSimError(f"a rate of {voronoi_rate:g} a second is not positive; leave it out, or give 2")
+    if not voronoi_rate >= LEAST_RATE:
+        raise CrowdSimError(f"a rate of {voronoi_rate:g} a second is below {LEAST_RATE:g}; leave it out, or give 2")
     wanted = [name for name in MEASUREMENTS if not only or name in only]
     places = places_of(recording.header, lines, areas)
     tracks = read_tracks(recording, rate)

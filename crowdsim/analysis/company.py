@@ -106,7 +106,7 @@ def measure_behaviors(tracks: Tracks, places: Places) -> Result:
     name, title = "behaviors", "Behaviors by place"
     header, table = tracks.recording.header, tracks.table
     names = [behavior.name for behavior in header.behaviors]
-    moving = table[table["speed"] >= 0.0]  # not those without a speed, tracks of a single frame
+    moving = table[table["speed"] >= 0.0]  # not those without a speed, in tracks of a few frames
     positions = moving[["x", "y"]].to_numpy()
     where = {"whole floor": np.ones(len(moving), np.bool_)}
     where |= {area: shapely.contains_xy(place.shape, positions) for area, place in places.areas.items()}

@@ -330,7 +330,8 @@ def _rest(walks: Sequence[Clip], room: Room) -> Clip | None:
     """Return a clip for standing that can be repeated: the longest still stretch, played to and fro.
 
     Poses with the arms stretched out, as for calibration, are excluded. Time runs along the stretch as (1 - cos) / 2,
-    so that it slows down at both ends.
+    so that it slows down at both ends; of a long stretch, only so much is played that it runs nowhere faster than in
+    the capture.
     """
     stills = []
     for walk in walks:
@@ -340,8 +341,11 @@ def _rest(walks: Sequence[Clip], room: Room) -> Clip | None:
     if not stills:
         return None
     walk, cut, end = max(stills, key=lambda still: abs(still[2] - still[1]))
-    phase = np.linspace(0.0, 2.0 * np.pi, round(REST_SECONDS * CAPTURE_RATE) + 1)
-    return _at(walk, cut + (end - cut) * (1.0 - cos(phase)) / 2.0, f"{walk.name}_rest")
+    frames = round(REST_SECONDS * CAPTURE_RATE)
+    phase = np.linspace(0.0, 2.0 * np.pi, frames + 1)
+    # Frames of the stretch pass at the rate of pi * length / frames in the middle.
+    length = min(max(end - cut, -frames / np.pi), frames / np.pi)
+    return _at(walk, cut + length * (1.0 - cos(phase)) / 2.0, f"{walk.name}_rest")
 
 
 def _still_stretches(walk: Clip) -> list[tuple[int, int]]:

@@ -21,7 +21,10 @@ def export(
     rate: Annotated[
         float | None,
         typer.Option(
-            "--rate", metavar="HZ", help="Frames per second, a divisor of the recording's rate [default: all]."
+            "--rate",
+            metavar="HZ",
+            help="Frames per second, a divisor of the recording's rate [default: all; at most 15 in glb, usdc and bvh "
+            "of more than 50 agents].",
         ),
     ] = None,
     start: Annotated[

@@ -126,7 +126,10 @@ class FirstRun:
         return self._state
 
     def sentence(self) -> str:
-        """Return what is said where no bar is shown."""
+        """Return what is said where no bar is shown.
+
+        "About a minute" is a guess for kernels that ``first_run.json`` does not list.
+        """
         _, count, left = self.state()
         return "compiling kernels, once for this machine: " + (f"{count} kernels, {left}" if left else "about a minute")
 

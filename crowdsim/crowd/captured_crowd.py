@@ -208,7 +208,7 @@ class CapturedCrowd:
             self.spawning.forget(agent)
 
     def set_speed(self, agents: NDArray[np.int64], speed: float) -> None:
-        """Let ``agents`` (k,) walk at ``speed`` [m/s] from their next node on, or at the nearest playable one."""
+        """Let ``agents`` (k,) walk at the playable speed nearest to ``speed`` [m/s], from their next reservation on."""
         self.cast.speeds[agents] = speed
         self.plans.paces.keep(self.cast.speeds, self.natural_speed)
         for agent in agents.tolist():

@@ -112,7 +112,10 @@ class Commandable(ABC):
         self._give(remove_agents={"agents": _numbers(agents)})
 
     def set_speed(self, agents: int | Sequence[int] | NDArray[Any], speed: float) -> None:
-        """Let agents walk at a speed from the next step on, if nothing is in their way.
+        """Let agents walk at another speed, if nothing is in their way.
+
+        Those who steer take it with the next step, captured ones with the next nodes that they reserve, within a second
+        or two.
 
         Parameters
         ----------

@@ -42,7 +42,8 @@ class FloorPlan:
     floor
         The walkable area [m], or None if the plan draws none.
     solids
-        Walls and filled outlines, in the order of the drawing's layers.
+        Hatches in the order of the drawing, then closed curves, then open lines, each of these two by the names of
+        their layers.
     report
         What was assumed or left out, one line each.
     """

@@ -286,24 +286,31 @@ def _volume(matrix: Floats) -> float:
 
 
 def _without_far_parts(solids: list[MeshSolid], report: list[str]) -> list[MeshSolid]:
-    """Return ``solids`` without those more than :data:`FAR` away from the group that holds most; report these."""
+    """Return ``solids`` without those more than :data:`FAR` away from the group that holds most; report these.
+
+    Of very many, those stay whose gap to the middle of all is at most FAR; all of them, if there are none.
+    """
     low = np.array([solid.corners.min(axis=(0, 1)) for solid in solids])
     high = np.array([solid.corners.max(axis=(0, 1)) for solid in solids])
-    # Parts with gaps of at most FAR are a group. Of very many parts not every pair is compared, but each with their
-    # middle. If all lie within FAR, they are one group anyway.
-    if len(solids) > _MANY or np.ptp(np.concatenate([low, high]), axis=0).max() <= FAR:
-        groups = np.zeros(len(solids), np.int64)
-        if len(solids) > _MANY:
-            center = np.median(0.5 * (low + high), axis=0)
-            groups[np.maximum(low - center, center - high).max(axis=1) > FAR] = 1
+    # Parts with gaps of at most FAR are a group; if all lie within FAR, they are one.
+    groups = np.zeros(len(solids), np.int64)
+    if np.ptp(np.concatenate([low, high]), axis=0).max() <= FAR:
+        return solids
+    # Of very many parts not every pair is compared, but each with their middle.
+    if len(solids) > _MANY:
+        center = np.median(0.5 * (low + high), axis=0)
+        far = np.maximum(low - center, center - high).max(axis=1) > FAR
+        kept = 0
+        if not far.all():
+            groups[far] = 1
     else:
         # The gap between two boxes around parts, along the axis in which it is widest.
         gap = np.maximum(low[:, None] - high[None], low[None] - high[:, None]).max(axis=2)
         groups = connected_components(gap <= FAR, directed=False)[1]
-    counts = np.bincount(groups)
-    # Of groups with equally many parts, the one nearest to the origin.
-    reach = [np.abs(np.concatenate([low[groups == k], high[groups == k]])).max() for k in range(len(counts))]
-    kept = min(range(len(counts)), key=lambda k: (-counts[k], reach[k]))
+        counts = np.bincount(groups)
+        # Of groups with equally many parts, the one nearest to the origin.
+        reach = [np.abs(np.concatenate([low[groups == k], high[groups == k]])).max() for k in range(len(counts))]
+        kept = min(range(len(counts)), key=lambda k: (-counts[k], reach[k]))
     for number in np.flatnonzero(groups != kept):
         x, y, z = 0.5 * (low[number] + high[number])
         report.append(

@@ -132,8 +132,10 @@ def _along(line: LineString, thickness: float) -> BaseGeometry:
 
 def _cut(line: LineString, opening: Opening, thickness: float) -> BaseGeometry:
     """Return the area of an opening, slightly thicker than the wall."""
-    # A ring counts as the line from its first point around.
-    piece = substring(LineString(line.coords), opening.at - 0.5 * opening.width, opening.at + 0.5 * opening.width)
+    # A ring counts as the line from its first point around. Rounding may put the opening's begin below 0, which
+    # substring would take as a place before the end of the wall.
+    first = max(opening.at - 0.5 * opening.width, 0.0)
+    piece = substring(LineString(line.coords), first, opening.at + 0.5 * opening.width)
     return _along(piece, _CUT_EXCESS * thickness)
 
 

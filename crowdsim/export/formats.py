@@ -66,6 +66,8 @@ def export(
 ) -> Path:
     """Write a recording in another format; return the file, which appears only when it is complete.
 
+    Of a folder each file does.
+
     Parameters
     ----------
     recording : Recording
@@ -75,7 +77,8 @@ def export(
     kind : str or None
         Name of the format, by default the suffix of ``file``.
     rate, start, end, agents
-        As for :func:`crowdsim.export.choice.choose`.
+        As for :func:`crowdsim.export.choice.choose`. By default, scenes of more than 50 agents have at most 15 frames
+        per second.
     options : ExportOptions or None
         Options of the format.
 
@@ -98,9 +101,11 @@ def export(
     if chosen.moves and rate is None:
         choice = at_rate(recording, choice, default_rate(recording, len(choice.agents)))
     module = importlib.import_module(chosen.module)
-    if not os.access(target.parent, os.W_OK) and target.parent.is_dir():
+    in_folder = chosen.folders and (target.is_dir() or not target.suffix)
+    written_to = target if in_folder and target.is_dir() else target.parent
+    if not os.access(written_to, os.W_OK) and written_to.is_dir():
         raise CrowdSimError(f"cannot write {target}: no permission; choose another place")
-    if chosen.folders and (target.is_dir() or not target.suffix):
+    if in_folder:
         if not target.parent.is_dir() or (target.exists() and not target.is_dir()):
             raise CrowdSimError(f"cannot write the folder {target}; choose one in a folder that is there")
         write_folder: Write = module.write_folder

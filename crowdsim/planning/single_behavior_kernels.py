@@ -10,8 +10,8 @@ from crowdsim.navmesh.paths.path_kernels import OK, plan_path
 from crowdsim.planning.labels.fitting_kernels import annotate
 
 _SPARE = 1.001
-"""Length of the triangle search's route as a multiple of the taut path, up to which it is followed. Lower: faster, but
-may miss the path."""
+"""Length up to which the search over intervals follows a way, as a multiple of the longest path that may cost less than
+``most``. Lower: faster, but may miss the path."""
 
 
 @kernel

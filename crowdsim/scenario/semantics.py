@@ -159,11 +159,14 @@ def _times(keys: ScenarioFields) -> list[Complaint]:
             for key, time in (("start_time", group.start_time), ("until", group.until or 0.0)):
                 # A source has to begin one step before the end at least, and to end no later than the run.
                 if time > keys.duration - (key == "start_time") / keys.steps_per_second:
-                    message = f"the run ends at {keys.duration:g} s, before the source does at {time:g} s"
+                    does = "begins" if key == "start_time" else "ends"
+                    message = f"the run ends at {keys.duration:g} s, too early for a source that {does} at {time:g} s"
                     complaints.append((("agents", number, key), message))
             continue
         last = float(start_times(keys, number)[-1])
-        if not group.on_call and last >= keys.duration:
+        # They start in the nearest step, which has to be one of the run.
+        steps = max(round(keys.duration * keys.steps_per_second), 1)
+        if not group.on_call and round(last * keys.steps_per_second) >= steps:
             message = f"{keys.duration:g} s end before the last of '{group.name}' starts at {last:g} s"
             complaints.append((("duration",), message))
     return complaints

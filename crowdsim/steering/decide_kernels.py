@@ -126,7 +126,8 @@ def let_merge(rows, mine, near, count, rules, want):
     """Back away from agents of the same goal that go first, are stuck, and are hindered by this agent.
 
     Return True if there are any, unless the directions away from them cancel out; then velocity, intent, key, facing
-    and shoulders of ``want`` are set. The lower key (distance to the goal, ties broken) goes first.
+    and shoulders of ``want`` are set. The lower key (distance to the goal, ties broken) goes first. Agents without a
+    goal (below 0), such as those on the way to their own spots, count as of one goal.
     """
     awayx = 0.0
     awayy = 0.0

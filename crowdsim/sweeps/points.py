@@ -40,7 +40,7 @@ class Point(NamedTuple):
 
     @property
     def overrides(self) -> list[str]:
-        """Return the changes as ``--set`` takes them."""
+        """Return the changes, the seed last, as ``--set`` of ``crowdsim run`` takes them."""
         return [*(f"{key}={value}" for key, value in self.settings), f"seed={self.seed}"]
 
     @property

@@ -74,7 +74,7 @@ def nobody_in_walls(case: str, source: str) -> Criterion:
 
     def judge(runs: Runs) -> list[Finding]:
         run = runs[case]
-        margins = [value for value in run.summary["obstacle_margin"].values() if value is not None]
+        margins = run.summary["obstacle_margin"].values()  # by layer [m]
         return [
             Finding("centers off the floor", float(run.outside), "", 0.0, 0.0, source),
             Finding("body to wall, least", min(margins), "m", -0.001, np.inf, source),

@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 
 import crowdsim
+from crowdsim.crowd.search.plans import Found
+from crowdsim.crowd.systems.replan import Replanning
+from crowdsim.ecs.world import View
 from crowdsim.errors import MotionError
 from crowdsim.motion.captures.bvh_writer import write_bvh
 from crowdsim.motion.captures.reader import read_clip
@@ -184,13 +187,27 @@ def test_those_who_have_stopped_before_a_gap_go_on(
     folder.mkdir()
     copied(shared / "mocap", folder, "16_47*", "16_58*")
     file = tmp_path / "queue.yaml"
-    file.write_text(QUEUE.format(folder=folder))
+    file.write_text(
+        QUEUE.format(folder=folder).replace("count: 6", "count: 10").replace("interval: 2.0", "interval: 0.5")
+    )
     simulation = crowdsim.Simulation(crowdsim.load_scenario(file))
     assets = simulation.crowd.assets
     ends = np.flatnonzero(assets.graph.node_ends_standing)
     assert all(assets.idle_after(int(node)) >= 0 for node in ends) == is_kept
+    # Plans begin where their agents are: of those who went on meanwhile, no search for a way around is left.
+    elsewhere = []
+    hand_out = Replanning._hand_out
+
+    def watched(replanning: Replanning, view: View, row: int, found: Found) -> None:
+        if found.plan is not None and found.first is None:
+            elsewhere.append(found.plan.departure_node != view.node[row])
+        hand_out(replanning, view, row, found)
+
+    monkeypatch.setattr(Replanning, "_hand_out", watched)
     with simulation.run(tmp_path / "queue.h5") as recording:
-        assert recording.summary["arrived"] == 6
+        assert recording.summary["arrived"] == 10
+    assert elsewhere
+    assert not any(elsewhere)
 
 
 @pytest.mark.parametrize("patterns", [("16_*slow*",), ("16_47*", "16_58*")], ids=["slow walks", "two normal walks"])

@@ -123,7 +123,8 @@ def measure_random(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
     x0, y0, x1, y1 = where.area.bounds
     # Two places a query; not all that are drawn are free.
     places = rng.uniform((x0, y0), (x1, y1), (8 * _RANDOM, 2))
-    starts, goals = places[mesh.clearances(places) > where.radius][: 2 * _RANDOM].reshape(-1, 2, 2).swapaxes(0, 1)
+    free = places[mesh.clearances(places) > where.radius][: 2 * _RANDOM]
+    starts, goals = free[: len(free) // 2 * 2].reshape(-1, 2, 2).swapaxes(0, 1)
     for optimality in OPTIMALITIES:
         find = partial(mesh.find_paths, starts, goals, where.radius, optimality, 1)
         paths = find()

@@ -67,7 +67,7 @@ def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement
 
 
 def needs_of(ground: Ground) -> Requirements:
-    """Return the clearances that plans on a ground keep, with the margin for motions."""
+    """Return the clearances that plans on a ground keep, with the tracking margin."""
     return Requirements.of(ground.behaviors, len(ground.meshes), TRACKING_MARGIN)
 
 
@@ -75,7 +75,7 @@ def random_paths(ground: Ground, count: int, seed: int, least: float = 2.0) -> l
     """Return random paths with ``count`` sections or a few more; fewer if 20 tries a section do not give them.
 
     The ends of a path are ``least`` meters apart or more, and the narrowest behavior that is not turned fits at both.
-    Planners take turns, each first with the margin for motions, then without it.
+    Planners take turns, each first with the clearance margin, then without it.
     """
     need = needs_of(ground)
     rng = np.random.default_rng(seed)

@@ -116,6 +116,8 @@ class Levels:
     def set_speed(self, agents: NDArray[np.int64], natural_speed: float) -> None:
         """Note that a command gave speeds to agents (k,): auto ones steer if no captured motion has their speed."""
         self._paced[agents] = self._auto[agents]
+        # How it walked at another speed does not make it slow at this one.
+        self._mean_speeds[agents] = self._speeds[agents]
         self.keep_paces(natural_speed)
 
     def look_around(self, crowd: SortedCrowd, walls: tuple[Walls, Walls], step: int) -> None:
@@ -139,8 +141,9 @@ class Levels:
         self._calm_since[agents[~calm]] = step
 
     def follow_speeds(self, agents: NDArray[np.int64], speeds: Floats, ahead: Bools) -> None:
-        """Average the speeds (k,) [m/s] of captured agents, and note which are slow in a lane, until it ends.
+        """Average the speeds (k,) [m/s] of captured agents, and note which are slow in a lane.
 
+        The note lasts until STAYS_FOR after the end of the lane (`look_around`).
         ``ahead`` (k,) is True for those that face ahead, as sideways everybody is slow. Captured motion stops in tight
         bends, where steering does not.
         """

@@ -140,6 +140,11 @@ class MixedCrowd:
 
         ``places`` (k, 2) are their spots [m] if they are to stay.
         """
+        # Goals of those who arrived in captured motion, and left, are free for others.
+        gone = self.captured.arrivals >= 0
+        for world in (self.captured.world, self.steered.world):
+            gone[world.column("agent")] = False
+        self.steered.errands.drop(np.flatnonzero(gone))
         self.captured.set_goal(agents, region, places, stays)
         self.steered.set_goal(agents, region, places, stays)
 

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.constants import NONE
 from crowdsim.errors import CrowdSimError
+from crowdsim.scenario.people.arrivals import NEVER
 from crowdsim.scenario.people.crowd_placement import CrowdPlacement
 from crowdsim.steering.commit_kernels import MARGIN
 from crowdsim.steering.row_kernels import CELL
@@ -156,14 +158,17 @@ def expected_places(cast: CrowdPlacement, middles: Floats) -> Floats:
     along = ((np.arange(SAMPLES) + 0.5) / SAMPLES)[None, :, None]
     found = [np.empty((0, 2))]
     for number, itinerary in enumerate(cast.itineraries):
-        members = np.flatnonzero(cast.group == number)
+        # Agents on call come only if a command adds them, which runs on several processes refuse.
+        members = np.flatnonzero((cast.group == number) & (cast.start_steps != NEVER))
         here = cast.starts[members]
         for goal in itinerary.goals.tolist():
             there = np.broadcast_to(middles[goal], here.shape)
             if len(itinerary.exits) and goal == itinerary.goals[-1]:
-                # The nearest exit as the crow flies: which one they choose is known later.
+                # The assigned exit, or else the nearest as the crow flies: which one they choose is known later.
                 away = here[:, None] - middles[itinerary.exits][None]
-                there = middles[itinerary.exits[np.argmin((away * away).sum(axis=2), axis=1)]]
+                nearest = itinerary.exits[np.argmin((away * away).sum(axis=2), axis=1)]
+                assigned = cast.assigned[members]
+                there = middles[np.where(assigned != NONE, assigned, nearest)]
             found.append((here[:, None] + along * (there - here)[:, None]).reshape(-1, 2))
             here = there
     return np.concatenate(found)

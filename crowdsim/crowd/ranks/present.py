@@ -43,7 +43,7 @@ def absent_columns(shape: tuple[int, ...], types: Mapping[str, Any]) -> dict[str
 
 
 def frame_of_columns(columns: Mapping[str, NDArray[Any]]) -> RecordedFrame:
-    """Return a step of steered agents, of their columns as :func:`absent_columns` names them."""
+    """Return a step of N steered agents; ``columns`` (N,) are the fields of PRESENT without ``agent``."""
     count = len(columns["x"])
     none = np.full(count, NONE, np.int32)
     return RecordedFrame(node=none, previous=none, frame=np.zeros(count, np.float32), **columns)

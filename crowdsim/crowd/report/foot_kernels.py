@@ -8,14 +8,17 @@ from crowdsim.motion.deformed.body_kernels import quaternion, rotate
 
 @kernel
 def place_points(joints, offsets, lowest, positions, rotations, points):
-    """Place the points of the feet of n bodies; return how far the lowest of them is above its lowest height [m].
+    """Place the points of the feet of n bodies; return the least height of a point above its own lowest [m].
+
+    It is infinite if n is 0.
 
     Parameters
     ----------
-    joints, offsets: (2, P) int32 and (2, P, 3) [m], joint that carries each point, and where it is in its frame.
-    lowest: (2, P), lowest height of each point in the clips [m].
-    positions, rotations: (n, J, 3) [m] and (n, J, 4) float32 of the joints in the world.
-    points: (n, 2, P, 3) [m], filled.
+    joints, offsets: (2, P) int32 and (2, P, 3) float64 [m], joint that carries each of P points of a foot, and where it
+    is in the joint's frame.
+    lowest: (2, P) float64, lowest height of each point in the clips [m].
+    positions, rotations: (n, J, 3) [m] and (n, J, 4), both float32, of the joints in the world.
+    points: (n, 2, P, 3) float64 [m], filled.
     """
     least = math.inf
     for body in range(len(points)):

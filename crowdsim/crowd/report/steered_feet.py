@@ -56,12 +56,16 @@ class SteeredFeet:
                 continue
             # An agent that returns from captured motion has another id, and so another track.
             state = view.row[row]
-            track = self._tracks.setdefault(int(view.id[row]), [])
-            if track and hypot(track[-1][0] - state["x"], track[-1][1] - state["y"]) > JUMPS:
-                # At the other end of a periodic floor another track begins.
+            number = int(view.id[row])
+            track, steps = self._tracks.setdefault(number, []), self._steps.setdefault(number, [])
+            # At the other end of a periodic floor another track begins. Who comes back from another process may be far
+            # from where it left: `join` has the steps between.
+            jumps = track and hypot(track[-1][0] - state["x"], track[-1][1] - state["y"]) > JUMPS
+            if jumps and steps[-1] == self._step - 1:
                 self._ended.append(track)
-                track = self._tracks[int(view.id[row])] = []
-            self._steps.setdefault(int(view.id[row]), []).append(self._step)
+                track, steps = [], []
+                self._tracks[number], self._steps[number] = track, steps
+            steps.append(self._step)
             track.append(np.array([state["x"], state["y"], state["heading"], view.phase[row]]))
             self._kept[agent] += 1
         self._step += 1

@@ -82,7 +82,6 @@ def follow(graph, rows, row, table, progress, scratch, frame):
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
     nodes, origins, blend_offsets = plan_of(table, agent)
-    idle = graph.node_idle[rows.node[row]]
     rows.state[row] = _MOVING
     rows.blocked_since[row] = NONE
     rows.frame[row] = frame
@@ -93,9 +92,10 @@ def follow(graph, rows, row, table, progress, scratch, frame):
     for axis in range(3):
         rows.next_origin[row, axis] = origins[following, axis]
         rows.next_blend_offset[row, axis] = blend_offsets[following, axis]
-    # A standing row awaits a way around others, which it no longer needs; a walking one the way onwards, as before.
+    # A standing row awaits a way around others, which it no longer needs. (A walking one awaits the way onwards: the
+    # caller lets that search go on.)
     if rows.awaiting_plan[row]:
-        return idle
+        return True
     # The plan ends soon, at a goal where the agent goes on: the search for the way to the next one begins, unless one
     # was made for this plan before, in vain.
     return len(nodes) - following <= NODES_LEFT and walks_through(table, progress, agent)

@@ -172,8 +172,9 @@ class Choosing:
             # Now there may be a way past each other.
             self.plans.looked_around[view.agent[[row, *standing_near(view, row)]]] = self.plans.step
             return
+        # The rows that it waits for may need its way. In a narrow passage (there its rank is below 0) it keeps it.
         if view.rank[row] >= 0 and self._waits(view, row, LONG_SECONDS):
-            view.way[row] = np.nan  # the rows that it waits for may need its way
+            view.way[row] = np.nan
         if ends:
             self._rests(view, row)
 
@@ -244,8 +245,8 @@ class Choosing:
 
     def _followed(self, view: View, row: int, following: int) -> None:
         """End the search for a way around, and request the path onwards, for a row that enters a node of its plan."""
-        if view.awaiting_plan[row] and self.plans.assets.graph.node_idle[view.node[row]]:
-            # The way is free before a way around was found.
+        if view.awaiting_plan[row] and self.plans.assets.rest_nodes[view.node[row]]:
+            # It stood, and its way is free before a way around was found.
             self.plans.searches.drop(int(view.agent[row]))
             view.awaiting_plan[row] = False
         self._look_ahead(view, row, self.plans.motions[int(view.agent[row])], following)

@@ -6,6 +6,7 @@ import base64
 import codecs
 import hashlib
 import html
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -160,11 +161,8 @@ def fill_page(
         ),
         "{{scripts}}": "\n".join(f"<script>{script}</script>" for script in scripts),
     }
-    page = shared_text("page.html")
-    for name, text in parts.items():
-        before, after = page.split(name)
-        page = before + text + after
-    return page
+    # All at once: a title may look like the name of a part.
+    return re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], shared_text("page.html"))
 
 
 def _policy(scripts: Sequence[str], style: str) -> str:

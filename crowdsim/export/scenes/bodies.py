@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from crowdsim.export.choice import Choice
 from crowdsim.motion.clips.kinematics import conjugate, multiply, unit
 from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.recording.header import Ends
 from crowdsim.recording.reader import Recording
 
 MANY = 50
@@ -108,18 +109,23 @@ class Jump(NamedTuple):
 
 
 def jumps(recording: Recording, roots: NDArray[np.float32]) -> list[Jump]:
-    """Return the crossings of the ends of a periodic floor by an agent with positions ``roots`` (k, 3) [m].
+    """Return the crossings of the ends of a periodic floor by an agent with positions ``roots`` (k, 3) [m]."""
+    beyond, crosses = going_on(recording.header.ends, roots[:-1], roots[1:])
+    return [Jump(row + 1, beyond[row]) for row in np.flatnonzero(crosses).tolist()]
 
-    A crossing is a step by more than half of the floor.
+
+def going_on(
+    ends: Ends | None, before: NDArray[np.float32], after: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return positions ``after`` (k, 2 or 3) [m] without wrapping, and which (k,) wrapped since ``before``.
+
+    Those have crossed the ends of a periodic floor: they moved by more than half of it in a step.
     """
-    ends = recording.header.ends
+    beyond = after.copy()
     if ends is None:
-        return []
+        return beyond, np.zeros(len(after), np.bool_)
     span = ends.high - ends.low
-    ways = np.diff(roots[:, ends.axis].astype(np.float64))
-    found = []
-    for row in (np.flatnonzero(2.0 * np.abs(ways) > span) + 1).tolist():
-        beyond = roots[row].copy()
-        beyond[ends.axis] += np.float32(span if ways[row - 1] < 0.0 else -span)
-        found.append(Jump(row, beyond))
-    return found
+    ways = after[:, ends.axis].astype(np.float64) - before[:, ends.axis]
+    crosses = 2.0 * np.abs(ways) > span
+    beyond[crosses, ends.axis] += np.where(ways[crosses] < 0.0, span, -span).astype(np.float32)
+    return beyond, crosses

@@ -1,8 +1,8 @@
 """Write recordings as binary glTF 2.0: animated bodies with skeletons, in their environment.
 
 Meters, Y up, seconds from the first frame. Agents share one body and differ in materials; while an agent is
-absent, its scale is 0. A body that crosses the ends of a periodic floor continues beyond them for a millisecond, so
-that no viewer interpolates its way back.
+absent, its scale is 0. A body that crosses the ends of a periodic floor goes on beyond them until a millisecond before
+its next frame, so that no viewer shows its way back.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _Z_UP = [-0.70710678, 0.0, 0.0, 0.70710678]
 _FULL = 32767
 """Integer that stands for 1 in rotations of 16 bits."""
 _INSTANT = 0.001
-"""Time that a body continues beyond the end of a periodic floor [s]."""
+"""Time before a frame until which a body that crosses the end of a periodic floor goes on beyond it [s]."""
 
 
 def write(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import CrowdSimError
 from crowdsim.export.choice import Choice
 from crowdsim.export.options import ExportOptions
-from crowdsim.export.scenes.bodies import BodyMotion, body_motions, jumps
+from crowdsim.export.scenes.bodies import BodyMotion, body_motions, going_on, jumps
 from crowdsim.export.scenes.looks import VARIETY, body_of, bound_points, build_of, paints, tissue_triangles
 from crowdsim.export.scenes.place import Paint, place_parts
 from crowdsim.motion.clips.skeleton import Skeleton
@@ -24,7 +24,7 @@ from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
 
 _INSTANT = 0.001
-"""Time that a body continues beyond the end of a periodic floor [s], as in glTF."""
+"""Time before a step at which those who leave, or wrap at the end of a periodic floor, are still shown [s]."""
 
 _STILL = 1e-6
 """Change of a quaternion below which a joint counts as not turning."""
@@ -234,7 +234,14 @@ class _Stage:
         crowd.CreatePrototypesRel().SetTargets([self._capsule(n, b.color) for n, b in enumerate(header.behaviors)])
         attributes = (crowd.CreateProtoIndicesAttr(), crowd.CreateIdsAttr(), crowd.CreatePositionsAttr())
         kinds, ids, places, turns = (each.GetPath() for each in (*attributes, crowd.CreateOrientationsAttr()))
-        vt = self._vt
+        vt, before = self._vt, _INSTANT * self._choice.rate
+        last = np.empty(0, np.int64), np.empty((0, 3), np.float32), np.empty((0, 4), np.float16)
+
+        def put(time: float, at: NDArray[np.float32], turned: NDArray[np.float16]) -> None:
+            """Set positions (k, 3) [m] and rotations (k, 4) (x, y, z, w) at ``time``, in frames."""
+            self._layer.SetTimeSample(places, time, vt.Vec3fArray.FromNumpy(at))
+            self._layer.SetTimeSample(turns, time, vt.QuathArray.FromNumpy(turned))
+
         for number, step in enumerate(self._choice.steps.tolist()):
             frame = self._recording.at_step(step)
             agents = self._choice.agents[frame.state[self._choice.agents] != AgentState.ABSENT]
@@ -242,14 +249,22 @@ class _Stage:
             half = 0.5 * frame.heading[agents].astype(np.float64)
             at = np.column_stack([frame.x[agents], frame.y[agents], zeros]).astype(np.float32)
             turned = np.column_stack([zeros, zeros, np.sin(half), np.cos(half)]).astype(np.float16)
-            # An agent without a behavior (-1) looks as one of behavior 0.
             with self._sdf.ChangeBlock():
-                self._layer.SetTimeSample(
-                    kinds, number, vt.IntArray.FromNumpy(np.maximum(frame.behavior[agents], 0).astype(np.int32))
-                )
+                # Arrays of equal length are interpolated, even if their agents differ. If some come, go, or wrap at the
+                # end of a periodic floor, those of the last frame are moved on until just before this one.
+                were, there, faced = last
+                stays, to = np.isin(were, agents), np.isin(agents, were)
+                there, faced = there.copy(), faced.copy()
+                there[stays], wraps = going_on(self._recording.header.ends, there[stays], at[to])
+                faced[stays] = turned[to]
+                if number and not (stays.all() and to.all() and not wraps.any()):
+                    put(number - before, there, faced)
+                # An agent without a behavior (-1) looks as one of behavior 0.
+                shown = np.maximum(frame.behavior[agents], 0).astype(np.int32)
+                self._layer.SetTimeSample(kinds, number, vt.IntArray.FromNumpy(shown))
                 self._layer.SetTimeSample(ids, number, vt.Int64Array.FromNumpy(agents.astype(np.int64)))
-                self._layer.SetTimeSample(places, number, vt.Vec3fArray.FromNumpy(at))
-                self._layer.SetTimeSample(turns, number, vt.QuathArray.FromNumpy(turned))
+                put(number, at, turned)
+            last = agents, at, turned
 
     def _capsule(self, number: int, color: str) -> Any:
         """Define the capsule that stands for a body of behavior ``number``; return its path."""

@@ -85,7 +85,10 @@ def _fill(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 def _areas(
     recording: Recording, layer: str | None, steps: NDArray[np.int64]
 ) -> tuple[list[shapely.MultiPolygon], NDArray[np.int64]]:
-    """Return the distinct free floors during ``steps`` (F,), and the index of the one in each step, (F,)."""
+    """Return the free floors between changes during ``steps`` (F,), and the index of the one in each step, (F,).
+
+    Some may be equal, as those before a door closes and after it opens.
+    """
     begins = np.unique([0, *(change.step for change in recording.changes)])
     numbers = np.searchsorted(begins, steps, side="right") - 1
     used, frames = np.unique(numbers, return_inverse=True)

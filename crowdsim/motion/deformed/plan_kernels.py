@@ -287,9 +287,9 @@ def stand_ankle(model, foot, print_row, u, track, place, turn, spare):
     """Return the ankle of a standing foot (x, y, z) [m], its pitch and its heading [rad].
 
     print_row: x, y of the ball [m] and heading of the print [rad]. u: share of the foot's cycle. track: row of the
-    body's track. place, turn: of the root. spare: pitch by which the heel may rise so that the pelvis stays high
-    [rad]; 0 before it may; -1 for as much as the leg needs. A pitch is positive if the toes point up, negative if the
-    heel does.
+    body's track. place, turn: of the root. spare: pitch by which the heel rises at least, so that the pelvis stays
+    high [rad]; 0 for that of the clip; -1 for as much as the leg needs. A pitch is positive if the toes point up,
+    negative if the heel does.
     """
     yaw = standing_yaw(print_row[2], model.prints[foot, 2], track[HEADING], u)
     c, s = cos_sin(yaw)

@@ -79,7 +79,7 @@ class FollowedFeet:
 
     def add(self, new: Played) -> tuple[NDArray[np.int64], Floats, Floats]:
         """Take a step; return its changes: 2 * body + foot (c,), share of the step (c,), new state (c, COLUMNS)."""
-        # In the first step all bodies have just come.
+        # In the first step no body was captured before.
         old = new._replace(node=np.full_like(new.node, -1)) if self._old is None else self._old
         size = _CHANGES * len(new.node)
         while True:

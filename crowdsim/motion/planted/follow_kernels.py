@@ -149,7 +149,7 @@ def _shown(work, a, node, frame, foot):
 
 @helper
 def _appear(work, a, node, previous, frame, count):
-    """Begin with a body that has just come: it stands where its clip has it."""
+    """Begin with a body that was not captured before: its feet are where its clip has them."""
     # At the end of the step (share 1), each foot stands from this frame on, or is free.
     row = work.table.node_first[node] + int(frame)
     _pose(work, a, node, previous, frame, 1.0)

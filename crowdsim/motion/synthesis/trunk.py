@@ -77,7 +77,8 @@ def _course(plan: Plan) -> tuple[Floats, Floats]:
     lifts = [step.lift for step in plan.steps] + [float(plan.frame_count)]
     for step, next_lift in zip(plan.steps, lifts[1:], strict=True):
         previous, carrying = load[-1]
-        # From rest, the body sets out and its weight shifts some frames before the foot lifts.
+        # After more than half a long support on both feet, from rest or (in most gaits) between two steps, the body
+        # sets out, and its weight shifts, some frames before the foot lifts.
         if step.lift - previous > 0.5 * _LONG_SUPPORT:
             course.append((max(step.lift - _LEAN, previous), middle))
             load.append((max(step.lift - _SHIFT, previous), carrying))
@@ -98,10 +99,18 @@ def _course(plan: Plan) -> tuple[Floats, Floats]:
     frames = np.arange(plan.frame_count)
 
     def through(knots: list[tuple[float, Floats]]) -> Floats:
-        """Interpolate (frame, values) linearly, for every frame."""
+        """Interpolate (frame, values) linearly, for every frame.
+
+        In fast walks the body sets out for the next step before it has passed the middle of the last two: the line from
+        there holds from the middle on, so that the body gains a few centimeters between two steps, as people do.
+        """
         times = np.array([t for t, _ in knots])
         values = np.array([v for _, v in knots])
-        return np.stack([np.interp(frames, times, column) for column in values.T], axis=-1)
+        line = np.searchsorted(np.maximum.accumulate(times), frames, side="right") - 1
+        begin, end = line, np.minimum(line + 1, len(knots) - 1)
+        span = np.where(end > begin, times[end] - times[begin], 1.0)
+        slopes = (values[end] - values[begin]) / span[:, None]
+        return np.asarray(slopes * (frames - times[begin])[:, None] + values[begin])
 
     return through(course), through(load)
 

@@ -137,7 +137,7 @@ def _has_changed(m, w, v):
 def _touch_corners(m, w):
     """Touch all corners of changed triangles around touched vertices, and remove touched vertices that nothing needs.
 
-    Make the sides in ``pairs`` Delaunay. Return 0, FULL or STUCK.
+    Make the sides in ``pairs`` Delaunay. Return 0 or STUCK.
     """
     vertices = m.vertices
     i = 0
@@ -164,9 +164,9 @@ def _touch_corners(m, w):
         if top == 0:
             return 0
         w.progress[0].pairs = 0
-        status = restore_delaunay(m, w, top)
-        if status < 0:
-            return status
+        # Without room for the stack, the sides in it are lost: the mesh has to be made anew.
+        if restore_delaunay(m, w, top) < 0:
+            return STUCK
         i = 0
 
 

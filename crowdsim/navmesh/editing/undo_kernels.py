@@ -9,11 +9,17 @@ from crowdsim.navmesh.mesh.address_kernels import mesh_at, workshop_at
 
 
 @helper
-def _copy_around(m, source, target, t):
-    """Copy the corners of triangle t of mesh ``m``, and its neighbors' sides on it, from ``source`` to ``target``."""
+def _copy_corners(m, source, target, t):
+    """Copy the corners of triangle t of mesh ``m`` from ``source`` to ``target``."""
     for h in range(3 * t, 3 * t + 3):
         v = m.sides[h].org
         target.vertices[v] = source.vertices[v]
+
+
+@helper
+def _copy_twins(m, source, target, t):
+    """Copy the sides of its neighbors on triangle t of mesh ``m`` from ``source`` to ``target``."""
+    for h in range(3 * t, 3 * t + 3):
         g = m.sides[h].twin
         if g >= 0:
             target.sides[g] = source.sides[g]
@@ -55,16 +61,22 @@ def copy_back(places, before):
     for k in range(w.progress[0].changed):
         cell = w.to_do[k].cell
         t.hints[cell] = s.hints[cell]
-    # What the changed triangles point to now: only their present sides tell, so it comes before these are overwritten.
+    # What the changed triangles point to now: only their present sides tell, so it comes before these are overwritten,
+    # and all corners come before any side.
     for k in range(count):
         i = _number(w, k, first)
         if i < other:
-            _copy_around(t, s, t, i)
+            _copy_corners(t, s, t, i)
+    for k in range(count):
+        i = _number(w, k, first)
+        if i < other:
+            _copy_twins(t, s, t, i)
     # Then the triangles themselves, and what they pointed to before.
     for k in range(count):
         i = _number(w, k, first)
         if i < filled:
-            _copy_around(s, s, t, i)
+            _copy_corners(s, s, t, i)
+            _copy_twins(s, s, t, i)
             t.cover[i] = s.cover[i]
             for h in range(3 * i, 3 * i + 3):
                 t.sides[h] = s.sides[h]

@@ -66,6 +66,7 @@ def tighten(nodes, count, i, last):
 def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
     """Test that nothing but vertex v is closer to v than ``room`` [m] between bearings a and b, counter-clockwise.
 
+    b is less than half a circle on from a.
     Return (bool, a triangle of the fan around v: that which holds b if True). It is False in doubt, too: a base, the
     side of a triangle opposite of v, counts as an obstacle if it is nearer, although it may be open.
     """

@@ -94,13 +94,9 @@ def arc_corners(q, dx, dy, angle, bulge):
 def _swallowed(one, other):
     """Return True if the circle of node ``other`` is inside that of ``one``, both on the same side of the string.
 
-    Equal circles are inside each other; start and goal are in none.
+    Equal circles are inside each other; start and goal, whose q is 0, are in none and hold none.
     """
-    return (
-        one.vertex >= 0
-        and one.q * other.q > 0.0
-        and abs(one.q) - abs(other.q) >= hypot(one.x - other.x, one.y - other.y)
-    )
+    return one.q * other.q > 0.0 and abs(one.q) - abs(other.q) >= hypot(one.x - other.x, one.y - other.y)
 
 
 @helper

@@ -14,13 +14,13 @@ from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, TURNS
 QUEUED = 1
 """Mark: the constrained sides from the vertex are queued for refinement."""
 TOUCHED = 2
-"""Mark: triangles around the vertex may have changed."""
+"""Mark: the vertex is in the list ``touched``: `settle` looks at it and at the triangles around it."""
 KEPT = 8
 """Mark: the vertex is touched and cannot be removed."""
 LOOKING = 16
 """Mark: the vertex is touched, and may be an end of a new bottleneck."""
 CHANGED = 32
-"""Mark: the vertex is touched, and triangles around it may have changed."""
+"""Mark: the vertex is touched, and triangles around it count as changed."""
 VISITED = 4
 """Mark of a walk that visits each vertex once; the walk clears it."""
 
@@ -45,7 +45,7 @@ def is_spent(w):
 
 @helper
 def touch(w, v):
-    """List vertex v as touched: triangles around it may have changed."""
+    """List vertex v as touched, once: `settle` has to look at it."""
     item = w.to_do[v]
     if item.mark & TOUCHED == 0:
         item.mark |= TOUCHED

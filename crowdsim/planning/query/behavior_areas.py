@@ -77,7 +77,10 @@ def grown(obstacle: shapely.Geometry, growth: float) -> shapely.Geometry:
 
 
 def area_excess(growth: float) -> float:
-    """Return by how much an obstacle grown by ``growth`` is too large at most, as its arcs are chords [m]."""
+    """Return by how much an obstacle that needs to grow by ``growth`` [m] is grown too far at most [m].
+
+    :func:`area_growths` grows all by more, as the arcs at corners become chords.
+    """
     return max(growth, 0.0) * (1.0 / float(cos(np.pi / 4.0 / _ARC_STEPS)) - 1.0)
 
 

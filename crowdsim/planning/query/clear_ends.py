@@ -34,11 +34,11 @@ _PROBE = 0.005
 
 
 def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return each of ``points`` (n, 2), or a place nearby with planned clearance if the point has only the body's own.
+    """Return ``points`` (n, 2) [m], or places nearby with planned clearance for those that have only a body's own.
 
-    A motion strays from its path, so an agent at rest may be closer to obstacles than planned. The widest behavior
-    that fits counts; a behavior that turns the body counts only if no other fits. A point stays as it is if no body
-    fits there, or no place nearby is clear enough.
+    A motion strays from its path, so an agent at rest may be closer to obstacles than planned. A point with planned
+    clearance for any upright behavior stays. Any other is moved, by REACH at most, to a place that has it for the
+    widest behavior possible, turned ones too, whose body fits at the point; it stays if there is none.
     """
     upright = need.narrowest_upright  # if a wider behavior fits, this one fits, too
     if upright is not None:

@@ -31,8 +31,6 @@ channel that ends here.
 FULL = 0.98
 """Share of a gap that the circles around its two ends may fill; the rest lets the string pass between them."""
 
-_LOOK_BACK = 16
-"""Number of latest corners among which a vertex is looked up, so that it is not listed twice."""
 
 _TOUCHING = 1e-4
 """Distance by which the string may be closer to a corner than its reach [m]."""
@@ -104,6 +102,9 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
     vertices = m.vertices
     top = around.shape[1] - 1
     filled = 0
+    # The corners of the right and the left end of the side before.
+    right = NONE
+    left = NONE
     for k in range(count):
         h = channel[k]
         gap = hypot(
@@ -117,21 +118,23 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
         if k > 0:
             turn = sides[channel[k - 1]].twin
             turn = h if nxt(turn) == h else turn
-        for left in range(2):
-            v = sides[nxt(h) if left == 1 else h].org
-            # A vertex ends several sides in a row; list it once.
-            known = filled - 1
-            while known >= 0 and known >= filled - _LOOK_BACK and corners[known].vertex != v:
-                known -= 1
-            if known < 0 or corners[known].vertex != v:
-                known = filled
+        for end_of in range(2):
+            v = sides[nxt(h) if end_of == 1 else h].org
+            # A vertex ends several sides in a row, all on the same side of the way; list it once.
+            known = left if end_of == 1 else right
+            if known == NONE or corners[known].vertex != v:
+                known = np.int64(filled)
                 filled += 1
+                if end_of == 1:
+                    left = known
+                else:
+                    right = known
                 corner = corners[known]
                 corner.vertex = v
                 corner.first = k
                 corner.x = vertices[v].x
                 corner.y = vertices[v].y
-                corner.side = 1.0 if left == 1 else -1.0
+                corner.side = 1.0 if end_of == 1 else -1.0
                 corner.most = around[v, top]
                 # The circle may touch the start and the goal, but not enclose them.
                 for end in range(2):
@@ -157,8 +160,11 @@ def fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
     """
     sides = m.sides
     top = around.shape[1] - 1
+    # A vertex to which the way comes back is listed once more: the least of its entries counts.
     for c in range(filled):
-        reach[corners[c].vertex] = corners[c].most
+        reach[corners[c].vertex] = np.inf
+    for c in range(filled):
+        reach[corners[c].vertex] = min(reach[corners[c].vertex], corners[c].most)
     for k in range(count):
         if levels[k] < top:
             a = sides[channel[k]].org

@@ -74,12 +74,13 @@ class PartFile(io.RawIOBase):
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._handle = -1  # the finalizer closes the file also if it cannot be locked
         self._handle = _locked(path)
-        self._blocks: dict[int, bytearray] = {}
-        self._place = 0
-        self._size = 0
-        self._committed = 0
-        self._end = 0
+        self._blocks: dict[int, bytearray] = {}  # those changed since the last commit, by number
+        self._place = 0  # position in HDF5 [bytes]
+        self._size = 0  # of HDF5 with all changes [bytes]
+        self._committed = 0  # of HDF5 as of the last commit [bytes]
+        self._end = 0  # where the next frame goes [bytes]
 
     def seekable(self) -> bool:
         """Return True."""
@@ -106,6 +107,8 @@ class PartFile(io.RawIOBase):
     def truncate(self, size: int | None = None) -> int:
         """Set the size of HDF5 and return it; the disk follows at the next commit."""
         self._size = self._place if size is None else size
+        # If HDF5 grows again before that, zeros follow, not what was there.
+        self._committed = min(self._committed, self._size)
         return self._size
 
     def readinto(self, buffer: Any, /) -> int:
@@ -161,12 +164,12 @@ class PartFile(io.RawIOBase):
         return self._size
 
     def sync(self) -> None:
-        """Wait until everything committed is on the disk."""
+        """Wait until all that was committed or appended would survive a power cut."""
         os.fsync(self._handle)
 
     def close(self) -> None:
         """Close the file and release its lock."""
-        if not self.closed:
+        if not self.closed and self._handle >= 0:
             os.close(self._handle)
         super().close()
 

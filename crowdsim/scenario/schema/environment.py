@@ -209,7 +209,7 @@ class Clutter(Part):
 
 
 class Obstacle(Part):
-    """One or several solids on the floor; a drawn shape needs a ``top``, a file has its own heights.
+    """One or several solids on the floor; a mesh has its own heights, all others need a ``top``.
 
     ``movable``: commands may move and remove the obstacle while a simulation runs, even if no event names it.
     """

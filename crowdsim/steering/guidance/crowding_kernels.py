@@ -184,6 +184,7 @@ def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, c
             continue
         before = price_of(ground, crowding, old, box, prices, chain)
         cost = float(new.cost[box])
-        # The part of the cost due to the crowd (and to narrow places) is the cost less the length.
-        quiet = cost - float(new.length[box]) < weighing.jam * (before - float(old.length[box]))
+        # The part of the cost due to the crowd (and to narrow places) is what the widest behavior alone does not cost.
+        alone = ground.costs[-1]
+        quiet = cost - alone * float(new.length[box]) < weighing.jam * (before - alone * float(old.length[box]))
         changes[n] = cost < (weighing.around if quiet else weighing.share) * before

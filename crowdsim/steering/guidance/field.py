@@ -40,7 +40,7 @@ class Field(NamedTuple):
     """Path of each box of a :class:`~crowdsim.steering.guidance.ground.Ground`; kernels take it as it is."""
 
     cost: NDArray[np.float32]
-    """float32[boxes]: cost to the goal, in meters of the widest behavior without a crowd; infinite without a path."""
+    """float32[boxes]: cost to the goal, in the unit of ``Ground.costs`` times meters; infinite without a path."""
     length: NDArray[np.float32]
     """float32[boxes]: length of the path [m]."""
     anchor: NDArray[np.int32]

@@ -107,8 +107,8 @@ class PlaceWalls:
         Bounds or None
             Bounds of the old and the new outlines together [m]; None if both are empty.
         """
-        before = self._things.pop(thing, ())
         after = () if outlines is None else self._of(outlines)
+        before = self._things.pop(thing, ())
         changed = [each for each in (*before, *after) if len(each)]
         if after:
             self._things[thing] = after

@@ -270,7 +270,9 @@ def test_more_places_may_be_named(recording):
         ({"areas": ["here=0,0,1,1,1,0,0,1"]}, "enclose no area"),
         ({"only": ["flows"]}, "no measurement 'flows'"),
         ({"rate": 7.0}, "would need interpolation"),
-        ({"voronoi_rate": 0.0}, "is not positive"),
+        ({"voronoi_rate": 0.0}, "is below 0.001"),
+        ({"voronoi_rate": 1e-320}, "is below 0.001"),
+        ({"voronoi_rate": float("nan")}, "is below 0.001"),
     ],
 )
 def test_wrong_options_are_refused(recording, options, words):

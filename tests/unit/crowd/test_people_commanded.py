@@ -77,6 +77,20 @@ def test_a_goal_for_those_who_have_just_left_is_no_goal(locomotion: str) -> None
         assert simulation.arrived == 1
 
 
+@pytest.mark.parametrize("locomotion", ["steered", "auto"])
+def test_a_goal_at_which_all_have_left_makes_room_for_another(locomotion: str) -> None:
+    """On whichever level they arrived: else the fields of all goals ever given would be kept up to date."""
+    with Simulation(rooms(locomotion)) as simulation:
+        crowd = simulation.crowd
+        errands = crowd.errands if locomotion == "steered" else crowd.steered.errands
+        for number in range(3):
+            (agent,) = simulation.add("guests").tolist()
+            simulation.set_goal(agent, (9.0 + number, 1.5))
+            while simulation.crowd.arrivals[agent] < 0:
+                simulation.step()
+        assert len(errands._regions) == len(simulation.crowd.cast.goals) + 1
+
+
 @pytest.mark.parametrize("locomotion", LOCOMOTIONS)
 def test_removed_characters_are_gone_and_do_not_come(locomotion: str, tmp_path: Path) -> None:
     with Simulation(rooms(locomotion)) as simulation:

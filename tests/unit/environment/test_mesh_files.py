@@ -153,6 +153,21 @@ def test_a_part_far_away_is_dropped_with_a_word(tmp_path):
         assert any("dropped" in line and "1000 m off" in line and "-999998" in line for line in found.report)
 
 
+@pytest.mark.parametrize(
+    ("shifts", "stay"), [((0, 1, 2, 1e5), 3), ((0, 1, 2, 1e5, -1e5, 2e5, 3e5), 3), ((0, 0, 0, 1e5, 1e5, 1e5), 6)]
+)
+def test_of_very_many_parts_those_near_the_middle_stay(tmp_path, monkeypatch, shifts, stay):
+    """Also if more of them are far off; all stay if none is near it, as between two halves."""
+    monkeypatch.setattr("crowdsim.environment.mesh_files._MANY", 2)
+    scene = trimesh.Scene()
+    for number, shift in enumerate(shifts):
+        mesh = desk(True).apply_translation([shift, 0.0, -0.001 * number])
+        scene.add_geometry(mesh, node_name=str(number), geom_name=str(number))
+    found = read_mesh_file(written(tmp_path, scene, "many.glb"))
+    assert len(found.solids) == stay
+    assert sum("dropped" in line for line in found.report) == len(shifts) - stay
+
+
 def _glb(tree, blob=b""):
     text = json.dumps(tree).encode()
     text += b" " * (-len(text) % 4)

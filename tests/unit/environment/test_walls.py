@@ -63,6 +63,15 @@ def test_an_opening_around_a_corner_and_a_slanted_wall():
     assert math.isclose(solids[-1].bottom, 2.05)
 
 
+def test_an_opening_at_the_begin_is_open_whatever_rounding_makes_of_its_place():
+    """Here it is put a little before the begin of the wall, which is no place before its end."""
+    opening = Opening(0.3 * 1.5, 0.9)
+    assert opening.at - 0.5 * opening.width < 0.0
+    (legs,) = clearance_layers(FLOOR, wall("w", [(0, 0), (5, 0)], 0.1, 0.0, 2.5, [opening]), [LEGS])
+    assert legs.free.covers(shapely.Point(0.45, 0))
+    assert not legs.free.intersects(shapely.LineString([(0.91, 0), (4.99, 0)]))
+
+
 @pytest.mark.parametrize(
     ("points", "thickness", "top", "openings", "word"),
     [

@@ -157,3 +157,9 @@ def test_the_body_of_the_far_side_has_few_vertices_and_stands_as_tall_as_the_nea
     edges = np.sort(body.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()  # closed
     assert 1.5 < np.ptp(points[:, 2]) < 1.9
+
+
+def test_a_title_may_look_like_a_part_of_the_page(small, tmp_path):
+    page = page_of(small, tmp_path, title="{{style}} {{data}} {{title}}")
+    assert page.facts["title"] == "{{style}} {{data}} {{title}}"
+    assert "<title>{{style}} {{data}} {{title}}</title>" in (tmp_path / "page.html").read_text("utf-16")

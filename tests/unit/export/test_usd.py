@@ -11,8 +11,9 @@ from crowdsim.export.formats import export
 from crowdsim.export.options import ExportOptions
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
+from crowdsim.recording.writer import RecordingWriter
 from tests.support.odd_recording import ODD_NAMES, odd_header, write_recording
-from tests.support.small_recording import small_header, write_small_recording
+from tests.support.small_recording import small_frame, small_header, write_small_recording
 from tests.support.walked_recordings import write_ring, write_steered, write_switching, write_with_crate
 
 WRITERS = {
@@ -130,6 +131,41 @@ def test_capsules_stand_where_the_tracks_are(tmp_path):
                 ahead = Gf.Rotation(Gf.Quatd(turn)).TransformDir(Gf.Vec3d(1.0, 0.0, 0.0))
                 assert np.abs(np.array(ahead)[:2] - [np.cos(heading), np.sin(heading)]).max() < 2e-3
     assert complaints(file) == []
+
+
+def write_exchange(path):
+    """Two people at two places: in each step but the first ones the other one is in the world."""
+    header = small_header(2, 10)
+    with RecordingWriter(path, header) as writer:
+        for step in range(60):
+            frame = small_frame(header, step)
+            absent = np.array([step % 3 == 1, step % 3 == 2])
+            x, y = (np.where(absent, np.nan, each).astype(np.float32) for each in (frame.x, frame.y + [0.0, 3.0]))
+            writer.append(frame._replace(x=x, y=y, state=np.where(absent, AgentState.ABSENT, frame.state)), step)
+        writer.finish({})
+    return path
+
+
+@pytest.mark.parametrize(
+    "write", [write_ring, write_steered, write_exchange], ids=["over the ends", "one comes and goes", "in turns"]
+)
+def test_capsules_fly_nowhere_between_frames(tmp_path, write):
+    """As renderers ask for times between frames: each agent of a frame is near its place, even if others follow it."""
+    with Recording.open(write(tmp_path / "run.h5")) as recording:
+        stage = Usd.Stage.Open(str(export(recording, tmp_path / "run.usdc", options=POINTS)))
+        crowd = UsdGeom.PointInstancer(stage.GetPrimAtPath("/World/Crowd"))
+        checked = 0
+        for code in range(recording.steps - 1):
+            frames = recording.at_step(code), recording.at_step(code + 1)
+            for late in (0.25, 0.5, 0.9):
+                ids, places = crowd.GetIdsAttr().Get(code + late), crowd.GetPositionsAttr().Get(code + late)
+                assert list(ids) == np.flatnonzero(frames[0].state != AgentState.ABSENT).tolist()
+                for agent, place in zip(ids, places, strict=True):
+                    way = np.hypot(frames[0].x[agent] - place[0], frames[0].y[agent] - place[1])
+                    assert way < 0.3 * late
+                    checked += 1
+        assert checked > 100
+        assert len(crowd.GetOrientationsAttr().Get(0.5)) == len(crowd.GetPositionsAttr().Get(0.5))
 
 
 def test_names_stay_names(tmp_path):

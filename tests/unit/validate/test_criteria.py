@@ -24,7 +24,7 @@ def made_up(count: int = 3, **changes: Any) -> Observed:
     measured = Measured(changes.pop("areas", {}), changes.pop("lines", {}))
     numbers = np.arange(count, dtype=np.float64)
     usual = Observed(
-        summary={"obstacle_margin": {"legs": 0.05, "torso": None}, "lines": {}, "areas": {}, "exits": {}},
+        summary={"obstacle_margin": {"legs": 0.05, "torso": 0.08}, "lines": {}, "areas": {}, "exits": {}},
         measured=measured,
         groups=("a",) * count,
         set_out=10.0 * numbers,

@@ -181,6 +181,16 @@ def test_the_slow_steer_in_a_lane_that_began_well_behind_them(x, half, steers):
     assert levels.steer(FIRST, place, np.zeros(1)).any() == steers
 
 
+def test_who_is_told_a_higher_speed_is_not_slow_by_the_old_one():
+    levels, place = levels_of(), np.array([[5.0, 0.0]])
+    in_a_lane(levels, 5.0)
+    speed = float(levels._speeds[0])
+    levels._mean_speeds[0] = 0.3 * speed
+    levels.set_speed(FIRST, speed)
+    levels.follow_speeds(FIRST, np.array([speed]), np.array([True]))
+    assert not levels.steer(FIRST, place, np.zeros(1)).any()
+
+
 def test_who_walks_at_its_own_speed_or_sideways_is_not_slow():
     levels, place = levels_of(), np.array([[5.0, 0.0]])
     in_a_lane(levels, 5.0)

@@ -4,13 +4,30 @@ import numpy as np
 import pytest
 
 from crowdsim.crowd.ranks.messages import GHOST, RowMessage, migrant_type
-from crowdsim.crowd.ranks.partition import cells_of, divide, halo_of
+from crowdsim.crowd.ranks.partition import cells_of, divide, expected_places, halo_of
 from crowdsim.crowd.ranks.protocol import ONE_RANK
 from crowdsim.crowd.steered.components import COLUMNS
 from crowdsim.ecs.world import World
 from crowdsim.errors import CrowdSimError
+from crowdsim.scenario.cast import place_crowd
+from crowdsim.scenario.loader import parse_scenario
 from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.rules import Rules
+
+HALL = """\
+crowdsim: 1
+name: hall
+seed: 1
+duration: 10.0
+floor: {rectangle: [0, 0, 40, 10]}
+exits:
+  - {name: west, rectangle: [0, 1, 1, 4]}
+  - {name: east, rectangle: [39, 1, 40, 4]}
+agents:
+  - {name: free, locomotion: steered, count: 5, start: {rectangle: [3, 1, 5, 4]}, exits: all}
+  - {name: told, locomotion: steered, count: 5, start: {rectangle: [3, 1, 5, 4]}, exits: {east: 1}}
+  - {name: later, locomotion: steered, count: 5, start: {rectangle: [3, 6, 5, 9]}, exits: all, on_call: true}
+"""
 
 STREET = (0.0, 0.0, 100.0, 10.0)
 
@@ -26,6 +43,17 @@ def test_each_place_is_in_one_region(count: int) -> None:
     assert (held.argmax(axis=0) == regions.owner(places)).all()
     share = np.bincount(regions.owner(expected), minlength=count) / len(expected)
     assert np.abs(share - 1.0 / count).max() < 0.02
+
+
+def test_people_are_expected_on_the_way_to_their_exit() -> None:
+    """To the nearest one, if none is assigned; those who come only if a command adds them are not expected."""
+    cast = place_crowd(parse_scenario(HALL))
+    middles = np.array([goal.representative_point().coords[0] for goal in cast.goals])
+    places = expected_places(cast, middles)
+    assert (places[:, 1] < 5.0).all(), "those on call start at the top"
+    nearest, assigned = places[: len(places) // 2], places[len(places) // 2 :]
+    assert (nearest[:, 0] < 5.0).all()
+    assert (assigned[:, 0] > 3.0).all()
 
 
 def test_a_small_place_is_refused() -> None:

@@ -61,8 +61,14 @@ def test_everyone_from_a_source_is_placed():
         ("rate: 900\n    until: 600", "16:11: agents.0.rate: more than 100000 agents come at this rate"),
         ("rate: 1\n    interval: 2", "15:5: agents.0: a source has a 'rate', not an 'interval'"),
         ("rate: 1\n    start_time: 5\n    until: 5", "15:5: agents.0: 'until' (5 s) must lie after 'start_time' (5 s)"),
-        ("rate: 1\n    until: 700", "17:12: agents.0.until: the run ends at 600 s, before the source does at 700 s"),
-        ("rate: 1\n    start_time: 600", "17:17: agents.0.start_time: the run ends at 600 s"),
+        (
+            "rate: 1\n    until: 700",
+            "17:12: agents.0.until: the run ends at 600 s, too early for a source that ends at 700 s",
+        ),
+        (
+            "rate: 1\n    start_time: 600",
+            "17:17: agents.0.start_time: the run ends at 600 s, too early for a source that begins at 600 s",
+        ),
         ("count: 2\n    until: 5", "15:5: agents.0: 'until' is about a source; give 'rate' with it, or drop it"),
         ("count: 2\n    arrivals: regular", "15:5: agents.0: 'arrivals' is about a source"),
         ("rate: 1\n    arrivals: poison", "17:15: agents.0.arrivals: unknown value 'poison'; did you mean 'poisson'?"),
