@@ -189,8 +189,10 @@ def find_bottleneck(m, v, qx, qy, w):
                 ay = a.y - py
                 bx = b.x - px
                 by = b.y - py
-                # The part of the side where a foot may be: far enough along q, and in view.
-                lo, hi = _cut(0.0, 1.0, least - ax * qx - ay * qy, least - bx * qx - by * qy)
+                # The part of the side where a foot may be, or in front of one beyond an open side: in view, and far
+                # enough along q; of an open side only the foot must be so far, so that its part is only not behind v.
+                enough = 0.0 if sides[h].constraints == 0 else least
+                lo, hi = _cut(0.0, 1.0, enough - ax * qx - ay * qy, enough - bx * qx - by * qy)
                 lo, hi = _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1)
                 if lo > hi + TOLERANCE:
                     continue

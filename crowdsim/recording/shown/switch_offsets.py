@@ -255,9 +255,10 @@ def _on_feet(skeleton: Skeleton, new: Body, body: Body, feet: Feet, targets: Flo
 
 
 def _weights(since: Floats, whole: Floats) -> tuple[Floats, Floats]:
-    """Return the shares of a difference and of its velocity that are left after ``since`` of ``whole`` seconds.
+    """Return what is left of a difference after ``since`` of ``whole`` seconds: ``keep`` and ``drift``.
 
-    Quintic polynomials: they begin with the difference, its velocity and no acceleration, and end at rest.
+    It is keep * difference + drift * velocity: ``keep`` is a share, 1 at first, ``drift`` a time [s], 0 at first. Both
+    are quintic polynomials that begin with the difference, its velocity and no acceleration, and end at rest.
     """
     u = np.clip(since / whole, 0.0, 1.0)
     keep = 1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0))

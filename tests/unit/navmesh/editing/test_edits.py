@@ -342,3 +342,16 @@ def test_a_thousand_edits_are_as_good_as_building_anew(shared):
     for handle in list(present):
         mesh.remove(handle)
     _check(mesh, area, [])
+
+
+def test_a_foot_is_found_behind_open_sides_that_are_nearer_than_the_removed_point():
+    """(-1, 0) and its foot (1, 0) on the right wall see each other again, across sides in front of that point."""
+    area = shapely.box(-8, -5, 1, 5)
+    mesh = NavMesh(area)
+    stays = [(0.2, 1.1), (-0.5, 0.9), (-0.5, -0.9), (0.99, 0.7), (0.99, -0.7)]
+    for point in stays:
+        mesh.insert_obstacle(point)
+    handle = mesh.insert_obstacle((0.1, 0.65))
+    mesh.insert_obstacle((-1.0, 0.0))
+    mesh.remove(handle)
+    _check(mesh, area, [shapely.Point(point) for point in [*stays, (-1.0, 0.0)]])
