@@ -81,6 +81,8 @@ def captured_square(agents: int, seed: int = 1) -> tuple[Scenario, Placement]:
         stand_within=np.full(agents, 0.1),
         groups=("all",) * agents,
         speeds=np.full(agents, np.nan),
+        only_goals=np.full(agents, NONE),
+        regions=(),
     )
     return parse_scenario(_SCENARIO.format(side=side)), cast
 

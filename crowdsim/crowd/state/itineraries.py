@@ -37,7 +37,11 @@ class Itineraries:
         # Copies, as commands change goals.
         self._goals, self._headings = [*cast.goals], [*cast.headings]
         self.cast = cast._replace(
-            goals=self._goals, headings=self._headings, rounds=cast.rounds.copy(), stays=cast.stays.copy()
+            goals=self._goals,
+            headings=self._headings,
+            rounds=cast.rounds.copy(),
+            stays=cast.stays.copy(),
+            only_goals=cast.only_goals.copy(),
         )
         self.places = np.array([len(goals) for goals in cast.goals], np.int64)
         self.reached = np.zeros(len(self.cast.starts), np.int64)
@@ -51,6 +55,7 @@ class Itineraries:
         """Send an agent to ``goal`` (2,) [m] instead of all its places; it stays there or leaves."""
         self._goals[agent], self._headings[agent] = goal[None], np.full(1, np.nan)
         self.cast.rounds[agent], self.cast.stays[agent] = 1, stays
+        self.cast.only_goals[agent] = NONE  # no other agent is known to go there
         self.places[agent], self.reached[agent], self._tries[agent] = 1, 0, 0
         self._aimed_at[agent] = NONE
 

@@ -30,10 +30,15 @@ class Surroundings:
         self.bodies: StandingBodies = NO_BODIES
         """Bodies of steered agents, which stand still as far as reservations know."""
         self._near: tuple[View, Neighbors] | None = None
+        # For a view and bodies: distinct goals of the agents in the world (NONE for those with several), and how many
+        # agents these are.
+        self._present: tuple[View, StandingBodies, NDArray[np.int64], int] | None = None
+        # Revision of the environment and goal for which passages at the goal were found last, and these.
+        self._at_goal: tuple[int, int, NDArray[np.float64]] = NONE, NONE, _NOTHING
 
     def begin(self) -> None:
         """Begin a step; rows have moved since the last one."""
-        self._near = None
+        self._near = self._present = None
 
     def obstacles(self, view: View, walker: Walker) -> Obstacles:
         """Return what a walker keeps clear of besides other captured agents."""
@@ -62,9 +67,6 @@ class Surroundings:
     def _obstacles(self, view: View, walker: Walker, kept_free: NDArray[np.float64]) -> Obstacles:
         """Return the obstacles of a walker; ``kept_free`` (M, 4) are outlines that it must not enter."""
         assets, environment = self.plans.assets, self.plans.environment
-        # An agent alone in the world hinders no other: it may stop in passages. Others are captured rows besides its
-        # own, which it lacks before it has entered, and steered bodies besides its own, which it has until then.
-        others = len(view.agent) - (walker.row != NONE) + np.count_nonzero(self.bodies.rows["id"] != walker.agent)
         return Obstacles(
             layers=tuple(mesh.arrays for mesh in environment.meshes),
             radii=assets.body_radii,
@@ -74,9 +76,35 @@ class Surroundings:
             bodies=self.bodies,
             agent=walker.agent,
             body_radius=walker.body_radius,
-            passages=environment.passages if others else _NOTHING,
+            passages=self._passages(view, walker),
             off_passages=PASSAGE_BODIES * walker.body_radius,
         )
+
+    def _passages(self, view: View, walker: Walker) -> NDArray[np.float64]:
+        """Return the segments (S, 4) across narrow passages in which agents may meet that come from both sides [m].
+
+        An agent that is alone in the world meets none. Agents that all go to one goal come through each passage from
+        one side, unless it lies among the places of the goal: their shortest ways lead only one way through it.
+        """
+        if self._present is None or self._present[0] is not view or self._present[1] is not self.bodies:
+            agents = np.union1d(view.agent, self.bodies.rows["id"])
+            goals = np.unique(self.plans.itineraries.cast.only_goals[agents])
+            self._present = view, self.bodies, goals, len(agents)
+        _, _, goals, count = self._present
+        # An agent that is about to enter is not in the world yet, unless it steered before.
+        enters = walker.row == NONE and walker.agent not in self.bodies.rows["id"]
+        if count + enters < 2:
+            return _NOTHING
+        environment, cast = self.plans.environment, self.plans.itineraries.cast
+        goal = int(goals[0])
+        if len(goals) > 1 or goal == NONE or (enters and cast.only_goals[walker.agent] != goal):
+            return environment.passages
+        if self._at_goal[:2] != (environment.revision, goal):
+            lines = shapely.linestrings(environment.passages.reshape(-1, 2, 2))
+            off = shapely.distance(lines, cast.regions[goal].convex_hull)
+            near = off < PASSAGE_BODIES * self.plans.assets.personal_radius
+            self._at_goal = environment.revision, goal, environment.passages[near]
+        return self._at_goal[2]
 
     def _kept_free(self, view: View, walker: Walker) -> NDArray[np.float64]:
         """Return the outlines (M, 4) of obstacles about to appear, except those that the agent is or will be near.

@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
 
+from crowdsim.constants import NONE
 from crowdsim.environment.layers import dropped_solids, polygons_only
 from crowdsim.environment.spots import Spots, draw_spots, meets, room_in
 from crowdsim.scenario.environment import Environment
@@ -57,6 +58,11 @@ class Placement(NamedTuple):
         Name of each agent's group.
     speeds : (n,) float64
         Free walking speed [m/s]; nan for the speed of the clips.
+    only_goals : (n,) int64
+        Index in ``regions`` of the only goal of each agent; NONE if it goes to several in turn, or to one of several
+        exits.
+    regions : tuple of geometry
+        Regions of these goals [m].
     """
 
     starts: NDArray[np.float64]
@@ -69,6 +75,8 @@ class Placement(NamedTuple):
     stand_within: NDArray[np.float64]
     groups: tuple[str, ...]
     speeds: NDArray[np.float64]
+    only_goals: NDArray[np.int64]
+    regions: tuple[Polygon | Point, ...]
 
     def goal(self, agent: int, reached: int) -> NDArray[np.float64]:
         """Return the place (2,) that an agent goes to after it has reached ``reached`` places [m]."""
@@ -109,6 +117,8 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
     stay_spots = Spots(2.0 * radius + STAND_ROOM)
     starts: list[tuple[float, float]] = []
     goals: list[NDArray[np.float64]] = []
+    only_goals: list[int] = []
+    shapes: list[Polygon | Point] = []
     steps: list[int] = []
     counts: list[int] = []
     complaints: list[Complaint] = []
@@ -144,6 +154,12 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
             if complaint is not None:
                 complaints.append((path, complaint))
         goals += list(places)
+        only = NONE
+        if len(regions) == 1 and group.rounds == 1:
+            shape = regions[0][1].shape()
+            only = next((k for k, other in enumerate(shapes) if other.equals(shape)), len(shapes))
+            shapes[only:] = shapes[only:] or [shape]
+        only_goals += [only] * count
         steps += group_steps
         counts.append(count)
     # A group without an agent, or with too many, is left out above; its complaint means that nobody uses the placement.
@@ -164,6 +180,8 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
         stand_within=np.array([group.stand_within for group in groups], np.float64),
         groups=tuple(group.name for group in groups),
         speeds=np.concatenate([np.empty(0), *_speeds(keys, counts)]),
+        only_goals=np.array(only_goals, np.int64),
+        regions=tuple(shapes),
     )
     return placement, complaints
 
