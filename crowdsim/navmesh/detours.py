@@ -18,7 +18,7 @@ from crowdsim.navmesh.paths.guide_kernels import GUIDE
 from crowdsim.navmesh.paths.paths import Floats
 
 _FARTHER = (1.05, 1.5)
-"""How much longer than without obstacles the ways are that the guide knows: a factor, and a length [m].
+"""How much longer than without obstacles the ways are that the guide knows: a factor, and then a length to add [m].
 
 Longer ways are found as well, but with more search. Greater values take longer to prepare.
 """

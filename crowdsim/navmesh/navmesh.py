@@ -213,7 +213,7 @@ class NavMesh(MeshQueries):
         Raises
         ------
         CrowdSimError
-            If the file cannot have that name.
+            If the file cannot have that name, or no place of the mesh is free.
         GeometryError
             If ``path`` has fewer than two points.
         """

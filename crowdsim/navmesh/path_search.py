@@ -122,7 +122,10 @@ class PathSearch:
         return Paths(status, lengths, offsets, points, starts, goals, radii, clearance)
 
     def components(self, points: Floats, radius: float, least: float) -> NDArray[np.int64]:
-        """Return the component (n,) of a disc of ``radius`` at each of ``points`` (n, 2), -1 if not free."""
+        """Return the component (n,) of a disc of ``radius`` [m] at each of ``points`` (n, 2) [m], -1 if not free.
+
+        A clearance of ``least`` counts as enough [m].
+        """
         # Not even a point gets through without a gap: corners at closed sides have the clearance 0, which a width of 0
         # would pass. A quarter of a cell is far below the tolerance.
         least = max(least, 0.25 * float(self._mesh.frame["cell"][0]))
@@ -134,7 +137,8 @@ class PathSearch:
     def are_apart(self, starts: Floats, goals: Floats, radius: float, least: float) -> NDArray[np.bool_]:
         """Return (n,) True if no way leads from a start to its goal (n, 2), and the disc is free at both.
 
-        The labels of components show that at once; a search would have to look everywhere.
+        Arguments are those of :meth:`find`, for one radius. The labels of components show that at once; a search would
+        have to look everywhere.
         """
         one, other = self.components(np.concatenate([starts, goals]), radius, least).reshape(2, -1)
         apart: NDArray[np.bool_] = (one != other) & (one >= 0) & (other >= 0)

@@ -57,6 +57,7 @@ class _Shapes:
         used = used[used >= BOX_CORNERS]
         added = mesh.vertices["vref"][used] == 0
         self.added, self.corners = place[used[added]], place[used[~added]]
+        """(k, 2) vertices of free triangles [m]: without an obstacle's corner, and with one."""
 
     def sectors(self) -> tuple[Floats, Floats]:
         """Return a sector (k, 10, 2) for each corner that can be turned around, and its width (k,) [m].

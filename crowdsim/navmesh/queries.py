@@ -179,7 +179,7 @@ class MeshQueries(ABC):
     def components(self, points: ArrayLike, radius: float) -> NDArray[np.int64]:
         """Return the connected component of the free places of a disc that each point is in.
 
-        A disc can go from one point to another exactly if both have the same number.
+        A disc can go from one point to another exactly if both have the same number, other than -1.
 
         Parameters
         ----------

@@ -1,7 +1,8 @@
 """Intervals on which a disc, swept along a chain of arcs, comes too close to the obstacles of a mesh.
 
-``marks`` (nt,) holds the number ``mark`` for triangles that were visited for the present piece; ``near`` lists them,
-``roots`` is scratch for angles. ``radius`` is that of the disc [m].
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``marks`` (nt,) holds the number ``mark``
+for triangles that were visited for the present piece; ``near`` lists them, ``roots`` is scratch for angles. ``radius``
+is that of the disc [m].
 
 ``near[0]``, a triangle at the piece before, is the hint from which the search for those of the next piece begins.
 """
@@ -35,8 +36,8 @@ _PIECE = 0.125 * math.pi
 def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, near, roots):
     """Add the violations on the part u0..u1 of an arc inside the box as spans; return (spans, count, near).
 
-    Spans are intervals of arc length [m]. ``start`` is the length of the chain before this arc. For the other arguments
-    see `arc_violations`.
+    ``arc`` is a record ARC; u0 and u1 are angles from its start [rad]. The first ``count`` of ``spans``, records SPAN,
+    are filled: intervals of arc length [m]. ``start`` is the length of the chain before this arc [m].
     """
     sides = m.sides
     vertices = m.vertices

@@ -65,7 +65,7 @@ def is_met(ax, ay, bx, by, length, least):
 def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
     """Move a disc of radius ``least`` from (x0, y0) in free triangle ``root`` to (x1, y1): (free, triangle of the end).
 
-    ``stack`` is scratch memory; if it is too short the answer is (False, ``root``), as in any case of doubt.
+    ``stack`` has three rows or more; if it is too short the answer is (False, ``root``), as in any case of doubt.
     As in :func:`crowdsim.navmesh.clearance.clearance_kernels.capsule_nearest`, only the inside of a side counts, so
     triangles need no marks. ``sides`` and ``vertices`` are passed instead of the mesh because numba counts a reference
     to each array of an argument in each call.

@@ -48,7 +48,7 @@ def _seen_from_gone(m, t, w):
 
 @helper
 def _look_out(m, w, h):
-    """Let vertices beyond side h of a changed triangle look for bottlenecks that removed sides prevented.
+    """Let vertices beyond the open side h of a changed triangle look for bottlenecks that removed sides prevented.
 
     A disc between such a vertex and its foot is free now, crosses a removed side and holds neither of its ends. The
     circles of all triangles from side h to the vertex then meet the removed side, see `_find_foot`. Each triangle is

@@ -18,7 +18,7 @@ def _copy_corners(m, source, target, t):
 
 @helper
 def _copy_twins(m, source, target, t):
-    """Copy the sides of its neighbors on triangle t of mesh ``m`` from ``source`` to ``target``."""
+    """Copy the twins of the sides of triangle t of mesh ``m`` from ``source`` to ``target``."""
     for h in range(3 * t, 3 * t + 3):
         g = m.sides[h].twin
         if g >= 0:

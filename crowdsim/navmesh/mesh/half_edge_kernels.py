@@ -63,9 +63,9 @@ def holds(m, t, x, y):
 def locate(m, x, y, hint):
     """Return a triangle that holds the grid point (x, y), or -1 if the point lies outside of the box.
 
-    Visibility walk from triangle ``hint``: step across any side that has the point on its right. The side that is
-    tested first is drawn at random, because a fixed order can circle forever in a triangulation with constraints. If
-    the walk takes too many steps, all triangles are tried.
+    Visibility walk from triangle ``hint``, or from one of the hint grid if ``hint`` is none (-1): step across any side
+    that has the point on its right. The side that is tested first is drawn at random, because a fixed order can circle
+    forever in a triangulation with constraints. If the walk takes too many steps, all triangles are tried.
     """
     sides = m.sides
     vertices = m.vertices

@@ -31,8 +31,8 @@ def _root(parent, h):
 def label_sides(m, width, labels):
     """Fill ``labels`` (3 nt,) with the component of each half-edge for a disc of diameter ``width`` [m], more than 0.
 
-    Return the number of components. They count from 0; sides of blocked triangles and constrained sides get -1. (A
-    width of 0 would join what closed corners, which have the clearance 0, divide.)
+    ``labels`` are int32. Return the number of components. They count from 0; sides of blocked triangles and constrained
+    sides get -1. (A width of 0 would join what closed corners, which have the clearance 0, divide.)
     """
     sides = m.sides
     cover = m.cover
@@ -81,7 +81,7 @@ def are_joined(m, labels, start, sx, sy, goal, gx, gy, width):
 
 @kernel
 def components(m, labels, count, points, radius, least, out):
-    """Fill ``out`` (n,) with the component of a disc at each of ``points`` (n, 2), -1 if it is not free there.
+    """Fill ``out`` (n,) int64 with the component of a disc at each of ``points`` (n, 2) [m], -1 if not free there.
 
     ``labels`` and ``count`` are those of :func:`label_sides` for the width 2 ``least``. Discs that cannot leave their
     triangle form a component of their own, numbered ``count`` plus the triangle.

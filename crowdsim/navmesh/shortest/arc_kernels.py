@@ -262,7 +262,7 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
     taken = np.int64(0)
     if radius > 0.0:
         spans, taken = _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights, found, spans)
-    # What lies between the taken angles is free.
+    # What lies between the taken angles is free; it may be a single angle, as for a point at a flat corner.
     at = 0.0
     for i in range(taken + 1):
         end = min(spans[i].lo, extent) if i < taken else extent

@@ -196,6 +196,7 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
                 else:
                     raise BoundExceeded
                 break
+            # On side h, but not at its other end, which has its own turn: look through the triangle behind it.
             w = sides[nxt(h)].org
             beyond = sides[h].twin // 3
             corner = vertices[w].x == x and vertices[w].y == y

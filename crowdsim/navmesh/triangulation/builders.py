@@ -29,7 +29,8 @@ BUILDERS = ("own", "triangle")
 def mesh_frame(points: Floats) -> NDArray[Any]:
     """Return the frame (1,) of an empty mesh around ``points`` (n, 2) [m], with hint cells for about two points each.
 
-    The box is wider than the points by 5 % of their greater extent on each side. At most 1024 hint cells lie along one.
+    The box is wider than the points by 5 % of their greater extent on each side. At most 1024 hint cells lie along a
+    side of the box.
     """
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * float((high - low).max())

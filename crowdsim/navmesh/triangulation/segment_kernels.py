@@ -65,7 +65,7 @@ def _cross(m, e, ways, top, w):
 
     The crossing moves to the grid. If it is then inside the two triangles at e, e is split there. Otherwise e is taken
     out, and both the way and e go through the vertex nearest to the crossing, or through a new one if none is near. So
-    the two never cross again.
+    the two never cross again. ``ways`` are records _WAY, with room for three more.
     """
     sides = m.sides
     vertices = m.vertices
@@ -262,7 +262,7 @@ def _look_ahead(m, cur, goal, near):
 
 @helper
 def _load(m, w, along, way):
-    """Add the load of a way to half-edge ``along`` and its twin, and move the way's start to its end.
+    """Add the load of a way to half-edge ``along`` and its twin; the way then starts at the end of ``along``.
 
     Return 0 or FULL.
     """
