@@ -102,8 +102,9 @@ def look_beside(everyone, row, x, y, dx, dy, radius):
 def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
     """Let a standing row step to a wall, preferably to the right, or back along the wall; return True if it does.
 
-    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: the number of the move is left in
-    ``trail.moves[0]``, and the row owns its timeline then. ``playback`` is at the natural rate.
+    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: the row and the number of its move are
+    left in ``trail.rows[0]`` and ``trail.moves[0]``, and the row owns its timeline then. ``playback`` is at the natural
+    rate.
     """
     moves, standing, trail = asking.moves, asking.standing, asking.trail
     node, origin, goal = standing.node[row], standing.origin[row], standing.goal[row]

@@ -61,7 +61,7 @@ _STRIDE = 6  # frames between two samples of the test against obstacles
 
 @kernel
 def lay_move(graph, moves, move, node, origin, chain):
-    """Write a move, from the end of an idle ``node`` that began at ``origin``, into a chain; return its node count."""
+    """Write an idle ``node`` that began at ``origin``, and a move behind it, into a chain; return the node count."""
     chain.nodes[0] = node
     for axis in range(3):
         chain.origins[0, axis] = origin[axis]

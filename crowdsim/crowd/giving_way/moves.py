@@ -28,7 +28,7 @@ FARTHEST_MOVE = 1.3
 # Of the moves that end in the same cell [m], with headings in the same interval [rad], the quickest is kept.
 _CELL = 0.15
 _TURNED = 0.8
-_NOTABLE_TURN = 0.2  # range of extra rotation below which it is not varied [rad]
+_NOTABLE_TURN = 0.2  # range of extra rotation below which it is not varied, and turn that counts as none [rad]
 _NOTABLE_STEP = 0.3  # shortest step behind a turn [m]
 
 
@@ -151,6 +151,6 @@ def _with(graph: GraphArrays, move: _Move, edge: int, twist: float) -> _Move | N
 
 
 def _may_idle(graph: GraphArrays, node: int) -> bool:
-    """Return True if an idle node may follow the end of a node."""
+    """Return True if a node ends standing and an idle node may follow."""
     after = graph.edge_target[graph.edge_start[node] : graph.edge_start[node + 1]]
     return bool(graph.node_ends_standing[node] and graph.node_idle[after].any())

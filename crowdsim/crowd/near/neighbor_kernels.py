@@ -56,7 +56,7 @@ def measure_spread(places, circles, radii, ways, spread):
 
 @kernel
 def widen(near, row, circle):
-    """Enlarge ``spread`` after a row got a new timeline, which lies in ``circle`` (3,): x, y and radius.
+    """Enlarge ``spread`` after a row got a new timeline, which lies in ``circle`` (3,): x, y and radius [m].
 
     The way of a row begins at the end of its timeline, so the same distance bounds both.
     """

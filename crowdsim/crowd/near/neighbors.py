@@ -67,7 +67,7 @@ class Neighbors(NamedTuple):
 
 
 def sorted_places(places: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int64], Frame]:
-    """Sort rows at ``places`` (N, 2) by cells; return their order, the start of each cell, and the grid."""
+    """Sort rows at ``places`` (N, 2) [m] by cells; return their order, the start of each cell, and the grid."""
     frame = _frame_of(*extent(places))
     order, starts = np.empty(len(places), np.int32), np.empty(frame[2] * frame[3] + 1, np.int64)
     sort_rows(places, frame, starts, order, np.empty(len(places), np.int32))

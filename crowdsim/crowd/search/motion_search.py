@@ -139,7 +139,7 @@ class MotionSearch:
         return int(work)
 
     def _search(self) -> Generator[MotionPlan, None, MotionPlan | PathNotFound]:
-        """Yield plans so far, and return the final result; begin anew after each edit that comes before any node."""
+        """Yield plans so far, and return the final result; begin anew if :meth:`_try_all` returns None."""
         while True:
             found = yield from self._try_all()
             if found is not None:

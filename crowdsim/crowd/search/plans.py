@@ -26,7 +26,7 @@ from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 
 NO_MOTION = 2
-"""Number of searches in a row without motion after which an agent makes a step to begin elsewhere."""
+"""Number of consecutive searches without motion after which an agent makes a step to begin elsewhere."""
 
 _LONG_AGO = -(10**9)  # step long before the first
 _FOLLOWERS = 64  # ranks between those of two agents, for the followers of the first one
@@ -91,7 +91,7 @@ class Plans:
     unreachable: dict[int, str] = field(default_factory=dict)
     """By agent: reason why no path to its goal was found at the last request."""
     no_motion: dict[int, int] = field(default_factory=dict)
-    """By agent: number of searches in a row that found a path and no motion along it."""
+    """By agent: number of consecutive searches that found a path and no motion along it."""
     looked_ahead: dict[int, NDArray[np.int32]] = field(default_factory=dict)
     """By agent: nodes of the plan from whose goal the way onwards was requested last."""
     moved: int = 0
@@ -126,7 +126,7 @@ class Plans:
         return rows
 
     def request(self, agent: int, request: Request, join: Join | None = None, walks: bool = False) -> None:
-        """Request a search for one agent, replacing the one under way; a slice of it begins in this step.
+        """Request a search for one agent, replacing the one under way; it begins in this step at the earliest.
 
         ``walks``: it is needed at once, as it always is if it joins a plan.
         """

@@ -191,7 +191,7 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
 
 
 def require_fitting(behavior_set: BehaviorSet, scenario: Scenario) -> BehaviorSet:
-    """Return a behavior set that was loaded for a scenario like this one.
+    """Return ``behavior_set`` as it is, if it was loaded for a scenario like this one.
 
     Raises
     ------

@@ -49,7 +49,7 @@ HASHED_AS = {"blend_offset": "seam", "next_blend_offset": "next_seam"}
 COLUMNS = (
     Column("agent", np.int32, (), NONE),  # index of the agent in the run, also its row in the recording
     Column("state", np.int32, (), int(AgentState.WAITING)),
-    Column("pose", np.float64, (3,)),  # world track pose: x, y, heading
+    Column("pose", np.float64, (3,)),  # world track pose: x, y [m], heading [rad]
     Column("behavior", np.int32, (), NONE),
     # The node being played and the one before it, frame of the node, track pose at which it starts (x, y [m], heading
     # [rad]), and the blend offset that fades out along it.
@@ -72,8 +72,9 @@ COLUMNS = (
     Column("reserved", np.int32, (), NONE),
     Column("plan_digest", np.uint64),
     Column("awaiting_plan", np.bool_),
-    Column("blocked_since", np.int64, (), NONE),  # step of the first refusal in a row, -1 while nothing is refused
-    Column("retry_step", np.int64),
+    # Step since which it is refused, anew when it looks for a way around others; NONE if it is not.
+    Column("blocked_since", np.int64, (), NONE),
+    Column("retry_step", np.int64),  # step before which it does not request a plan
     # The reserved timeline: tracks and bodies every SLOT_FRAMES frames from a slot on; then the agent stands or is
     # gone.
     Column("timeline", np.float64, (TIMELINE_SLOTS, SAMPLE)),
@@ -82,11 +83,12 @@ COLUMNS = (
     Column("timeline_start", np.int64),
     Column("gone_slot", np.int64, (), np.iinfo(np.int64).max),
     Column("body_radius", np.float64),  # radius of a disc that contains the body in any behavior [m]
-    # Read by others: the way ahead (nan without one), and the right of way, the lowest rank first.
+    # Read by others: the way ahead [m] (nan without one), and the right of way, the lowest rank first; below 0 only
+    # if the row comes to rest in a narrow passage.
     Column("way", np.float64, (WAY_POINTS, 2), np.nan),
     Column("rank", np.int64),
     Column("turn", np.int64),  # its own rank, which may be higher than the one it takes over from a leader
-    Column("goal", np.float64, (2,)),
-    Column("stays", np.bool_),
+    Column("goal", np.float64, (2,)),  # place that it goes to now [m]
+    Column("stays", np.bool_),  # True if it does not leave the world at its last goal
 )
 """Columns of a captured agent."""

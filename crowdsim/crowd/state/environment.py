@@ -103,7 +103,7 @@ class EnvironmentState:
         return self._passages[1]
 
     def route(self, start: ArrayLike, goal: ArrayLike) -> AnnotatedPath:
-        """Plan a path from ``start`` to ``goal`` (x, y) in the present environment; PathNotFound if there is none."""
+        """Plan a path from ``start`` to ``goal`` (x, y) [m] in the present environment; PathNotFound without one."""
         return self._planner.plan(start, goal)
 
     def placing(self, movable: int) -> Placing | None:

@@ -90,9 +90,10 @@ class Itineraries:
         )
 
     def accepts(self, agent: int, pose: NDArray[np.float64]) -> bool:
-        """Return True if an agent that arrived with ``pose`` (3,) may stay at its place so, and note how it stands.
+        """Return True if an agent that arrived with ``pose`` (3,) [m, rad] need not try again.
 
-        An agent that is to stand there, but is too far off or faces another direction, tries again a few times.
+        If it is to stand there, note how it stands; but if it is too far off or faces another direction, it tries again
+        a few times first.
         """
         if not self.stands(agent):
             return True

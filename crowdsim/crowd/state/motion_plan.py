@@ -30,7 +30,7 @@ class Request:
     route: AnnotatedPath | None = None
     """Route that it follows already; None to plan one."""
     around: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
-    """(k, 3) poses of standing agents in the way, which the motion is to pass."""
+    """(k, 3) poses [m, rad] of standing agents in the way, which the motion is to pass."""
     postures: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
     """(k,) behavior in which each of them stands."""
     heading: float | None = None
@@ -86,7 +86,8 @@ class MotionPlan:
     def joined(self, first: int, last: int, more: MotionPlan, reaches: bool) -> MotionPlan:
         """Return nodes ``first`` to ``last``, then ``more``; ``reaches`` if this plan's goal is passed in between.
 
-        ``more`` is what a search found from the end of node ``last``: it passes no goals before its own.
+        ``more`` is what a search found from the end of node ``last``: it passes no goals before its own. The departure
+        stays that of this plan, also if ``first`` is not 0.
         """
         kept = slice(first, last + 1)
         passes = [p - first for p in self.passes if first <= p <= last]

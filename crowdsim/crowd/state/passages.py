@@ -12,7 +12,7 @@ _STRIDE = 0.25  # largest distance between two places of an edge at which its cl
 
 
 def narrow_passages(mesh: NavMesh, least: float, width: float) -> NDArray[np.float64]:
-    """Find the free edges of a mesh along which there is nowhere room for two; return (S, 4) x and y of both ends.
+    """Find the free edges of a mesh along which there is nowhere room for two; return (S, 4) x, y of both ends [m].
 
     All vertices are on obstacles, so an agent that crosses an edge passes between two of them. Room for two is a
     clearance of half of ``width`` [m]: no edge shorter than ``width`` has it, nor has one that goes slantwise through a

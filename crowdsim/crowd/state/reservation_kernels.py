@@ -374,7 +374,7 @@ def reserve(
             leaves = ends_plan and taken == available
             found = lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline)
             if found == TOO_LONG:
-                break
+                break  # more nodes hardly ever take less time
             stands = stands or (not tolerant and (found >= 0 or found == IN_WAY))
             if found < 0:
                 continue  # it cannot come to a stand after this node; try the next

@@ -51,9 +51,9 @@ def near_any(segments, x, y, distance):
 
 @kernel
 def stops_in_passage(timeline, passages, distance):
-    """Return True if a timeline (K, 13) ends, but does not begin, within ``distance`` of one of ``passages`` (S, 4).
+    """Return True if a timeline (K, 13) ends, but does not begin, within ``distance`` [m] of one of ``passages``.
 
-    An agent that is there already may stop there again.
+    ``passages`` (S, 4) are segments [m]. An agent that is there already may stop there again.
     """
     return near_any(passages, timeline[-1, 0], timeline[-1, 1], distance) and not near_any(
         passages, timeline[0, 0], timeline[0, 1], distance
@@ -97,7 +97,7 @@ def meets_oncoming(timeline, chain, available, ways, passages, distance, radius)
 
 @kernel
 def stops_in_way(timeline, ways, width):
-    """Return True if a timeline (K, 13) ends nearer than ``width`` to one of ``ways`` (W, P, 2).
+    """Return True if a timeline (K, 13) ends nearer than ``width`` [m] to one of ``ways`` (W, P, 2).
 
     A stop behind the begin of a way is not in it. An agent that is in a way already may move along it, not against
     it.

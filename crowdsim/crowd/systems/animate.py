@@ -14,7 +14,7 @@ from crowdsim.ecs.world import View
 
 
 class Playing(NamedTuple):
-    """Columns that playback changes; see :mod:`crowdsim.crowd.state.components`."""
+    """Columns that playback reads and changes; see :mod:`crowdsim.crowd.state.components`."""
 
     node: NDArray[np.int32]
     previous: NDArray[np.int32]

@@ -41,7 +41,7 @@ from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.recording.header import AgentState
 
 NEAR_GOAL = 1.0
-"""Distance from a goal on the way below which it counts as reached if the last of the path is taken [m]."""
+"""Distance from a goal to walk through below which it counts as reached if the agent is refused [m]."""
 
 LONG_SECONDS = 5.0
 """Time after which a waiting agent lets others stop in its way, until it looks for a way around [s]."""
@@ -313,7 +313,7 @@ class Choosing:
         )
 
     def _walker(self, row: int, rate: int | None = None) -> Walker:
-        """Return the walker of a row that plays its nodes at ``rate`` [ticks/step], by default that of its plan."""
+        """Return the walker of a row at ``rate`` [ticks/step], by default that of the first node of its plan."""
         wanted = int(self.plans.motions.table.rates[self._rows.agent[row]]) if rate is None else rate
         return Walker.of(self.plans.assets.graph, self._rows, row, self._playback, wanted)
 

@@ -26,7 +26,7 @@ DEPTH = 16
 """Largest number of agents that give way to one, in one chain."""
 
 TRIES_AHEAD = 100
-"""Moves that are tried to let an agent step aside before it is in the way."""
+"""Moves that are tried to let an agent step aside before it is in the way, or off its place."""
 
 TRIES_A_STEP = 6000
 """Moves that are tried in one step for all agents that ask."""

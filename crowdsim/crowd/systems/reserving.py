@@ -1,4 +1,4 @@
-"""Reservations by Python: of agents that enter, and of rows beside which something is about to appear."""
+"""Reservations by Python: of agents that enter or reach a goal on the way, and of all while an event waits."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ class Reserving:
         *,
         strict: bool = False,
     ) -> dict[str, Any] | None:
-        """Return the columns of a reservation from a walker's pose through node ``following`` of a plan to its end.
+        """Return the columns of a reservation from a walker's pose on along a plan, None if it finds none.
 
         ``walkers`` are the same one at several rates, which are tried in turn: a slower one stops in no narrow passage
-        if one before it could stand elsewhere; if ``strict``, none stops in one. It takes as few later nodes as lead to
-        a stop, or out of the world. None without one. Its timeline is scratch, which the next reservation overwrites.
+        if one before it could stand elsewhere; if ``strict``, none stops in one. It takes node ``following`` and as few
+        later ones as lead to a stop, or out of the world. Its timeline is scratch, which the next one overwrites.
         """
         assets, walker = self.plans.assets, walkers[0]
         available = min(plan.count - following, LOOKAHEAD)
