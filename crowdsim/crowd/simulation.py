@@ -188,7 +188,7 @@ class Simulation(Commandable, Extensible):
         Raises
         ------
         CrowdSimError
-            If the simulation was run or closed, an own system fails or has failed, or one calls this.
+            If the simulation was run or closed, an own system fails or has failed, or a system calls this.
         """
         self._require_open()
         self._systems.require_outside()
@@ -228,7 +228,7 @@ class Simulation(Commandable, Extensible):
         ------
         CrowdSimError
             If the simulation was run or closed, or has taken steps that the recording would lack; if an own system
-            fails or has failed, or one calls this; if the recording cannot be written.
+            fails or has failed, or a system calls this; if the recording cannot be written.
         """
         self._require_open()
         self._systems.require_outside()
