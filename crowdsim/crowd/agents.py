@@ -125,7 +125,7 @@ class Agents:
         return _column(np.flatnonzero(self.state != AgentState.ABSENT), np.int64)
 
     def table(self) -> DataFrame:
-        """Return the agents in the world as a pandas frame, one row each.
+        """Return the agents in the world as a pandas frame, one row each; own columns of several values are left out.
 
         Raises
         ------

@@ -118,7 +118,7 @@ class CapturedCrowd:
 
     @cached_property
     def natural_speed(self) -> float:
-        """Return the speed of the gait [m/s]; MotionError if no clip shows one, which matters to speeds alone."""
+        """Return the speed of the gait [m/s]; MotionError if no clip shows one. Only agents with a speed need it."""
         return natural_speed(gait_clips(self._behavior_set)[-1])
 
     @property

@@ -73,7 +73,7 @@ class Commands:
         Raises
         ------
         ScenarioError
-            If there is no such group, or it has not so many left.
+            If there is no such group, it has not so many left, or ``count`` is not a whole number from 1 on.
         """
         if group not in self.called.on_call:
             known = ", ".join(map(repr, self.called.on_call)) or "there is none with 'on_call: true'"

@@ -143,7 +143,7 @@ class Simulation(Commandable, Extensible):
 
     @property
     def arrived(self) -> int:
-        """Return the number of agents that have reached their goal."""
+        """Return the number of agents that have reached their last goal."""
         return self.crowd.arrived
 
     @cached_property
@@ -168,7 +168,7 @@ class Simulation(Commandable, Extensible):
 
     @property
     def finished(self) -> bool:
-        """Return True if all agents that can arrive have arrived, or the scenario's time is over."""
+        """Return True if the time is over, or no command is left and all agents that can arrive have arrived."""
         return self.step_count >= self.step_limit or (self._commands.over and self.crowd.finished)
 
     def close(self) -> None:
@@ -188,7 +188,7 @@ class Simulation(Commandable, Extensible):
         Raises
         ------
         CrowdSimError
-            If the simulation was run or closed.
+            If the simulation was run or closed, an own system fails or has failed, or a system calls this.
         """
         self._require_open()
         self._systems.require_outside()
@@ -227,7 +227,8 @@ class Simulation(Commandable, Extensible):
         Raises
         ------
         CrowdSimError
-            If the simulation was run or closed, or has taken steps that the recording would lack.
+            If the simulation was run or closed, or has taken steps that the recording would lack; if an own system
+            fails or has failed, or a system calls this; if the recording cannot be written.
         """
         self._require_open()
         self._systems.require_outside()

@@ -82,7 +82,7 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
     order : (n,) int32
         Agent number of each row.
     steering : int
-        Number of steered agents; higher agent numbers are captured agents, which :func:`add_ways` handles.
+        Number of steered agents; agents from that number on are captured, which :func:`add_ways` handles.
     lines : (k, 4) float64
         Gets the half planes as :func:`set_line` writes them.
 

@@ -276,7 +276,8 @@ def follow_way(rows, mine, near, count, walls, rules, want):
     """Walk along guidance and around neighbors, at the speed that the gap ahead allows.
 
     Set velocity and shoulders of ``want``, whose ``opposed`` is set already. Set its facing only if a section of the
-    plan prescribes the turn of the body; otherwise it stays along the present velocity, as :func:`decide_rows` sets it.
+    plan prescribes the turn of the body, or by :func:`turn_first`; otherwise it stays along the present velocity, as
+    :func:`decide_rows` sets it.
     """
     # Desired direction: guidance, turned to the right under opposing traffic.
     ahead = (mine.gx, mine.gy)

@@ -28,11 +28,11 @@ ROW = np.dtype(
         ("iy", np.float64),
         ("half", np.float64),  # present half length of the capsule's core, shoulder to shoulder [m]
         ("radius", np.float64),  # radius of the capsule [m]
-        ("rank", np.float64),  # right of way among opposing agents: the higher rank goes first; time stuck [s] at first
+        ("rank", np.float64),  # right of way among opposing agents, highest first: time stuck [s], or lasting (rank_of)
         ("key", np.float64),  # right of way among agents of one goal: the lower key goes first [m]
         ("opposed", np.float64),  # awareness of opposing traffic, 0 to 1
         ("goal", np.int64),  # number of the goal; agents with the same number queue for it; negative for none
-        ("stuck", np.float64),  # time without progress, in [0, STUCK_MOST] [s]; the last CYCLE of it repeats
+        ("stuck", np.float64),  # time without progress, in [0, STUCK_MOST) [s]; the last CYCLE of it repeats
         ("speed", np.float64),  # free walking speed [m/s]
         ("gx", np.float64),  # unit vector of guidance: direction of the way to the goal; (0, 0) for an agent that stays
         ("gy", np.float64),

@@ -181,7 +181,7 @@ def distance_at(walls, x, y):
 
 @helper
 def is_lane(walls, x, y, ux, uy, width):
-    """Return True if walls on both sides of ``(ux, uy)`` leave less than ``width`` - LANE_SPARE [m].
+    """Return True if walls beside ``(x, y)`` leave less than ``width`` - LANE_SPARE [m] across the way ``(ux, uy)``.
 
     Test by a disc of diameter ``width``: it is moved off the nearest wall until it touches that one, and must then
     overlap the wall on the other side. A single wall across the way counts, too, if it is nearer than half of ``width``

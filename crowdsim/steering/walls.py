@@ -21,7 +21,8 @@ class Walls(NamedTuple):
     lists: NDArray[np.int64]
     """int64[k]: numbers of the segments near each cell."""
     distances: NDArray[np.uint8]
-    """uint8[rows, columns]: distance to the nearest segment at the points of a finer grid, in units of 0.01 m."""
+    """uint8[5 rows + 1, 5 columns + 1], [1, 1] without segments: distance to the nearest segment at the points of a
+    finer grid, in units of 0.01 m."""
     left: float
     """Left edge of both grids [m]."""
     bottom: float

@@ -75,7 +75,7 @@ def clear_of(
     frame : Frame
         Grid with which they were listed.
     bodies : ROW[k]
-        Bodies to test.
+        Bodies to test, none outside of the grid.
     room : float
         Least gap [m].
     own : (k,) int64, optional

@@ -50,7 +50,7 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
     confined : (n,) bool
         Gets True if a wall for the legs is so near that there is no room to pass another agent.
     in_lane : (n,) bool
-        Gets True in a lane.
+        Gets True in a lane, for agents that go somewhere.
     soon : (n,) float64
         Gets the time until the first closest approach nearer than the shorter distance [s], infinite if there is none.
         Others that go the same way do not count, as they can be followed.

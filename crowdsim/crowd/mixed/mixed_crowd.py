@@ -307,7 +307,7 @@ class MixedCrowd:
     def _refused(self, view: View, walks: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the time (m,) for which captured rows were refused, or have stood beyond one second [s].
 
-        Rows that do not want to walk on, of ``walks`` (m,), do not count as standing.
+        Rows that are not on their way, False in ``walks`` (m,), do not count as standing.
         """
         step, agents = self.step_count, view.agent.astype(np.int64)
         stands = walks & (view.state == AgentState.WAITING)

@@ -71,7 +71,10 @@ Floats = NDArray[np.float64]
 
 
 class _Asked(NamedTuple):
-    """Search for the captured motion of a steered agent: the entry it begins with, and the entry's origin."""
+    """Search for the captured motion of a steered agent: number of the entry it begins with, and the entry's origin.
+
+    The origin is (3,): x, y [m], heading [rad].
+    """
 
     entry: int
     origin: Floats
@@ -93,6 +96,7 @@ class Switches:
         captured.plans.paces.keep(captured.cast.speeds, self.natural_speed)
         self._exits = behavior_set.once("exits", lambda: find_exits(behavior_set, self.entries, self.phases))
         self._asked: dict[int, _Asked] = {}
+        # (n,) last step in which each captured agent was not to steer.
         self._wanted_since = np.zeros(captured.count, np.int64)
         # (n,) step of the last request of each agent; at first one long enough ago for the next.
         self._tried = np.full(captured.count, -STEERING_RATE * 10, np.int64)

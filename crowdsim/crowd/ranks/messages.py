@@ -29,8 +29,8 @@ def ghosts_of(records: NDArray[Any]) -> Ghosts:
 class RowMessage:
     """The agents of one rank at its borders, in one step.
 
-    Those that have left the region, and stay in the world, change their rank. The others near another region, and
-    those that change it, are ghosts there.
+    Those that have left the region, and stay in the world, change their rank. Agents near a region that are not, or no
+    longer, of its rank are ghosts there.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ class Regions:
         return len(self.boxes)
 
     def within(self, rank: int, columns: Cells, rows: Cells, beyond: int = 0) -> NDArray[np.bool_]:
-        """Return which cells are in a region, or at most ``beyond`` cells from it; inside of it if negative."""
+        """Return which cells are in a region, or at most ``beyond`` cells off; that far inside of it if negative."""
         left, bottom, right, top = self.boxes[rank].tolist()
         inside = (columns >= left - beyond) & (columns < right + beyond)
         return np.asarray(inside & (rows >= bottom - beyond) & (rows < top + beyond))

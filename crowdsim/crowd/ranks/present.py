@@ -23,7 +23,7 @@ PRESENT = np.dtype(
         ("state", np.int8),
     ]
 )
-"""An agent in one step."""
+"""An agent in one step: x, y [m], heading [rad] and phase of its gait [cycles]; behavior and AgentState."""
 
 
 def present_rows(view: View) -> NDArray[Any]:

@@ -47,7 +47,7 @@ def standing_distances(table, lifted, then, now, old, new):
     table: :class:`crowdsim.motion.graph.pose_table.PoseTable`.
     lifted: (T, 2, P) int32 of :class:`crowdsim.motion.planted.planted_rows.PlantedRows`.
     then, now: (m,) int64, rows of the same bodies in ``old`` and in ``new``.
-    old, new: nodes (n,) int32, frames (n,) and points (n, 2, P, 3) [m] of all bodies at the two moments.
+    old, new: nodes (n,) int32, frames (n,) and points (n, 2, P, 3) [m], both float64, of all bodies at the two moments.
     """
     old_node, old_frame, old_points = old
     node, frame, points = new

@@ -17,7 +17,7 @@ from crowdsim.steering.row_kernels import CELL, FRAME_COLUMNS, FRAME_ROWS
 
 @kernel
 def closest_pair(places, order, starts, frame, limit):
-    """Return the smallest distance between two of ``places`` (N, 2) if it is below ``limit`` [m], else that or more.
+    """Return the smallest distance between two of ``places`` (N, 2) [m], or ``limit`` or more if none is below it [m].
 
     ``order`` (N,), ``starts`` (cells + 1,) and ``frame`` are the rows sorted by cells, from
     :func:`crowdsim.crowd.near.neighbors.sorted_places`.

@@ -163,7 +163,7 @@ def _mesh_record(solid: MeshSolid) -> MeshRecord:
 
 
 def labeled_points(route: AnnotatedPath) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
-    """Return points (P, 2) of a route, including changes of behavior, and the behavior (P,) from each on."""
+    """Return points (P, 2) of a route [m], including changes of behavior, and the behavior (P,) from each on."""
     starts = np.array([section.start for section in route.sections])
     # Python's sort keeps the GIL; numpy's releases it and would then wait for other threads.
     arc = np.array(sorted({*route.arc.tolist(), *starts.tolist()}))

@@ -13,7 +13,7 @@ class Share(NamedTuple):
     Attributes
     ----------
     agents : slice
-        The agents.
+        Their numbers.
     ranks : Ranks
         The processes, in the order of their agents.
     """

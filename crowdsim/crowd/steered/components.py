@@ -29,7 +29,8 @@ class Errand(IntEnum):
 
 
 NO_GOAL = -1
-"""Goal in ROW of a standing agent. It differs from all goals, so any stuck agent may ask it to step aside."""
+"""Goal in ROW of an agent that stands, turns or walks to its spot. It differs from all goals, so any stuck agent may
+ask it to step aside."""
 
 COLUMNS = (
     Column("agent", np.int32, (), NONE),  # index of the agent in the run, also its row in the recording
@@ -45,6 +46,6 @@ COLUMNS = (
     Column("following", np.int32, (), PLAIN),  # number of the field that it follows
     Column("pace", np.float64),  # free walking speed [m/s]
     Column("phase", np.float64),  # phase of its gait [cycles]
-    Column("anchor", np.float64, (3,)),  # pose at which its rear foot, which lifts next, was under the body
+    Column("anchor", np.float64, (3,)),  # pose [m], [rad] at which its rear foot, which lifts next, was under the body
 )
 """Columns of a steered agent."""

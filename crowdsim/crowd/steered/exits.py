@@ -88,7 +88,7 @@ class ExitChoice:
     ) -> None:
         self._ranks = ranks
         self.goals = cast.assigned.copy()
-        """(n,) int32: goal to which each agent goes finally, NONE before it has entered."""
+        """(n,) int32: number of the goal that is the exit of each agent, NONE if it has none, or has not chosen yet."""
         self._cast, self._guidance, self._rate = cast, guidance, steps_per_second
         self._pause = round(CONSIDERS_SECONDS * steps_per_second)
         self._chooses = np.array([it.choice in ("nearest", "quickest") for it in cast.itineraries], np.bool_)
@@ -202,8 +202,8 @@ class ExitChoice:
             return lengths
         times: Floats = lengths / self._cast.walkers.speeds[agents][:, None]
         for k, queue in enumerate(queues):
-            # Agents nearer to the exit are through before it: it waits for them at the expected flow. An agent's own
-            # length, which may be rounded otherwise in the queue, does not count.
+            # Agents nearer to the exit go through before this one, at the expected flow. An agent's own length, which
+            # may be rounded otherwise in the queue, does not count.
             ahead = np.searchsorted(queue, lengths[:, k] - 1e-6)
             times[:, k] = np.maximum(times[:, k], ahead / self._flows[exits[k]])
         return times

@@ -28,7 +28,8 @@ def walk_on(view: View, headings_before: NDArray[np.float64], asked: NDArray[np.
     velocities = np.column_stack((rows["vx"], rows["vy"]))
     turns = wrap_angle(rows["heading"] - headings_before) * STEERING_RATE
     advance_phases(places, velocities, turns, 1.0 / STEERING_RATE, view.phase, view.anchor)
-    # The behavior is the one whose turn and arms guidance prescribes; else the last, preferred one.
+    # The behavior is the one whose turn and arms guidance prescribes, of several alike the widest; else the last,
+    # preferred one.
     view.behavior[:] = len(asked) - 1
     for number, (turn, held) in enumerate(asked[:-1]):
         view.behavior[(rows["turn"] == turn) & ((rows["held"] >= 0.0) == (held >= 0.0))] = number

@@ -30,7 +30,10 @@ _SNAPPED = 1e-9
 
 
 def laid_three_times(environment: Environment, span: tuple[float, float]) -> Environment:
-    """Return an environment repeated beyond both ends of a periodic floor; the same if it is not periodic."""
+    """Return an environment repeated beyond both ends of a periodic floor; the same if it is not periodic.
+
+    ``span`` is the period along x and y [m], 0 for none.
+    """
     if span == (0.0, 0.0):
         return environment
 

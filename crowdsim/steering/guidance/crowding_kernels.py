@@ -68,6 +68,7 @@ def set_load(weights, gain, free, load, quiet):
             quiet[row, column] = 255
             if over > 0.0:
                 load[row, column] = 1.0 + gain * over
+            # An excess too small for float32 leaves the factor at 1.
             if load[row, column] > 1.0:
                 quiet[row, column] = 0
                 dearer += 1

@@ -51,8 +51,8 @@ class Field(NamedTuple):
     slots: NDArray[np.int32]
     """int32[boxes]: row of ``heads`` and ``costs``; -1 if all agents in the box may head straight for its anchor."""
     heads: NDArray[np.int32]
-    """int32[j, 16]: target of each part of a box (a box or a point of the goal), found when the first agent is
-    there."""
+    """int32[j, 16]: target of each part of a box (a box or a point of the goal), -1 if no line is free; UNKNOWN until
+    the first agent is there."""
     costs: NDArray[np.float32]
     """float32[j, 16]: cost from the middle of the part over that target."""
     points: NDArray[np.float64]
@@ -63,13 +63,13 @@ class Ways(NamedTuple):
     """Paths from k positions, as a field gives them."""
 
     direction: NDArray[np.float64]
-    """float64[k, 2]: unit vectors; (0, 0) in the goal, and without a path."""
+    """float64[k, 2]: unit vectors; (0, 0) in the goal, exactly at a target, and without a path."""
     cost: NDArray[np.float64]
     """float64[k]: cost to the goal, infinite without a path."""
     length: NDArray[np.float64]
-    """float64[k]: length of the path [m]."""
+    """float64[k]: length of the path [m], infinite without one."""
     behavior: NDArray[np.int64]
-    """int64[k]: behavior needed next."""
+    """int64[k]: behavior needed next; the widest in the goal, and without a path."""
 
 
 def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowding = NOBODY) -> Field:
@@ -92,7 +92,7 @@ def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowdi
     Raises
     ------
     GeometryError
-        If the goal is neither of these, or has coordinates that are not finite.
+        If the goal has coordinates that are not finite.
     """
     points, inside = _goal_of(ground, goal)
     boxes = ground.columns * ground.rows
@@ -146,8 +146,8 @@ def asked_of(behaviors: Sequence[Behavior], radius: float = 0.125) -> NDArray[np
     Returns
     -------
     (n, 2) float64
-        Turn against the path [rad], and half length of the core with the arms held in [m]; -1 if not prescribed. A
-        turned behavior holds the arms as the narrowest upright one does. The last behavior leaves the arms free.
+        Turn against the path [rad], and half length of the core with the arms held in [m]; -1 if not prescribed. All
+        but the last hold the arms as the narrowest upright one does; the last behavior leaves them free.
     """
     # The last radius is that on the uppermost layer, which the arms meet.
     upright = [float(each.radii[-1]) for each in behaviors if not each.turned]

@@ -190,7 +190,7 @@ def _frames(walls: Walls, segments: Floats) -> bool:
 
 
 def _cells(walls: Walls, window: Bounds, margin: float) -> tuple[int, int, int, int]:
-    """Return first column and row, then last (exclusive), of the cells within ``margin`` of a window."""
+    """Return first column and row, then last (exclusive), of the cells within ``margin`` [m] of a window."""
     x0, y0, x1, y1 = window
     low = (int((x0 - margin - walls.left) // WALL_CELL), int((y0 - margin - walls.bottom) // WALL_CELL))
     high = (int((x1 + margin - walls.left) // WALL_CELL) + 1, int((y1 + margin - walls.bottom) // WALL_CELL) + 1)
