@@ -38,7 +38,7 @@ _Signature: TypeAlias = tuple[Any, ...]
 
 
 class FirstKernel(NamedTuple):
-    """A kernel that a first run compiles: its function, CPU time [s], and the numba types of its arguments.
+    """A kernel that a first run compiles: dotted path of its function, CPU time [s], numba types of its arguments.
 
     A kernel that only other kernels call is compiled with them: its ``arguments`` are None.
     """
@@ -126,7 +126,7 @@ def _type(made_of: Sequence[Any], known: Sequence[Any]) -> Any:
             return types.Array(known[dtype], dimensions, layout)
         case ["tuple", where, parts]:
             return types.BaseTuple.from_types([known[each] for each in parts], where and _imported(where))
-        case [_, name]:
+        case [_, name]:  # numba prints its type boolean as bool
             return getattr(types, "boolean" if name == "bool" else name)
     raise ValueError(f"{_FILE}: no type is described by {made_of}")
 

@@ -1,7 +1,8 @@
 """Lists of things by the cells of a grid, as a counting sort makes them: which cells a thing is near, and the lists.
 
-The lists of all cells lie one after the other in an array; ``starts`` has the index at which each begins. The caller
-goes through the things twice, in the same order: first with empty ``lists`` to count, then to fill them.
+The lists of all cells lie one after the other in an array; ``starts`` (cells + 1,) has the index at which each begins.
+Both are of integers. The caller goes through the things twice, in the same order: first with ``starts`` 0 and empty
+``lists`` to count, then to fill them.
 """
 
 import math

@@ -24,7 +24,7 @@ _TWO_OVER_PI = 0.6366197723675814
 _QUARTER_1 = 1.5707963267341256
 _QUARTER_2 = 6.077100506303966e-11
 _QUARTER_3 = 2.0222662487959506e-21
-# Angles as doubles, and the rest that the double leaves out.
+# An eighth and a quarter of a turn [rad] as doubles, the rest that each double leaves out, and a tangent.
 _EIGHTH = 0.7853981633974483
 _EIGHTH_REST = 3.061616997868383e-17
 _QUARTER = 1.5707963267948966

@@ -13,7 +13,7 @@ from crowdsim.errors import GeometryError
 from crowdsim.geometry.planar import rotation
 
 MAX_EXTENT = 2e6
-"""Greatest extent of an area [m]. In a wider one the grid that makes predicates exact would be coarser than people."""
+"""Greatest extent of an area [m]. There the grid that makes predicates exact has cells of 12.5 cm."""
 
 LARGE_EXTENT = 1e3
 """Extent [m] above which a warning is given, as the area may be drawn in another unit."""

@@ -59,7 +59,7 @@ class Planner:
     bodies : Bodies, optional
         Moving bodies and their scene, for "collision3d".
     margin : float
-        Added to every body radius [m]. Start and goal alone may be closer to obstacles by this much.
+        Added to every body radius [m]. Only start and goal may be closer to obstacles, by this much.
     terms : (4,) float64
         Costs and lengths of changes of behavior, as :data:`~crowdsim.planning.labels.labelling_kernels.TERMS`.
 

@@ -88,7 +88,7 @@ def _arc_before(graph, guide, search, first):
     for i in range(first):
         node = np.int64(search.best_step[i, 0])
         x, y, _ = node_end(graph, node, search.best_place[i, 0], search.best_place[i, 1], search.best_place[i, 2])
-        # The first node may begin anywhere along the start of the path; later ones only near the end of the last.
+        # The first node may begin anywhere along the start of the path; others only near the end of the one before.
         low, beyond = (arc - 0.2, 0.3) if i > 0 else (0.0, 1.0)
         arc = max(project(guide, x, y, low, arc + graph.node_length[node] + beyond)[0], arc)
     return arc
@@ -131,7 +131,7 @@ def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, withi
     """Bend the solution of ``count`` nodes in ``search.best_*`` so that it ends within ``within`` meters of the goal.
 
     First the last two joints are turned, then twice as many each time, so that most of the motion stays as it was
-    found. Bent nodes are tested from the first that moves on: discs on all ``layers``, joints if ``reach`` is given.
+    found. The bent nodes are tested: discs on all ``layers``, joints if ``reach`` is given.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ class FollowOptions:
     margin : float
         Clearance beyond the body's radius for nodes of a wider behavior than planned [m]: the margin of plans.
     transition_reach : float
-        Distance from a section within which its behavior may be used, if that faces off the motion [m].
+        Distance from a section planned for a turned behavior, or for a narrower one, within which it may be used [m].
     heading_tolerance : float
         Largest angle between body and path at the end of each node that moves [rad].
     deviation : float

@@ -75,9 +75,10 @@ class Laid(NamedTuple):
     """Entries of the present map as they were laid last, one row each, valid for the stage whose ``serial`` it carries.
 
     fit: may be taken. wide: of a wider behavior than planned. reached: at the goal. free: (entries, layers + 1), found
-    free on each layer, and all joints found in their section. node, edge, twist [rad], origin, end: as in a solution.
-    arc: arc length of the path beside the end [m]. area: cost up to the end, off: cost of the error at the end [m2].
-    strayed: largest distance of the track from the path [m].
+    free on each layer, and all joints found in their section. node, edge, twist [rad], origin: as of `FollowResult`.
+    end: (entries, 3) pose x, y [m], heading [rad] at its end. arc: arc length of the path beside the end [m]. area:
+    cost up to the end, off: cost of the error at the end [m2]. strayed: largest distance of the track from the path
+    [m].
     """
 
     serial: NDArray[np.int64]

@@ -105,7 +105,7 @@ class Character:
     facings : (B, F) float64
         Angles off the direction of motion at which the body may face in each behavior [rad], padded with nan.
     reach : BodyReach or None
-        Positions of the body's joints, to keep each of them in its section; None tests the discs alone.
+        Positions of the body's joints, to keep each of them in its section; None to test only the discs.
 
     Examples
     --------
@@ -278,9 +278,9 @@ def follow_path(
 ) -> FollowResult:
     """Find nodes that walk along a path with every body disc free on all layers (2012 paper, section 5).
 
-    If all joints must stay in their sections and nothing is found, try again with less clearance: motions that need
-    less are valid with more, and a search among many free branches may go astray that tighter limits keep on the path.
-    So more clearance is never worse. Safe to call from several threads at once.
+    If all joints must stay in their sections and nothing is found, try again with less clearance, each time with the
+    whole budget: motions that need less are valid with more, and a search among many free branches may go astray that
+    tighter limits keep on the path. So more clearance is never worse. Safe to call from several threads at once.
 
     Parameters
     ----------

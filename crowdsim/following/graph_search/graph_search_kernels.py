@@ -28,8 +28,8 @@ from crowdsim.navmesh.mesh.heap_kernels import place, pop
 
 X, Y, ASIDE_X, ASIDE_Y, FADE, LEGS, TORSO = range(7)
 PROBE_COLUMNS = 7
-"""Columns of ``probes.row``: place of the track in the node's frame, vector from there to the tested point, share of
-the blend offset that is left, and the radius that must be free on each layer (0: not tested)."""
+"""Columns of ``probes.row``: place of the track in the node's frame, vector from there to the tested point [m], share
+of the blend offset that is left, and the radius that must be free on each layer [m] (0: not tested)."""
 
 PARENT, EDGE, NODE = range(3)
 """Columns of ``tree.link``; the first two are those of ``tree.waiting``, too."""
@@ -37,7 +37,7 @@ PARENT, EDGE, NODE = range(3)
 END = 3
 WALKED = 6
 PLACE_COLUMNS = 7
-"""Columns of ``tree.place``: the origin pose from 0 on, the end pose from END on, distance walked to the end."""
+"""Columns of ``tree.place``: the origin pose from 0 on, the end pose from END on, distance walked to the end [m]."""
 
 COLLISION_TESTS, BENT = range(2)
 COUNTERS = 2

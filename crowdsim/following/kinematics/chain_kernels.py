@@ -3,7 +3,7 @@
 A joint is the planted foot at an edge of the branch; turning it rotates all that comes after it.
 
 Arguments of all helpers are those of :func:`bend_chain`, and the pose e of the chain's end: ex, ey [m], eh [rad].
-``joint`` (J, 2) are places [m], ``limit`` (J, 2) least and largest turn and ``turn`` (J,) present turn of each [rad],
+``joint`` (K, 2) are places [m], ``limit`` (K, 2) least and largest turn and ``turn`` (K,) present turn of each [rad],
 ``count`` how many there are, base first; ``lever`` weighs an error of heading [m/rad]. In a leap p = (px, py, ph) is a
 vector in the space of the end's pose.
 """
@@ -27,6 +27,7 @@ _DAMPING = 0.5
 """Damping of a leap, as a share of the squared miss. It keeps leaps short if the chain is nearly straight."""
 
 _TINY = 1e-12
+"""Keeps divisors above 0."""
 
 
 @helper
@@ -76,7 +77,7 @@ def _leap(joint, limit, turn, count, ex, ey, eh, px, py, ph, lever, real):
 
     Joints and turns are stored if ``real``; otherwise the leap is only tried. The pose is x, y [m] and heading [rad].
     """
-    # Motion of the chain beyond the joints so far: p -> (c x - s y + tx, s x + c y + ty).
+    # Motion of the chain beyond the joints so far: a point (u, v) -> (c u - s v + tx, s u + c v + ty).
     c, s, tx, ty = 1.0, 0.0, 0.0, 0.0
     x, y, heading = ex, ey, eh
     for j in range(count):
@@ -106,7 +107,7 @@ def _sweep(joint, limit, turn, count, ex, ey, eh, goal, lever):
     Cyclic coordinate descent. ``joint`` and ``turn`` are updated.
     """
     aimed = not math.isnan(goal[2])
-    # Motion of the chain beyond the joints so far: p -> (c x - s y + tx, s x + c y + ty).
+    # Motion of the chain beyond the joints so far: a point (u, v) -> (c u - s v + tx, s u + c v + ty).
     c, s, tx, ty = 1.0, 0.0, 0.0, 0.0
     for j in range(count):
         jx = c * joint[j, 0] - s * joint[j, 1] + tx

@@ -121,8 +121,8 @@ def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edg
     Parameters
     ----------
     graph: :class:`crowdsim.motion.graph.arrays.GraphArrays`.
-    depth: largest number of edges of a branch. reach: search cost up to which entries are expanded [m].
-    capacity: largest number of entries per map.
+    depth: largest number of edges of a branch. capacity: largest number of entries per map.
+    reach: search cost up to which entries are expanded [m]; the root always is.
     first: (end - begin + 1,) int64, filled with the row of each map's entry 0, and the number of all rows.
     key, parent, edge, node, level, pose, length: columns of ((end - begin) * capacity,) rows, one for each entry, map
     after map. key: int64, cell of the entry. parent, edge, node, level: int32; the parent is an entry of the same map,

@@ -255,7 +255,7 @@ def _behavior_counts(graph: GraphArrays) -> NDArray[np.int32]:
 def _delays(graph: GraphArrays) -> NDArray[np.float64]:
     """Return how much longer each node takes than its behavior does on average for the same way [s], 0 at least.
 
-    The mean speed of a behavior is that of all its nodes that move on; others, as turns in place, are late as a whole.
+    The mean speed of a behavior is that of all its nodes that move on, without turns in place.
     """
     seconds = graph.node_frames / CAPTURE_RATE
     moved = hypot(graph.node_motion[:, 0], graph.node_motion[:, 1])
@@ -268,7 +268,7 @@ def _delays(graph: GraphArrays) -> NDArray[np.float64]:
 
 
 def _outlines(graph: GraphArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return each node's track resampled by arc length; a track no longer than a cell gives its end alone.
+    """Return each node's track resampled by arc length; a track no longer than a cell gives only its end.
 
     Two arrays as ``outline_first`` and ``outline`` of :class:`MapArrays`.
     """

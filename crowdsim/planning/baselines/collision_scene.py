@@ -43,7 +43,7 @@ class CollisionScene:
         self._tree.setup()
 
     def collides(self, body: Any, x: float, y: float, heading: float) -> bool:
-        """Return True if a body of :class:`Stride` with its track at (x, y, heading) touches the scene."""
+        """Return True if a body of :class:`Stride` with its track at (x, y, heading) [m, rad] touches the scene."""
         c, s = cos(heading), sin(heading)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         body.setTransform(self._fcl.Transform(turn, np.array([x, y, 0.0])))
@@ -70,7 +70,7 @@ class Stride:
 
 
 def _surfaces(capsules: Capsules) -> tuple[Floats, NDArray[np.int64]]:
-    """Return the points (F, V, 3) of all capsules of a body in each frame, and the triangles (T, 3) between them."""
+    """Return points (F, V, 3) of all capsules in each frame, relative to the track [m], and their triangles (T, 3)."""
     import trimesh
 
     # One capsule of radius 1 for all: each of its points goes with one end of the axis.
@@ -99,7 +99,7 @@ def _unit(vectors: Floats, instead: tuple[float, float, float]) -> Floats:
 
 
 def _surface(points: Floats, triangles: NDArray[np.int64]) -> Any:
-    """Return a collision object of points (V, 3) and triangles (T, 3)."""
+    """Return a collision object of points (V, 3) [m] and triangles (T, 3)."""
     fcl = load_fcl()
     model = fcl.BVHModel()
     model.beginModel(len(points), len(triangles))
@@ -109,7 +109,7 @@ def _surface(points: Floats, triangles: NDArray[np.int64]) -> Any:
 
 
 def _triangles(solid: AnySolid) -> tuple[Floats, NDArray[np.int64]]:
-    """Return points (V, 3) and triangles (T, 3) of a solid's surface."""
+    """Return points (V, 3) [m] and triangles (T, 3) of a solid's surface."""
     if isinstance(solid, MeshSolid):
         return solid.vertices, solid.triangles
     import trimesh

@@ -73,7 +73,7 @@ def plan_greedy(query: Query, copies: MeshCopies) -> AnnotatedPath | None:
 
 def plan_step_by_step(query: Query, annotate: Annotate) -> AnnotatedPath | None:
     """Do what `plan_around` does, with one path search per blocker; return None if no path fits any behavior."""
-    mesh = query.meshes[0].with_points(np.empty((0, 2)))
+    mesh = query.meshes[0].with_points(np.empty((0, 2)))  # a copy
 
     def shortest() -> AnnotatedPath:
         """Return the shortest path for the legs in the mesh as it is; infinite cost if there is none."""

@@ -78,7 +78,7 @@ class AnnotatedPath:
         return points_at(self.points, self.arc, arc)
 
     def sample(self, spacing: float = 0.1) -> PathSamples:
-        """Return samples at equal steps of at most ``spacing`` [m], both ends included; the path has sections."""
+        """Return samples at equal steps of at most ``spacing`` [m], both ends included; the path must have sections."""
         if not spacing > 0.0:
             raise GeometryError(f"a path cannot be sampled every {spacing} m; give a positive spacing")
         # The tolerance keeps rounding from adding a sample to a path of a whole number of steps.
@@ -94,7 +94,7 @@ class AnnotatedPath:
 
 
 def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the arc length (n,) at each vertex of a polyline (n, 2)."""
+    """Return the arc length (n,) at each vertex of a polyline (n, 2) [m]."""
     arc = np.empty(len(points))
     add_lengths(points, arc)
     return arc

@@ -1,9 +1,9 @@
 """Where each behavior fits along a path: exact intervals for all behaviors in one pass, then the cheapest sections.
 
-``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``radii`` (n, m) and ``costs``, ``turned``
-and ``terms`` are those of :class:`Fitting`, ``k`` a layer; ``lasts`` (n,) is the index of each behavior's last interval
-on this layer, -1 for none; ``spans`` are records OWN_SPAN; a and b are the ends of a side ab in the frame of a
-:class:`Piece`; ``length`` is that of the piece, or of the path [m].
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``radii`` (n, layers), ``costs``,
+``turned`` and ``terms`` are those of :class:`Fitting`, ``k`` a layer; ``lasts`` (n,) is the index of each behavior's
+last interval on this layer, -1 for none; ``spans`` are records OWN_SPAN; a and b are the ends of a side ab in the frame
+of a :class:`Piece`; ``length`` is that of the piece, or of the path [m].
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def _add_corner(spans, lasts, count, radii, k, x, y, piece):
 
 @helper
 def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece):
-    """Record where the piece is too close to the inside of side ab, for each behavior; return the new count."""
+    """Record where the piece is too close to side ab between its ends, for each behavior; return the new count."""
     ex = bx - ax
     ey = by - ay
     size = hypot(ex, ey)
@@ -211,7 +211,7 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
     closer than anything behind it.
 
     m: arrays of the layer's mesh. stack: scratch of :data:`SWEPT`. marks (triangles,): the visited triangles hold
-    ``mark``. radii: (n, m) required clearances [m]. spans, lasts, count: as in `_add_span`.
+    ``mark``. radii: (n, layers) required clearances [m]. spans, lasts, count: as in `_add_span`.
     """
     sides = m.sides
     vertices = m.vertices
@@ -332,12 +332,12 @@ def annotate(fitting, points):
     Parameters
     ----------
     fitting: :class:`Fitting`
-    points: (n, 2) float64, vertices of the path [m].
+    points: (p, 2) float64, vertices of the path [m].
 
     Returns
     -------
-    (sections (k, 3), cost, length): rows (behavior, start, end) and the cost as of `label_stretches`, and the length of
-    the polyline [m].
+    (sections (k, 3), cost, length): rows (behavior, start, end [m]) and the cost as of `label_stretches`, and the
+    length of the polyline [m].
     """
     layers, radii, costs, turned, terms = fitting
     count = costs.size

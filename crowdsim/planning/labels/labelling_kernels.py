@@ -185,7 +185,7 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
 
     Returns
     -------
-    (sections (k, 3), cost): rows (behavior, start, end). No rows and infinite cost if some place fits no behavior.
+    (sections (k, 3), cost): rows (behavior, start, end [m]). No rows and infinite cost if some place fits no behavior.
     """
     n = costs.size
     spans = np.empty(64, SPAN)
@@ -220,8 +220,8 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
                 inside[i, 2 * k + side] = grown[k, side]
                 cuts[filled] = grown[k, side]
                 filled += 1
-    # Cells between all ends of these intervals, and the widest behavior allowed in each. The bounds of a behavior's
-    # intervals ascend, so an odd rank among them means inside one.
+    # Cells between all ends of these intervals, one on a path of no length, and the widest behavior allowed in each.
+    # The bounds of a behavior's intervals ascend, so an odd rank among them means inside one.
     cells = max(_sort_distinct(cuts, filled), 2) - 1
     widest = np.zeros(cells, np.int32)
     for cell in range(cells):

@@ -9,9 +9,9 @@ _BORDER = 1e-9
 
 @helper
 def _piece_at(lengths, where, piece):
-    """Return the last piece, from ``piece`` on, of a polyline with arc lengths (n,) that begins at or before where.
+    """Return the last piece of a polyline, from ``piece`` on, that begins at or before the arc length ``where`` [m].
 
-    Piece i begins at point i; n - 1, at the end of the polyline, stands for its last point.
+    ``lengths`` (n,) are the arc lengths of its points. Piece i begins at point i; n - 1 stands for the last point.
     """
     while piece + 1 < len(lengths) and lengths[piece + 1] <= where:
         piece += 1

@@ -59,7 +59,7 @@ def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
     layers = layers_of(query.meshes)
     if are_free(layers, query.need.radii.max(axis=0) + MARGIN + _ROOMY, pieces):
         return path
-    # Places of each station (n, SHIFTS, 2), along the normal of the chord between its neighbors.
+    # Places of each station (n, shifts, 2), along the normal of the chord between its neighbors.
     arc = np.linspace(0.0, path.length, int(np.ceil(path.length / STATION)) + 1)
     along = path.at(arc + STATION) - path.at(arc - STATION)
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / hypot(*along.T)[:, None]
@@ -120,9 +120,9 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
 
 
 def _cheapest_shifts(prices: NDArray[np.float64], steps: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the shift (n,) of each station with the least sum of length times mean price, by Bellman's recursion.
+    """Return indices (n,) of the shifts with the least sum of length times mean price, by Bellman's recursion.
 
-    prices: (n, SHIFTS) cost per meter at each place of each station, infinite where nothing fits; the first and the
+    prices: (n, shifts) cost per meter at each place of each station, infinite where nothing fits; the first and the
     last station stay. steps: (n - 1, from, to) distance between the places of neighboring stations [m].
     """
     before = np.full(steps.shape[:2], _STAY)
@@ -150,7 +150,7 @@ def _shifted(
     """Return the path through its shifted stations, and the indices of its points that are stations.
 
     Between two stations that do not shift, it is the path itself. arc: (n,) arc length of each station [m]. places: (n,
-    SHIFTS, 2) where it may be [m]. chosen: (n,) its shift.
+    shifts, 2) where it may be [m]. chosen: (n,) index of its shift.
     """
     stays = chosen == _STAY
     # own: the station at or before each vertex of the path. kept: vertices between two stations that stay, unless one
@@ -166,7 +166,7 @@ def _shifted(
 
 
 def joined(pieces: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Concatenate polylines and drop repeated points."""
+    """Concatenate polylines (n, 2) [m] and drop points that repeat the one before."""
     points = np.concatenate(pieces)
     keep = np.append(True, hypot(*np.diff(points, axis=0).T) > 1e-9)
     return np.ascontiguousarray(points[keep])

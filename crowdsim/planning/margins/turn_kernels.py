@@ -1,6 +1,6 @@
 """Bend a path at its turns, where a turning body reaches farther than the path's clearance.
 
-``points`` (n, 2) is the path and ``arc`` (n,) its arc length [m]; ``layers`` (m, 5, 2) are the mesh addresses of
+``points`` (p, 2) is the path and ``arc`` (p,) its arc length [m]; ``layers`` (m, 5, 2) are the mesh addresses of
 `layers_of`; ``radii`` (n, m) are the clearances of n behaviors, the widest last, and ``turning`` (n, 2, m) those of
 turns into and out of them [m].
 """
@@ -32,7 +32,7 @@ SPARED = 0.004
 """Shortfall of a turn's reach that is not worth a bend [m]."""
 
 INNER = int(0.25 * TURN_ROOM / STATION) + 1
-"""Stations on each side of a turn's middle that may move: those in the middle half of TURN_ROOM."""
+"""Stations on each side of a turn's middle that may move. They cover the middle half of TURN_ROOM."""
 
 RAMP = 2
 """Stations from the last of these to the point where the bend rejoins the path."""
@@ -116,7 +116,7 @@ def _lead_aside(layers, radii, turning, label, back, places):
 
 @kernel
 def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turned):
-    """Bend a path to give each turn its room; return (points (n, 2), arc (n,), sections (k, 3), cost).
+    """Bend a path to give each turn its room; return (points (q, 2), arc (q,), sections (k, 3), cost).
 
     Parameters
     ----------

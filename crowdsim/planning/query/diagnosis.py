@@ -53,7 +53,7 @@ def _too_narrow_below(query: Query, failure: PathNotFound) -> str:
 
 
 def _narrowest_place(query: Query, layer: int, points: NDArray[np.float64], radius: float) -> str:
-    """Describe the place with the least clearance along ``points`` (n, 2) on one layer, for bodies of ``radius``."""
+    """Describe the place with the least clearance along ``points`` (n, 2) on a layer, for bodies of ``radius`` [m]."""
     mesh, name = query.meshes[layer], f"layer {layer}" if layer else "legs layer"
     widest = f"; the widest pose is in {query.need.widest[layer]}" if query.need.widest else ""
     arc = arc_lengths(points)

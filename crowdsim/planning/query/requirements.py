@@ -23,8 +23,8 @@ class Requirements:
 
     radii: (n, m) float64, planned clearance [m]. On the legs' layer all are equal to the largest of the behaviors'; on
     the others each is at least that of the narrower ones.
-    bodies: (n, m) float64, clearance of the body alone [m]. costs: (n,) float64, cost per meter. turned: (n,) bool,
-    True if the body faces away from its direction of motion.
+    bodies: (n, m) float64, clearance of the body, without margin [m]. costs: (n,) float64, cost per meter. turned: (n,)
+    bool, True if the body faces away from its direction of motion.
     turning: (n, 2, m) float64, reach of a body that turns into the behavior and out of it [m]; 0 if no clip turns.
     widest: clip and frame that determine the least clearance on each layer, () if they are not known.
     """
@@ -94,7 +94,7 @@ class Requirements:
 def _widest(behaviors: Sequence[Behavior], bodies: NDArray[np.float64]) -> tuple[str, ...]:
     """Return the clip and frame behind each layer's least clearance; on the legs' layer that of the widest behavior.
 
-    () if they are not known of all behaviors. bodies: (n, m) clearance of the bodies alone [m].
+    () if they are not known of all behaviors. bodies: (n, m) clearance of the bodies, without margin [m].
     """
     if not all(behavior.widest for behavior in behaviors):
         return ()

@@ -155,7 +155,7 @@ def place_points(layers, radii):
                     k += 1
                 if widest > level:
                     continue
-                # A narrower behavior gets the widest place alone.
+                # A narrower behavior gets only the widest place.
                 if level < n - 1:
                     s = length * best / steps
                     points, count = _add_point(points, count, ax + s * ux, ay + s * uy, level, h)

@@ -42,7 +42,9 @@ _ROUNDS = 4
 
 @kernel
 def polish_road(layers, fitting, points, road, around, reach, ends, radius, least):
-    """Find the cheapest taut path along a road; return (points (n, 2), sections (k, 3), cost), no rows if all tangle.
+    """Find the cheapest taut path along a road; return (points (q, 2), sections (k, 3), cost).
+
+    There are no rows if all tangle or fit no behavior.
 
     The first variant is as wide as the road's behaviors and not pinned, the second is pinned in all gates that fit and
     as wide as possible elsewhere. Each further one differs from the second by one gate, and by those kept before.
@@ -124,7 +126,7 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
 
 @kernel
 def shift_path(layers, fitting, points, sections, cost, radii, least):
-    """Shift stations of a path aside where that is cheaper; return (points (n, 2), sections (k, 3), cost).
+    """Shift stations of a path aside where that is cheaper; return (points (q, 2), sections (k, 3), cost).
 
     Parameters
     ----------

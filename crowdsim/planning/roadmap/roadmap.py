@@ -95,7 +95,7 @@ class Roadmap:
         """Return about the cheapest way from ends[0] to ends[1], and its estimated cost.
 
         ``ends`` (2, 2) are x and y [m]. The way is rows (k, 2) of a point's number and the behavior on the way to it.
-        The cost is in meters walked in the preferred behavior.
+        The cost estimates :attr:`AnnotatedPath.cost`; without a way there are no rows, and it is infinite.
         """
         # States of an earlier search serve again: what it wrote bears its stamp, so nothing has to be cleared. Threads
         # take them off the list, which is atomic, so that no two have the same.
