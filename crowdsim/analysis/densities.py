@@ -29,7 +29,7 @@ VORONOI_RATE = 2.0
 """Number of times a second at which areas are measured [1/s]."""
 
 MOST_VORONOI_ROWS = 40_000
-"""Number of places above which Voronoi cells are made for fewer frames: each takes PedPy about 0.2 ms."""
+"""Number of agents, summed over frames, above which fewer frames are measured: each cell takes PedPy about 0.2 ms."""
 
 LEAST_VORONOI = 0.6
 """Density below which the classic method counts [1/m2]: Voronoi cells of thin crowds reach far beyond the area."""
@@ -62,7 +62,7 @@ COLUMNS = ("area", "time", "density_classic", "density_voronoi", "density", "spe
 
 
 def measure_areas(tracks: Tracks, places: Places, voronoi_rate: float = VORONOI_RATE) -> Measured:
-    """Measure density and speed in all areas, ``voronoi_rate`` times a second [1/s]."""
+    """Measure density and speed in all areas, about ``voronoi_rate`` times a second [1/s], at most in each frame."""
     empty = pandas.DataFrame({column: [] for column in COLUMNS})
     if not places.areas:
         return Measured(empty, 0, ("There is no area: name one under `areas` of the scenario or by --area.",))

@@ -103,7 +103,8 @@ def crossing_frames(tracks: Tracks, line: LineString) -> pandas.DataFrame:
 def _intervals(tracks: Tracks, line: LineString, crossings: pandas.DataFrame) -> pandas.DataFrame:
     """Return PedPy's flow in intervals of WINDOW: the time of their middle [s] and the flow for each meter [1/(m s)].
 
-    It is empty if fewer than two agents pass, or no part of the line is free floor.
+    It is empty if there are fewer than two passages, no whole interval follows the first, or no part of the line is
+    free floor.
     """
     empty = pandas.DataFrame({"time": [], "flow_per_m": []})
     width = _free_width(tracks, line)

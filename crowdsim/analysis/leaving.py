@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 def measure_evacuation(tracks: Tracks, _: Places) -> Result:
     """Return how many have not arrived yet over time, when half and 95 % have, and who is left at the end.
 
-    Agents that a command takes out before do not count.
+    Agents that a command takes out before they arrive do not count.
     """
     name, title = "evacuation", "Evacuation curve"
     recording = tracks.recording

@@ -124,7 +124,8 @@ def read_tracks(recording: Recording, rate: float | None = None) -> Tracks:
 def individual_speeds(trajectory: pedpy.TrajectoryData) -> pandas.DataFrame:
     """Return PedPy's speeds [m/s] over SPEED_SECONDS, in a row for each of the track's frames.
 
-    At the ends of a track they are taken over half of that time. They are nan where the track has less than that both
+    That time is rounded to as many frames after as before, at least one each, so it is 2 s at 1 frame per second. At
+    the ends of a track speeds are taken over half of it. They are nan where the track has less than that both
     before and after, as in all of one of a few frames.
     """
     half = max(1, round(0.5 * SPEED_SECONDS * trajectory.frame_rate))

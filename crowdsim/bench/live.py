@@ -59,7 +59,7 @@ def measure(seconds: float = SECONDS, agents: int = AGENTS) -> Measurement:
 
 
 def hall(level: str, rate: int, agents: int) -> Scenario:
-    """Return a hall in which two groups walk to and fro for good."""
+    """Return a hall in which ``agents``, half of them from each end, walk to and fro, at ``rate`` steps a second."""
     return parse_scenario(_HALL.format(rate=rate, level=level, half=agents // 2))
 
 

@@ -72,7 +72,7 @@ def measure(points: int = 200, calls: int = 20, killed_points: int = 40, kills: 
 
 
 def _row(what: str, points: int, before: tuple[float, float]) -> dict[str, Any]:
-    """Return the figures of what took since ``before``: wall and CPU time [s]."""
+    """Return the row of ``points`` runs since ``before``, which holds the times of the clock and the CPU then [s]."""
     seconds, cpu = time.perf_counter() - before[0], _cpu() - before[1]
     return {
         "how": what,

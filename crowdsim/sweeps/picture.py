@@ -17,6 +17,7 @@ UNITS = {
     "t50": "s", "t95": "s", "t100": "s", "mean_time": "s", "flow": "1/s", "flow_per_m": "1/(m s)", "density": "1/m²",
     "density_most": "1/m²", "speed": "m/s", "closest_pair": "m", "closest_bodies": "m",
 }  # fmt: skip
+"""Units by the last part of a figure's name, such as ``flow`` of ``lines.neck.flow``; others are drawn without one."""
 
 Settings: TypeAlias = tuple[tuple[str, str], ...]
 """Keys with a value of each."""

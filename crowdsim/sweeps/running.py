@@ -49,7 +49,10 @@ class Outcome(NamedTuple):
 
 
 class Runner:
-    """Run points; runs of scenarios with the same motion and layers share what was loaded and computed for them."""
+    """Run points; runs of scenarios with the same motion and layers share what was loaded and computed for them.
+
+    ``recordings`` is the folder of recordings that stay, which ``keep`` names; None if none does.
+    """
 
     def __init__(self, recordings: Path | None = None, keep: Keep = "none") -> None:
         self._recordings, self._keep = recordings, keep

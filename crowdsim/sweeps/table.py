@@ -67,7 +67,7 @@ def means_of(rows: Sequence[Row], figure: str) -> list[Mean]:
 
 
 def usual_figures(rows: Sequence[Row]) -> list[str]:
-    """Return the figures that a picture shows: times, flows at lines, and density and speed in areas."""
+    """Return up to six figures that a picture shows by default: times, flows at lines, density and speed in areas."""
     known = list(
         dict.fromkeys(name for _, outcome in rows for name, value in outcome.figures.items() if value is not None)
     )

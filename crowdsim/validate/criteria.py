@@ -315,7 +315,7 @@ def flow_of(run: Observed, line: str) -> float:
 
 
 def _ratio(more: float, less: float) -> float:
-    """Return the ratio of two times; nan if one is infinite, as agents stayed, or there is none."""
+    """Return the ratio of two times; nan if one is infinite, as agents stayed, or ``less`` is 0."""
     return more / less if np.isfinite(more) and np.isfinite(less) and less > 0.0 else float("nan")
 
 

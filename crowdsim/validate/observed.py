@@ -37,7 +37,8 @@ class Observed(NamedTuple):
     groups : tuple of str
         Group of each agent.
     set_out : (n,) float64
-        Time at which each had gone SET_OUT, minus the time that this takes at its speed [s]; nan for never.
+        Time at which each was first SET_OUT from its start, less the time that this takes at its speed [s]; nan for
+        never.
     left : (n,) float64
         Time at which each left [s]; nan for never.
     speeds, delays : (n,) float64

@@ -128,7 +128,7 @@ def load_case(case: Case, seed: int, locomotion: str) -> Scenario:
 
 
 def run_case(case: Case, seed: int, locomotion: str, picture: Path | None = None) -> Observed:
-    """Run a case in this process; return what the criteria need."""
+    """Run a case in this process; draw it into the file ``picture`` unless that is None; return what criteria need."""
     scenario = load_case(case, seed, locomotion)
     with tempfile.TemporaryDirectory() as folder:
         started = time.perf_counter()

@@ -117,7 +117,7 @@ def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
     """Return the text of a file; if it cannot be read, an empty text and the problem.
 
     At most MAX_BYTES + 1 bytes are read, enough for :func:`read_document` to refuse the file. ``name`` stands for the
-    file in messages.
+    file in the problem; if the text is not UTF-8, its path does, with line and column.
     """
     if path.exists() and not path.is_file():
         what = "it is a folder" if path.is_dir() else "it is no regular file"

@@ -48,6 +48,7 @@ def _write(document: Document, parts: list[str], value: Document, position: Posi
         last = number == len(parts) - 1
         key: str | int = part
         if isinstance(container, list):
+            # Below 9 digits: more than any list needs, and few enough for int().
             if not (part.isascii() and part.isdigit() and len(part) < 9 and int(part) < len(container)):
                 entries = f"0 to {len(container) - 1}" if container else "none"
                 return f"'{part}' is no entry of the list {'.'.join(parts[:number])}; it has {entries}"

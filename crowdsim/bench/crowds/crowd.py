@@ -1,7 +1,8 @@
 """Crowds of all sizes: time of a step, alone and in whole runs, and the number of bodies that can be shown.
 
 Steered crowds are compared with RVO2, in the same run, if its sources are given. Captured crowds are timed by stage,
-and a mixed crowd as a whole, see :mod:`crowdsim.bench.crowds.levels`. Figures of steered crowds are medians over steps.
+and a mixed crowd as a whole, see :mod:`crowdsim.bench.crowds.levels`. Times of a steered crowd's step alone are medians
+over steps, those in whole runs means.
 """
 
 from __future__ import annotations

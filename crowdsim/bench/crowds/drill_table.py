@@ -70,7 +70,7 @@ def _row(drill: str, failed: Sequence[bool], **columns: float) -> dict[str, Any]
 
 
 def _arrivals(results: Sequence[DrillResult]) -> dict[str, float]:
-    """Return how many are missing, when the last one arrives, and accelerations; the slowest run counts."""
+    """Return how many are missing in all runs, their last arrival and its median [s], and the largest acceleration."""
     last = [_last(result) for result in results]
     return {
         "missing": int(sum(np.isnan(result.arrived).sum() for result in results)),
@@ -81,7 +81,7 @@ def _arrivals(results: Sequence[DrillResult]) -> dict[str, float]:
 
 
 def _last(result: DrillResult) -> float:
-    """Return when the last agent arrived, ignoring those that did not [s]."""
+    """Return when the last agent arrived, ignoring those that did not; 0 if none did [s]."""
     return float(np.max(result.arrived, where=np.isfinite(result.arrived), initial=0.0))
 
 

@@ -48,7 +48,7 @@ THERE = 0.3
 State = NDArray[Any]
 """Agents, ROW[n]."""
 Guide: TypeAlias = Callable[[State], None]
-"""Function that sets gx, gy and togo of all agents, 0 for those that have arrived, and may set turn and held."""
+"""Function that sets gx, gy and togo of all agents, togo to 0 if they have arrived, and may set turn and held."""
 
 
 @cache

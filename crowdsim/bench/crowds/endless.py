@@ -21,6 +21,7 @@ from crowdsim.steering.walls import build_walls
 
 LENGTH = 26.0
 WIDTH = 2.0
+"""Length and width of the corridor [m]."""
 
 AHEAD = 4.0
 """Length at either end that is copied [m], more than agents see."""

@@ -2,7 +2,8 @@
 
 Captured agents walk to and fro on an open square between a place of their own and another 6 to 12 m away,
 endlessly, at 30 steps per second. Stages are timed one after another, with searches awaited, since they would share the
-processor. Figures are milliseconds of processor time per step, means over STEPS steps, because searches come in bursts.
+processor. Their times are milliseconds of processor time per step, means over STEPS steps, because searches come in
+bursts; those of the mixed crowd are of the clock.
 """
 
 from __future__ import annotations
@@ -97,7 +98,7 @@ def _place_off(rng: np.random.Generator, start: NDArray[np.float64], side: float
 
 
 def staged_step(crowd: CapturedCrowd, writer: RecordingWriter | None = None) -> list[float]:
-    """Take a step to the same state as the crowd itself does; return the processor time of each stage [s]."""
+    """Take a step to the same state as the crowd itself does; return the processor time of each of STAGES [s]."""
     marks = [time.process_time()]
 
     def mark() -> None:

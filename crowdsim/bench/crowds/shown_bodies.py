@@ -60,7 +60,7 @@ def _show(bodies: LiveBodies, clip: DeformedClip, samples: NDArray[np.float64]) 
 
 
 def _samples(crowd: SteeredCrowd, posed: int) -> NDArray[np.float64]:
-    """Return (posed, 4) x, y, heading and phase of the first agents."""
+    """Return (posed, 4) x, y [m], heading [rad] and phase [cycles] of the first agents."""
     view = crowd.world.view()
     rows = view.row[:posed]
     return np.column_stack((rows["x"], rows["y"], rows["heading"], view.phase[:posed]))

@@ -39,7 +39,7 @@ WINDOW = 10.0
 
 
 def measure(minutes: float = MINUTES) -> Measurement:
-    """Run the plaza for ``minutes`` of simulated time; raise CrowdSimError below LEAST."""
+    """Run the plaza for ``minutes`` of simulated time; raise CrowdSimError below LEAST or above a day."""
     if not LEAST <= minutes <= 24.0 * 60.0:
         raise CrowdSimError(f"a soak of {minutes:g} minutes is too short or too long; give {LEAST:g} to 1440")
     scenario = plaza(60.0 * minutes)
@@ -69,7 +69,7 @@ def measure(minutes: float = MINUTES) -> Measurement:
 
 
 def plaza(seconds: float) -> Scenario:
-    """Return the built-in scenario of that name with sources instead of groups."""
+    """Return the built-in scenario of that name, ``seconds`` long [s], with sources instead of groups."""
     path = builtin_scenarios()["plaza"]
     text = path.read_text()
 

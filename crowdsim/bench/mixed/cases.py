@@ -80,7 +80,7 @@ def _row(
 
 
 def _last(arrived: Floats) -> float:
-    """Return when the last one arrived, ignoring those that did not [s]."""
+    """Return when the last one arrived, ignoring those that did not; 0 if none did [s]."""
     return float(np.max(arrived, where=np.isfinite(arrived), initial=0.0))
 
 
@@ -98,7 +98,7 @@ def walked(drill: Drill, seconds: float) -> dict[str, Any]:
 
 
 def neck(drill: Drill, width: float) -> dict[str, Any]:
-    """Return the row of a bottleneck, whose flow is measured."""
+    """Return the row of a bottleneck of ``width`` [m], whose flow per meter must be LEAST_FLOW at least."""
     results = [walk_auto(drill, draw_agents(drill, seed)) for seed in SEEDS]
     flows = [DrillResult(result.arrived, 0.0).flow() / width for result in results]
     failed = [bool(np.isnan(r.arrived).any()) or flow < LEAST_FLOW for r, flow in zip(results, flows, strict=True)]

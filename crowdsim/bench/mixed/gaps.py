@@ -55,6 +55,7 @@ class LeastGaps:
         self.agent_steps += len(rows)
         self.captured_steps += captured
         for part in TIMES:
+            # At the end of the step bodies that are new in it count, too.
             now = rows if part == 1.0 else between(self._before, rows, part)
             self._bodies(now, kind if part == 1.0 else kind[np.isin(rows["id"], now["id"])])
         self._ways(crowd)

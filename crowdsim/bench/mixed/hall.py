@@ -51,7 +51,7 @@ class HallGaps(NamedTuple):
 
 
 def hall_gaps(density: float, agent_steps: int, seed: int = 1) -> HallGaps:
-    """Let a crowd of a density [1/m2] walk for at least ``agent_steps``; return the smallest gaps [m]."""
+    """Let a crowd of a density [1/m2] walk for at least ``agent_steps``; return the smallest gaps [m], at most FAR."""
     torso, legs = (_outlines(_PILLARS + more) for more in (_BOARDS, _BENCHES))
     state = _draw_hall(density, seed, shapely.union_all(_PILLARS + _BOARDS + _BENCHES))
     least = HallGaps(FAR, FAR, FAR)

@@ -25,9 +25,9 @@ SECONDS = 400.0
 """Time after which those who have not arrived count as missing [s]."""
 
 _DEEP = 2.5
-"""Depth of the strips at both ends, with the wall, in which people begin and arrive [m]."""
+"""Distance from either end of the hall up to which the strips reach in which people begin and arrive [m]."""
 _OFF = 0.5
-"""Distance of these from the outer edge [m]."""
+"""Distance from the edges of the hall at which these strips begin [m]."""
 
 
 def strewn_hall(density: str, seed: int, locomotion: str, each: int = EACH) -> Scenario:

@@ -104,7 +104,7 @@ def _beyond(old: Floats, values: Floats, new: Floats) -> Floats:
 
 
 def planted_feet(balls: Floats) -> NDArray[np.bool_]:
-    """Return which balls of the feet (T, 2, 3) are down and still, (T, 2)."""
+    """Return which balls of the feet (T, 2, 3) [m] are down and still, (T, 2)."""
     down = balls[..., 2] < balls[..., 2].min(axis=0) + _DOWN
     still = np.linalg.norm(np.diff(balls[..., :2], axis=0), axis=-1) < _STILL * FRAME
     planted = still & down[1:] & down[:-1]

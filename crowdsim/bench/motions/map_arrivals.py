@@ -59,7 +59,8 @@ def measure_arrivals(
     Required headings are arbitrary for the built-in set, which has turns on the spot, and within 30 degrees of the
     path's end for captured walks. Motions that need only a heading do not have to stand, unless branch kinematics is
     used. A motion meets its requirements if it ends within ARRIVAL (with branch kinematics) or TOLERANCE of the goal
-    and 15 degrees of the heading, as searches have to, and no joint leaves its section by more than EXCESS.
+    and 15 degrees of the heading, as searches have to, and no joint leaves its section by more than EXCESS. Largest
+    distances, angles and excesses are -1 if no motion is found.
     """
     spread = np.pi if motions.name == "default" else np.radians(30.0)
     turns = np.random.default_rng(1).uniform(-spread, spread, len(ground.trials))

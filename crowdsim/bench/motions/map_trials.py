@@ -46,7 +46,7 @@ SIDE = 30.0
 """Side of the square room [m]."""
 
 DENSITY = 0.08
-"""Share of the floor that obstacles cover."""
+"""Share of the floor, without 0.5 m along its edge, that obstacles cover."""
 
 SIZES = (0.5, 2.0)
 """Least and greatest extent of an obstacle [m]."""
@@ -62,7 +62,7 @@ CAPTURED = ("16_1*.bvh", "16_31*", "16_33*", "16_47*", "16_58*")
 
 
 class Trial(NamedTuple):
-    """A path to walk: its points, its samples, and the standing pose at the start."""
+    """A path to walk: its points (n, 2) [m], its samples, and the pose at the start: x, y [m], heading [rad]."""
 
     points: Floats
     samples: PathSamples
@@ -220,8 +220,8 @@ def walked(graph: GraphArrays, found: FollowResult | SearchResult, goal: Floats)
 def most_excess(motions: MotionSet, trial: Trial, found: FollowResult) -> float:
     """Return by how much a joint leaves the clearance of the path on the floor, over all frames that are shown [m].
 
-    Blend offsets fade out as in a recording. Frames in which no joint can come near the edge are skipped; if all are,
-    the result is -0.05.
+    Blend offsets fade out as in a recording. Frames in which no joint can come near the edge are skipped, so the result
+    is never below -0.05.
     """
     graph, poses = motions.graph, motions.motion.poses
     tracks: list[Floats] = []

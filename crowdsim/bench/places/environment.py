@@ -50,7 +50,9 @@ REACHED: dict[str, dict[float, tuple[float, ...]]] = {
 """Required area of each piece, largest first [m2], by world and radius [m]."""
 
 _SECONDS = {"small_house": 1.5}
+"""Largest time from the file to both meshes [s], by world."""
 _MEGABYTES = 500.0
+"""Largest peak of memory [MB]."""
 
 # The peak of getrusage would include that of the parent process before the fork, so /proc is read instead.
 _CHILD = """

@@ -36,7 +36,7 @@ class GroundKind(NamedTuple):
 
 
 class RandomGround(NamedTuple):
-    """A room with ``obstacles`` obstacles of various heights, the meshes of its layers, and paths (n, 2) among them."""
+    """A room with ``obstacles`` obstacles of various heights, the meshes of its layers, and paths (n, 2) in it [m]."""
 
     obstacles: int
     legs: NavMesh
@@ -45,7 +45,10 @@ class RandomGround(NamedTuple):
 
 
 def random_ground(kind: GroundKind, density: float, paths: int, seed: int) -> RandomGround:
-    """Return a room whose obstacles cover the share ``density`` of it, with ``paths`` paths between random places."""
+    """Return a room with ``paths`` paths between random places; no obstacle is within 0.5 m of its edge.
+
+    Obstacles cover the share ``density`` of the rest.
+    """
     rng = np.random.default_rng(seed)
     floor = shapely.box(0.0, 0.0, kind.side, kind.side)
     solids = draw_clutter("clutter", floor.buffer(-0.5), density, kind.sizes, rng)

@@ -78,7 +78,7 @@ def measure(
             both = np.isfinite(costs["layered"]) & np.isfinite(costs["greedy_literal"])
             ratios.append(costs["layered"][both] / costs["greedy_literal"][both])
             figures[f"layered_over_greedy_cost_mean_{density}_{steps}"] = float(ratios[-1].mean())
-            # On the goals to which both plan.
+            # Over the goals that both are asked for.
             same = np.median(seconds["collision3d"]) / np.median(seconds["layered"][::_EVERY])
             figures[f"ratio_3d_over_layered_{density}_{steps}"] = float(same)
     figures["layered_over_greedy_cost_max"] = float(np.concatenate(ratios).max())

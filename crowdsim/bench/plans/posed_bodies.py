@@ -48,7 +48,7 @@ _ON_AXIS = np.linspace(0.0, 1.0, 5)
 """Positions on the axis of a capsule that are tested, from 0 to 1."""
 
 _TURNED = 0.2
-"""Angle from the start or the end of a turn within which the turn is complete [rad]."""
+"""Frames whose heading differs by at most this from that before or after a turn are no part of the turn [rad]."""
 
 
 class Walk(NamedTuple):
