@@ -219,7 +219,7 @@ class Recording(RecordedEvents):
         Parameters
         ----------
         rate : float or None
-            Rows per second and agent [1/s], a divisor of the steps per second; by default that.
+            Rows per second and agent [1/s], a divisor of the steps per second; by default all steps.
 
         Returns
         -------
