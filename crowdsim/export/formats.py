@@ -66,7 +66,7 @@ def export(
 ) -> Path:
     """Write a recording in another format; return the file, which appears only when it is complete.
 
-    Of a folder each file does.
+    In a folder, each file appears only when it is complete.
 
     Parameters
     ----------

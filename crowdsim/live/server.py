@@ -108,7 +108,7 @@ class Server:
         self._loop.call_soon_threadsafe(self._audience.tell, "things", message)
 
     def state(self, message: str) -> None:
-        """Publish pause, speed, and who can be added."""
+        """Publish pause, speed, end, and who can be added."""
         self._loop.call_soon_threadsafe(self._audience.tell, "state", message)
 
     def _run(self) -> None:
@@ -178,7 +178,7 @@ class Server:
         return None
 
     def _is_served(self, host: str) -> bool:
-        """Return whether a page may name the server so: names of other sites that lead here are refused."""
+        """Return whether a page may name the server so: names of other sites are refused, unless all may connect."""
         try:
             name = urlsplit(f"//{host}").hostname
         except ValueError:

@@ -20,7 +20,7 @@ MOST_WAITING = 256
 _LOOK = 0.05
 """Longest time between two looks at signals while the simulation stands [s]."""
 _LOST = 0.5
-"""Lag behind the clock that is not made up for [s]."""
+"""Largest lag behind the clock that is made up for [s]; a larger one is lost."""
 _ENDED = "the simulation has ended; start 'crowdsim serve' again"
 
 Answer = Future[dict[str, Any]]
@@ -36,7 +36,7 @@ class Publisher(Protocol):
         """Publish what moves, as it is now."""
 
     def state(self, message: str) -> None:
-        """Publish pause, speed, and who can be added."""
+        """Publish pause, speed, end, and who can be added."""
 
 
 class Session:

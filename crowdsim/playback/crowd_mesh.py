@@ -51,7 +51,7 @@ _SMALL, _SMALL_SIDES = 240.0, 10
 _MANY, _NEAR = 300, 150
 """Number of agents in the picture beyond which those nearest to the eye have bodies of their own, and how many."""
 _FLESH = 0.13
-"""How far a body reaches beyond its joints, and a soft shadow beyond the body [m]."""
+"""How far the wide shadow of a body reaches beyond its joints [m]."""
 
 
 def hex_color(text: str) -> Colors:

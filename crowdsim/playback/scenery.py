@@ -40,7 +40,7 @@ class FlatMesh:
 
 
 def floor_mesh(header: RecordingHeader) -> FlatMesh:
-    """Return the walkable floor at z = 0."""
+    """Return the whole floor, also below obstacles, at z = 0."""
     polygons = _polygons(header.floor, "the floor")
     return _merge([_cap(polygon, 0.0) for polygon in polygons], [_ring_lines(polygon, 0.0) for polygon in polygons])
 

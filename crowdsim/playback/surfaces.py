@@ -16,7 +16,7 @@ out."""
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles (F, 3) int64 over points (V, 3), counter-clockwise seen from outside."""
+    """Triangles (F, 3) int64 over points (V, 3) [m], counter-clockwise seen from outside."""
 
     points: Floats
     triangles: NDArray[np.int64]

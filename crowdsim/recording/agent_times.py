@@ -15,7 +15,7 @@ _STEPS_AT_ONCE = 64
 
 
 class AgentTimes(NamedTuple):
-    """Times of N agents, each (N,) float64 [s].
+    """Times of N agents in the recording [s], and which of them commands took out.
 
     Attributes
     ----------

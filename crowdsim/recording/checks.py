@@ -74,7 +74,7 @@ class CheckedColumn:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Return the shape (steps, N)."""
+        """Return the shape (steps, N), or (steps,) of state hashes."""
         return self._stored.shape
 
     @property

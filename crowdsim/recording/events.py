@@ -142,5 +142,5 @@ class RecordedEvents(ShownBodies):
         return written_document({**keys, "commands": [*self.commands, *later]})
 
     def _step_at(self, time: float) -> int:
-        """Return the last step recorded by ``time`` [s]; 1e-9 makes up for rounding of times."""
+        """Return the last step by ``time`` [s], also beyond the recording; 1e-9 makes up for rounding of times."""
         return int(np.floor(time * self.steps_per_second + 1e-9))

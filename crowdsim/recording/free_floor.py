@@ -28,7 +28,7 @@ def free_floor(recording: RecordedFile, layer: str | None, movables: Sequence[So
     if layer is not None and layer not in names:
         raise RecordingError(f"{recording.path} has no layer '{layer}'; there are: {', '.join(names)}")
     number = 0 if layer is None else names.index(layer)
-    # The ground layer contains the obstacles of all layers, and so do movables of all of them count there.
+    # The ground layer contains the obstacles of all layers, so movables of all layers count there.
     blocked = header.layers if number == 0 else (header.layers[number],)
     taken = [shapely.from_wkt(solid.footprint) for solid in movables if any(_is_in(solid, each) for each in blocked)]
     free = shapely.from_wkt(header.walkable[number])

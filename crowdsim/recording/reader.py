@@ -219,7 +219,7 @@ class Recording(RecordedEvents):
         Parameters
         ----------
         rate : float or None
-            Rows per second and agent [1/s], a divisor of the steps per second; by default that.
+            Rows per second and agent [1/s], a divisor of the steps per second; by default all steps.
 
         Returns
         -------
@@ -298,7 +298,7 @@ class Recording(RecordedEvents):
         Raises
         ------
         RecordingError
-            Outside of the recording.
+            Outside of the recording, or if what it holds of this step is damaged.
         """
         if not 0 <= step < self.steps:
             raise RecordingError(f"{self.path} has steps 0 to {self.steps - 1}; there is no step {step}")

@@ -46,7 +46,7 @@ class TrackRows(NamedTuple):
 
 
 def steps_a_frame(recording: RecordedFile, rate: float | None) -> int:
-    """Return the number of recorded steps per frame at ``rate`` [1/s], by default 1.
+    """Return the number of recorded steps per frame at ``rate`` [1/s]; 1 if no rate is given.
 
     Raises
     ------

@@ -63,7 +63,7 @@ class _Parts:
         self.tissue: list[NDArray[np.int8]] = []
 
     def at(self, role: str) -> Floats:
-        """Return the rest position of the joint with ``role``."""
+        """Return the rest position (3,) of the joint with ``role`` [m]."""
         place: Floats = self._rest[self._skeleton.joint(role)]
         return place
 

@@ -80,7 +80,7 @@ def _pack_movables(block: Block, recording: Recording, chosen: Chosen) -> NDArra
     """
     header, last = recording.header, chosen.first + chosen.steps
     shown: list[tuple[SolidRecord, int, int]] = []
-    # Step and footprint (None if it is absent) of the last change so far of each movable; one shows it up to the next.
+    # Step and footprint (None if it is absent) of the last change so far of each movable, shown up to its next change.
     since: dict[int, tuple[int, str | None]] = {}
     for change in recording.changes:
         _close(shown, header.movables, since, change.movable, change.step)

@@ -40,7 +40,7 @@ def build_of(look: int) -> int:
 
 
 def bound_points(body: BodyMesh, skeleton: Skeleton) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the vertices of each build (B, V, 3) and the normals (V, 3) in the bind pose, its root at the origin."""
+    """Return the vertices (B, V, 3) [m] of each build and normals (V, 3) in the bind pose, its root at the origin."""
     positions, rotations = sculpted_pose(skeleton)
     builds = np.array([[1.0, girth] for girth in GIRTHS], np.float32)
     count = len(builds)

@@ -48,7 +48,7 @@ def decimals(values: ArrayLike, places: int) -> Bytes:
 
 
 def words(codes: ArrayLike, texts: Sequence[str]) -> Bytes:
-    """Return the text of each of ``codes`` (R,), indices into ``texts``, in UTF-8, without zero characters."""
+    """Return the text of each of ``codes`` (R,), indices into ``texts``, in UTF-8: (R, width) uint8."""
     # Bytes of the longest text; shorter ones are filled up with zeros, which mean no character.
     table = np.array([text.encode() for text in texts] or [b""], np.bytes_)
     width = max(table.dtype.itemsize, 1)

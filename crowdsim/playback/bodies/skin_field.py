@@ -91,10 +91,11 @@ class Skin:
         return unit(np.stack(ways, axis=1))
 
     def shrink(self, points: Floats, reach: float) -> tuple[Floats, Floats]:
-        """Return points (V, 3) [m] moved towards the skin, and the share (V,) of the way that each moves, 0 to 1.
+        """Return points (V, 3) [m] moved towards the skin in _MOVES steps, and shares (V,), 0 to 1.
 
-        Points deeper than ``reach`` [m] below the skin are inside another part: they stay there (0). Those down to half
-        of that are moved all the way (1), those between by a share. ``points`` itself is not changed.
+        In each step, a point moves by its share of the way that is left. Points deeper than ``reach`` [m] below the
+        skin are inside another part: they stay there (0). Those down to half of that are moved all the way (1), and
+        shares in between fall with depth. ``points`` itself is not changed.
         """
         deep = -self.distance(points)
         share = np.clip(2.0 - deep / (0.5 * reach), 0.0, 1.0)

@@ -98,7 +98,7 @@ def _moves(
 ) -> dict[tuple[int, int], tuple[Floats, Floats]]:
     """Return how far each foot that stands moves between two moments, as shown and in its clips, by agent and foot.
 
-    Each is a displacement (2,) in the world [m]. ``tracks`` (T, 3) are the poses of the rows of all nodes.
+    Each is a displacement (2,) in the world [m]. ``tracks`` (T, 3) are the header's ``pool_tracks``.
     """
     both, old, new = np.intersect1d(before.agents, now.agents, assume_unique=True, return_indices=True)
     node, old_node, at, old_at = now.node[new], before.node[old], now.at[new], before.at[old]
@@ -122,7 +122,7 @@ def _in_clip(
     """Return how far points of the feet move in clips from frame ``span[0]`` to ``span[1]`` of nodes (n, 2, P, 2) [m].
 
     The clips are turned to the directions ``heading`` (n,) that bodies have at frames ``at`` [rad]; ``tracks`` (T, 3)
-    are the poses of the rows of all nodes.
+    are the header's ``pool_tracks``.
     """
     first = rows.table.node_first[node]
     begin, end = (_between_rows(rows.feet.points, first, frames)[..., :2] for frames in span)

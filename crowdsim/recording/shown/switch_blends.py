@@ -202,7 +202,8 @@ class SwitchBlends:
         """Return captured bodies at ``step`` and, for their velocities, a frame earlier if ``before`` (n,), else later.
 
         If an agent was not captured in the step before, the frame is later; in the last step it is earlier, or the
-        same if there is no other. Also return the times (n,) from the first bodies to the second [s].
+        same if there is no other. Also return the times (n,) from the first bodies to the second [s]; a frame for the
+        same bodies, so that their velocities are 0.
         """
         recording, rate = self._recording, self._recording.steps_per_second
         captured, is_last = np.zeros(len(agents), bool), step + 1 == recording.steps

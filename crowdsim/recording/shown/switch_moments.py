@@ -21,7 +21,7 @@ _EARLY, _EARLIEST = 0.4, 1.0
 _LATEST = 0.6
 """Most time by which a switch to captured is shown after the first captured step [s]."""
 _SHORT = 1.8
-"""Captured time between two steered ones that is shown as steered [s]: both switches are shown at one moment."""
+"""Captured time between two steered ones below which it is shown as steered [s]: both switches at one moment."""
 _OFF = 0.25
 """Largest distance of a phase from the middle of the nearest time in which both feet stand [cycles]."""
 

@@ -118,7 +118,7 @@ def _kept_frame(stream: _Bytes, size: int) -> bytes | None:
 
 
 def _hdf5_size(stream: _Bytes, size: int) -> int:
-    """Return the size of HDF5 as its superblock has it, 0 in a damaged one; ``size`` if h5py did not write the file."""
+    """Return the size of HDF5 that its superblock holds, right or damaged; ``size`` if h5py did not write the file."""
     head = _read(stream, 0, min(_END_AT + 8, size))
     if not head.startswith(_SIGNATURE) or len(head) < _END_AT + 8:
         return size

@@ -40,7 +40,7 @@ TURNS = 1 << 17
 """Integer units per turn for headings."""
 _PLAYED_TURN_STEP, _FINE_TURN_STEP, _COARSE_TURN_STEP = 16, 64, 163
 """Units by which expected turns are corrected: of captured agents, whose feet turn with the track; of few steered
-agents, and of many. Steered agents turn by 32 of the last ones in a step at most, or half of that, and so on."""
+agents, and of many. Steered agents turn by at most 32 of the last ones in a step at 10 steps a second, 16 at 20."""
 _OFF, _SUM_OFF = 0.0175, 0.008
 """Largest error of a coarse heading, and of the sum of the errors so far [rad]. Bodies show the mean of nine."""
 _SAMPLES = 1 << 20
