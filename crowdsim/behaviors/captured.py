@@ -170,7 +170,7 @@ def read_captures(
     Raises
     ------
     MotionError
-        If no file can be used, a clip cannot be brought to ``skeleton``, or no clip walks a whole stride or cycle ahead.
+        If no file can be used, a clip cannot be brought to ``skeleton``, or none walks a whole stride or cycle ahead.
     """
     clips, notes = read_folder(paths, meters_per_unit, joints)
     if skeleton is not None:
