@@ -30,7 +30,7 @@ WHEN = 1.6
 
 
 def reserved() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return seconds (n,) from a moment on, and samples (2, n, 13) of two agents [m]: x, y, radius, half core, bends."""
+    """Return seconds (n,) from a moment on, and samples (2, n, 13) of two agents: x, y, radius, half core, bends."""
     with Simulation(parse_scenario(SCENE), workers=1) as simulation:
         while simulation.time < WHEN:
             simulation.step()
