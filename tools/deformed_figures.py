@@ -1,8 +1,8 @@
 """Print the figures of bodies posed from deformed clips: ``python tools/deformed_figures.py [FOLDER]``.
 
 One row per clip and kind of track, for the built-in sets and the captures in FOLDER. ``--tracks FILE`` adds the tracks
-of a recorded crowd, an ``.npz`` with an (N, 4) array of x, y, heading and phase at 10 Hz for each body. The last column
-is microseconds per pose, with all bodies in one call.
+of a recorded crowd, an ``.npz`` with an (N, 4) array of x, y [m], heading [rad] and phase [cycles] at 10 Hz for each
+body. The last column is microseconds per pose, with all bodies in one call.
 """
 
 from __future__ import annotations

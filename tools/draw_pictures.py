@@ -50,6 +50,7 @@ TIMES = {
 BY_GROUP = ("counterflow", "crossing")
 """Scenarios whose flows are told apart by colors of groups; in the others, colors show behaviors."""
 RADIUS = 0.25
+"""Clearance of the path in the picture of a mesh [m]."""
 
 NECK = ROOT / "tools" / "studies" / "neck.yaml"
 NECK_WIDTH = "obstacles.0.wall.openings.0.width"

@@ -58,6 +58,7 @@ PLACES: dict[str, tuple[Callable[[], list[BaseGeometry]], Any, Any]] = {
     "square": (lambda: open_square(200.0), shapely.box(180.0, 90.0, 185.0, 110.0), (40.0, 40.0)),
     "large": (lambda: open_square(650.0), np.array([600.0, 300.0]), (40.0, 40.0)),
 }
+"""Of each place: its free areas by layer, the goal, and the lower left corner of the thing that edits put there [m]."""
 
 
 def least(call: Callable[[], Any], runs: int = 3) -> tuple[float, Any]:
@@ -71,7 +72,7 @@ def least(call: Callable[[], Any], runs: int = 3) -> tuple[float, Any]:
 
 
 def places_in(areas: list[BaseGeometry], count: int) -> NDArray[np.float64]:
-    """Return random places at least 0.2 m away from the walls."""
+    """Return ``count`` random places (count, 2) [m], at least 0.2 m away from the walls."""
     rng = np.random.default_rng(2)
     x0, y0, x1, y1 = areas[0].bounds
     room = areas[0].buffer(-0.2)

@@ -125,11 +125,11 @@ def _checked_color(color: str) -> str:
 
 
 class BehaviorFile(_Model):
-    """The content of a ``behavior.yaml``; angles are in degrees.
+    """The content of a ``behavior.yaml``; angles are in degrees, ``speed`` in m/s.
 
-    Only ``cost_per_meter`` is required of all. A file that lists neither ``idle`` nor ``transitions`` is
-    :attr:`captured`: its clips are captures, all in its folder if it lists none, and missing clips are synthesized from
-    them.
+    Only ``cost_per_meter`` is required of all; a ``speed`` of 0 and an empty ``color`` mean that the key is absent. A
+    file that lists neither ``idle`` nor ``transitions`` is :attr:`captured`: its clips are captures, all in its folder
+    if it lists none, and missing clips are synthesized from them.
     """
 
     name: Annotated[str, AfterValidator(_checked_name)] = ""

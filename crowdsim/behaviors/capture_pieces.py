@@ -58,7 +58,7 @@ class Piece(NamedTuple):
     reach : (bands,) float64
         Largest distance from the track to either side, by height band [m].
     at : (bands,) int64
-        Frame in which the body reaches that far; the first one if it nowhere goes on, with a reach of 0.
+        Frame in which the body reaches that far; the first one, with a reach of 0, if the body moves on in none.
     spread : float
         Largest distance of any point of the body from the track [m].
     """
@@ -146,7 +146,7 @@ def sort_out(pieces: Sequence[Piece], room: Room, layers: Sequence[str]) -> tupl
                     f"over a tenth more than the {room.reach[band] / ALLOWANCE:.3f} m of most cycles",
                 )
             )
-        # Reaches are of frames that go on; on the spot the distance to all sides counts instead.
+        # Reaches are of frames in which the body moves on; on the spot the distance to all sides counts instead.
         elif piece.kind == SPOT and piece.spread > room.spread:
             out.append((piece, f"reaches out {piece.spread:.2f} m on the spot, and walking {room.spread:.2f} m"))
         else:

@@ -170,7 +170,7 @@ def read_captures(
     Raises
     ------
     MotionError
-        If no file can be used, a clip cannot be brought to ``skeleton``, or no clip walks ahead for a whole stride.
+        If no file can be used, a clip cannot be brought to ``skeleton``, or none walks a whole stride or cycle ahead.
     """
     clips, notes = read_folder(paths, meters_per_unit, joints)
     if skeleton is not None:
@@ -182,7 +182,6 @@ def read_captures(
     cut = {piece.clip.name for piece in pieces}
     idle = [clip.name for clip in clips if clip.name not in cut]
     all_notes = [*notes, *(f"clip '{name}' is left out: it contains no whole stride" for name in idle)]
-    # The largest space that a piece may take, and what makes motions that the captures lack from one of their walks.
     room, maker = room_of(pieces), find_maker(clips, speed)
     # No piece walks: measure a walk that is made instead.
     if room is None:
@@ -330,8 +329,7 @@ def _rest(walks: Sequence[Clip], room: Room) -> Clip | None:
     """Return a clip for standing that can be repeated: the longest still stretch, played to and fro.
 
     Poses with the arms stretched out, as for calibration, are excluded. Time runs along the stretch as (1 - cos) / 2,
-    so that it slows down at both ends; of a long stretch, only so much is played that it runs nowhere faster than in
-    the capture.
+    slowest at both ends. Of a long stretch only so much is played that time runs nowhere faster than in the capture.
     """
     stills = []
     for walk in walks:

@@ -285,7 +285,10 @@ def _plain(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
 
 
 def _foot_places(behavior_set: BehaviorSet, rows: NDArray[np.int64], phases: Floats) -> Floats:
-    """Return (n, 2) the ball of the foot that landed last in pose rows ``rows``, from the track: ahead, left [m]."""
+    """Return (n, 2) the ball of the foot that landed last in pose rows ``rows``, from the track: ahead, left [m].
+
+    ``phases`` (n,) are those of these rows [cycles].
+    """
     poses, skeleton = behavior_set.graph.poses, behavior_set.graph.skeleton
     places, _ = forward_kinematics(
         skeleton, poses.pool_root[rows].astype(np.float64), poses.pool_rotations[rows].astype(np.float64)

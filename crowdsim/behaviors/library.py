@@ -138,7 +138,8 @@ def load_behavior_set(
     Raises
     ------
     BehaviorError
-        If a file is wrong, or one that no plan can use is among behaviors of the library alone.
+        If a file is wrong, own behaviors are given with ``captures``, no motion leads to a behavior and back, or no
+        plan can use a behavior and none is an own one.
     MotionError
         If a clip cannot be read, cut or joined.
 

@@ -1,7 +1,7 @@
 """Turn exceptions into a message and an exit code: the only place that does.
 
-Exit codes: 0 done, 2 bad input or usage, 3 no drawing backend, 4 no agent could arrive or a test failed, 130
-interrupted, 143 terminated, 1 a bug. A traceback is printed only with ``--debug``.
+Exit codes: 0 done, 2 bad input or usage, 3 no drawing backend, 4 no agent could arrive, or a test or all points of a
+sweep failed, 130 interrupted, 143 terminated, 1 a bug. A traceback is printed only with ``--debug``.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ Joints = Annotated[
 
 
 def read_unit(unit: str | None) -> float | None:
-    """Return the length of a named unit [m]; raise a usage error for an unknown name."""
+    """Return the length of a named unit [m], None without a name; raise a usage error for an unknown name."""
     from crowdsim.motion.captures.reader import UNITS
 
     if unit is not None and unit not in UNITS:

@@ -80,7 +80,7 @@ class Triangles(Protocol):
 def footprints_of(
     solids: Sequence[Triangles], low: float, high: float, progress: Callable[[int], None] | None = None
 ) -> Shapes:
-    """Return the footprint (n,) of each solid in a band that all of them meet.
+    """Return the footprint (n,) of each solid in the band from ``low`` to ``high`` [m], which all of them meet.
 
     Places have many copies of one chair: the footprint of the first one is moved to the others. ``progress`` is called
     with the number of solids that are done, if there is more than one block of triangles.

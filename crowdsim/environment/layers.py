@@ -60,7 +60,7 @@ AnySolid = Solid | MeshSolid
 LEGS = Band("legs", 0.10, 2.0)
 """Band of the legs [m]."""
 TORSO = Band("torso", 0.65, 1.50)
-"""Band of the torso [m]. It begins at the height of the hands; with a higher one they would reach into tables."""
+"""Band of the torso [m]. It begins at the height of the hands; if it began higher, they would reach into tables."""
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ class Level:
     height: float
     surface: BaseGeometry
     parts: NDArray[np.int64]
-    """(k,) indices of the solids they belong to."""
+    """(k,) indices of all solids with a surface at this height, wide or not; none for ground without a surface."""
 
 
 Surfaces = tuple[NDArray[np.object_], NDArray[np.float64], NDArray[np.int64]]
@@ -80,7 +80,7 @@ def find_levels(
     """Find levels wide and large enough to walk on, lowest first; only parts ``within`` an outline if one is given.
 
     ``shapes`` (n,) are the outlines of horizontal surfaces, ``heights`` (n,) where they lie [m], ``owners`` (n,) the
-    numbers of the solids that they belong to, also of surfaces that give no level.
+    indices of the solids that they belong to.
     """
     order = np.argsort(heights, kind="stable")
     shapes, heights, owners = shapes[order], heights[order], owners[order]

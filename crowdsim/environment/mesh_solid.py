@@ -153,7 +153,7 @@ def footprints_between(
 
 
 def _places(points: Floats) -> NDArray[np.int64]:
-    """Return numbers of points (n, 3), the same for equal ones."""
+    """Return numbers (n,) of points (n, 3), the same for equal points."""
     order = np.lexsort(points.T)
     differs = np.zeros(len(points), np.int64)
     differs[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)

@@ -72,7 +72,7 @@ def require_polygon(polygon: Polygon, what: str) -> None:
 
 
 def polygon_from_points(points: Sequence[tuple[float, float]], what: str) -> Polygon:
-    """Return the polygon of a ring of points (n, 2), closed or not.
+    """Return the polygon of a ring of points (n, 2) [m], closed or not.
 
     Raise :class:`GeometryError`, naming ``what``, if it is unusable.
     """

@@ -43,7 +43,10 @@ def meets(region: Polygon | Point, area: Polygon | MultiPolygon) -> bool:
 
 
 class _Sampler:
-    """Uniform draws from the part of a region that lies in ``room``; of a point, the point in any case."""
+    """Uniform draws from the part of a region that lies in ``room``; of a point, the point in any case.
+
+    The region :func:`meets` the room.
+    """
 
     def __init__(self, region: Polygon | Point, room: MultiPolygon, generator: np.random.Generator) -> None:
         self.generator = generator
@@ -106,8 +109,8 @@ def draw_spots(
 ) -> list[tuple[float, float]]:
     """Draw a spot of a region in ``room`` for each of ``crowds``, away from the spots in it.
 
-    Stop at the first that is full, so there may be fewer spots [m]. Spots are taken from their crowds; where there is
-    no crowd (None) any draw will do.
+    Stop at the first that is full, so there may be fewer spots [m]. Spots are entered into their crowds; if there is
+    no crowd (None) any draw will do. The region :func:`meets` the room.
     """
     placed: list[tuple[float, float]] = []
     draws = _Sampler(region, room, generator).draws()
@@ -135,7 +138,7 @@ def scatter_spots(
     Parameters
     ----------
     region, room
-        Where the spots lie.
+        Where the spots lie; the region :func:`meets` the room.
     count
         Number of spots to draw.
     distance
@@ -264,7 +267,7 @@ def arrange_spots(
     Parameters
     ----------
     region, room
-        Where the spots lie.
+        Where the spots lie; the region :func:`meets` the room.
     count
         Number of spots.
     apart

@@ -69,8 +69,8 @@ def check_scenario(scenario: Scenario) -> list[str]:
 def check_ways(scenario: Scenario, behaviors: Sequence[Behavior]) -> list[str]:
     """Return warnings of groups that find no way, however narrow their behaviors; an empty list if there are none.
 
-    Doors and other movables count as absent. A floor without end, and the planner that checks bodies in 3D, are not
-    looked at.
+    Doors and other movables count as absent. On a periodic floor, and for the planner that checks bodies in 3D, nothing
+    is checked.
     """
     environment = scenario.environment
     if scenario.planner == "collision3d" or any(scenario.span):
@@ -85,7 +85,7 @@ def check_ways(scenario: Scenario, behaviors: Sequence[Behavior]) -> list[str]:
     names = ", ".join(behavior.name for behavior in behaviors)
     warnings = []
     for number, group in enumerate(scenario.agents):
-        # Parts of the free area that touch the start and all places before.
+        # Parts of the free area that come within _NEAR of the start and of all places before.
         joined = [part for part in parts if shapely.dwithin(part, group.start.shape(), _NEAR)]
         for path, shape in scenario.destinations(number):
             joined = [part for part in joined if shapely.dwithin(part, shape, _NEAR)]

@@ -87,7 +87,7 @@ def builtin_scenarios() -> dict[str, Path]:
 
 
 def _find(source: str | Path) -> Path:
-    """Return the scenario file of a path or of a built-in name, or raise ScenarioError. A file goes first."""
+    """Return the scenario file of a path or of a built-in name, or raise ScenarioError. A file or folder goes first."""
     path = Path(source)
     if path.is_file():
         return path

@@ -58,7 +58,7 @@ def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
         _draw_layer(axes, scenario, layer)
         for behavior, area, wider in zip(behaviors, areas, (*areas[1:], Polygon()), strict=True):
             label = f"within reach, {behavior.name.replace('_', ' ')}: {area.area:.1f} m\u00b2"
-            # Leave out the area of the next wider behavior, so that colors do not mix.
+            # Leave out the area of the next behavior, which is preferred, so that colors do not mix.
             fill(axes, area.difference(wider), facecolor=behavior.color, alpha=0.45, edgecolor="none", label=label)
         _draw_ends(axes, scenario)
     _finish(figure, scenario.name)

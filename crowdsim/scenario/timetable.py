@@ -151,7 +151,7 @@ class TimetableReader:
 
     @property
     def last(self) -> float:
-        """Return the time of the last event [s]."""
+        """Return the time of the last event [s]; 0 without events."""
         return self._events[-1].at if self._events else 0.0
 
     def timetable(self) -> Timetable:

@@ -164,7 +164,10 @@ def _draw_nodes(axes: Axes, names: tuple[str, ...], starts: NDArray[np.int32], t
 
 
 def body_track() -> NDArray[np.float64]:
-    """Return a track (N, 4) at 10 Hz: walk, turn left, stop, stand, step to the left, stand."""
+    """Return a track (N, 4) at 10 Hz, x, y [m], heading [rad], phase [cycles].
+
+    Walk, turn left, stop, stand, step to the left, stand.
+    """
     at = np.arange(0.0, 10.0, 0.1)
     knots = np.array([0.0, 0.8, 2.0, 2.5, 3.9, 4.4, 5.2, 6.0, 6.8, 7.4, 9.0, 9.4, 10.0])
     ahead = np.interp(at, knots, [0.0, 1.2, 1.2, 1.2, 1.2, 1.2, 1.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])

@@ -56,7 +56,7 @@ WIDE, HIGH = 2.0, 0.62
 
 
 def levels() -> list[list[str]]:
-    """Return the rooms, highest first, side by side if they stand side by side, from the import rules."""
+    """Return the rooms of each level, highest level first, from the import rules."""
     rules = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
     names = [re.split(r"\s*[|:]\s*", level) for level in rules[0]["layers"]]
     rooms = [[name.removeprefix("crowdsim.") for name in level] for level in names]
@@ -87,7 +87,7 @@ def _rooms_in(file: Path, rooms: set[str]) -> set[str]:
 
 
 def direct(found: dict[str, dict[str, int]]) -> set[tuple[str, str]]:
-    """Return the imports that no longer chain of imports says already (the transitive reduction)."""
+    """Return the imports that are not also a chain of several imports (the transitive reduction)."""
 
     def below(room: str) -> set[str]:
         return set(found[room]).union(*(below(other) for other in found[room]))
@@ -101,7 +101,7 @@ def direct(found: dict[str, dict[str, int]]) -> set[tuple[str, str]]:
 
 
 def draw_house() -> Figure:
-    """Boxes for rooms, arrows for imports: dark where no chain of others says it, light for all the rest."""
+    """Boxes for rooms, arrows for imports: light if a chain of other imports leads there too, else dark."""
     shown, found = levels(), imports()
     place = {}
     for row, level in enumerate(shown):

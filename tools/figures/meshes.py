@@ -101,7 +101,7 @@ def _sector(corner: NDArray[np.float64], one: NDArray[np.float64], other: NDArra
 
 
 def _example(corners: NDArray[np.float64], widths: NDArray[np.float64]) -> int:
-    """Return the corner between table and box: nearest to its place, and passable."""
+    """Return the corner between table and box, nearest to its place and passable: 3 * triangle + corner."""
     away = np.hypot(*(corners.reshape(-1, 2) - np.array([4.5, 1.7])).T)
     toward = np.hypot(*(np.roll(corners, -1, axis=1).reshape(-1, 2) - np.array([5.4, 1.9])).T)
     toward = np.minimum(toward, np.hypot(*(np.roll(corners, 1, axis=1).reshape(-1, 2) - np.array([5.4, 1.9])).T))

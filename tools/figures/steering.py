@@ -46,7 +46,7 @@ def agents(rows: list[tuple[float, float, float, float]]) -> NDArray[Any]:
 
 
 def outline(row: Any, turn: float = 0.0, x: float | None = None, y: float | None = None) -> NDArray[np.float64]:
-    """Return the outline of a torso: a capsule across its heading."""
+    """Return the outline (n, 2) of a torso [m], a capsule across its heading, turned [rad], and at x, y if given."""
     across = np.arctan2(row["hy"], row["hx"]) + turn + 0.5 * np.pi
     ends = np.array([row["x"] if x is None else x, row["y"] if y is None else y]) + row["half"] * np.array(
         [[np.cos(across), np.sin(across)], [-np.cos(across), -np.sin(across)]]

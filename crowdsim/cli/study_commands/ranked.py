@@ -16,7 +16,8 @@ from crowdsim.cli.summary import tell_summary
 from crowdsim.errors import CrowdSimError
 
 _APART = 0.2
-"""Time that each rank waits longer than the one before it to print an error, as one may have come to all [s]."""
+"""Time that each rank waits longer than the one before it [s], before it prints an error and ends all ranks: an error
+that all have is then printed once."""
 
 
 def run_on_ranks(

@@ -43,6 +43,7 @@ def named_from(keys: Any, files: Files, folder: Path, renamed: Mapping[str, str]
     """
 
     def seen(name: str) -> str:
+        """Return the name of a file as seen from ``folder``; one in memory gets its new name."""
         if name in files.made:
             return renamed[name]
         return name if Path(name).is_absolute() else Path(os.path.relpath(files.folder / name, folder)).as_posix()
@@ -65,7 +66,7 @@ def named_from(keys: Any, files: Files, folder: Path, renamed: Mapping[str, str]
         # Imported only here, as it loads the modules of clips.
         from crowdsim.behaviors.behavior import is_own
 
-        # With a dot, what is beside the file is no name of the library.
+        # ``./`` tells the path of a folder from a name in the library.
         paths = [seen(each) if is_own(each) else each for each in keys["behaviors"]]
         pairs = zip(keys["behaviors"], paths, strict=True)
         given["behaviors"] = [path if is_own(each) == is_own(path) else f"./{path}" for each, path in pairs]

@@ -63,7 +63,7 @@ class CrowdPlacement(NamedTuple):
     headings : (n,) float64
         Headings at the start [rad]; nan for the direction of the path.
     start_steps, delay_steps : (n,) int64
-        Step in which an agent appears, and number of steps for which it then stands.
+        Step in which an agent appears (NEVER for those on call), and number of steps for which it then stands.
     walkers : Walkers
         Speeds, breadths and delays.
     goals : tuple of Polygon
@@ -302,7 +302,7 @@ class _Drawing:
     ) -> MultiPolygon | None:
         """Return the floor with ``radius`` of free floor around it, if ``region`` meets it; else complain, return None.
 
-        Captured agents need NOMINAL_RADIUS; ``auto`` ones get it if there is room.
+        Captured agents need NOMINAL_RADIUS at least; ``auto`` ones get it if there is room.
         """
         radii = {"steered": [radius], "captured": [max(radius, NOMINAL_RADIUS)], "auto": [NOMINAL_RADIUS, radius]}
         for least in radii[self.keys.agents[number].level]:

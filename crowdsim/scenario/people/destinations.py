@@ -43,7 +43,7 @@ class Itinerary(NamedTuple):
     rounds : int
         How often the goals are visited in turn; NONE for as long as the run lasts.
     wait : float
-        Time to stand at each goal except the last [s].
+        Time to stand at each goal except the last of the last round [s].
     stays : bool
         Whether the agents stay at the last goal, instead of leaving.
     headings : (k,) float64

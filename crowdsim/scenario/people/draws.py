@@ -21,8 +21,8 @@ _LEAST = 2.0**-53
 """Least distance of a probability from 0 and from 1; it keeps quantiles finite."""
 
 _NODES, _DEEPEST = 4000, 36.0
-"""Integration of a tail: number of nodes, and the exponent of the last. The nodes lie at a distance of exp(0) to
-exp(-_DEEPEST) from the end of the distribution."""
+"""Integration of a tail: number of nodes, and the exponent of the last. The share of the tail beyond a node is exp(0)
+to exp(-_DEEPEST)."""
 
 Floats = NDArray[np.float64]
 
@@ -55,12 +55,12 @@ def probabilities_of(spread: Spread, count: int, generator: np.random.Generator)
 
 
 def _ends(spread: Spread, count: int) -> tuple[float, float]:
-    """Return values for the first and the last stratum: its root mean square deviation from the mean, on its side.
+    """Return values for the first and the last stratum: off the mean by the root mean square deviation in the stratum.
 
     A long tail has most of its variance in the last stratum, which a single random draw represents badly.
     """
-    # Means over a stratum, as sums over equal steps of depth, where its share beyond a value is exp(-depth): so far
-    # values in a long tail count by their small shares.
+    # Means over a stratum, as sums over equal steps of depth, where its share beyond a value is exp(-depth): so
+    # values far out in a long tail count by their small shares.
     depths = (np.arange(_NODES) + 0.5) * (_DEEPEST / _NODES)
     shares = exp(-depths)
     whole = math.fsum(shares.tolist())
@@ -79,7 +79,7 @@ def _ends(spread: Spread, count: int) -> tuple[float, float]:
 
 
 def quantiles(spread: Spread, probabilities: Floats) -> Floats:
-    """Return the quantiles of ``spread``, truncated to its bounds, at ``probabilities`` in [0, 1].
+    """Return the quantiles of ``spread``, truncated to its bounds, at ``probabilities`` (k,) in [0, 1].
 
     Of a mix or table, ``probabilities`` are divided among its parts in their order, which keep their shares and are
     truncated one by one: uniform ones give its distribution, but in general the values do not ascend.

@@ -44,7 +44,7 @@ def places_in(environment: Environment, region: Region, count: int) -> GoalPlace
     """Return the polygon of a region, and ``count`` places to stand at in it, or as many as have room.
 
     The places are points of a square lattice around the middle of the goal which have free floor around them and a free
-    straight line to the middle.
+    straight line to the middle. An agent must be able to stand in the region (:func:`region_complaint`).
     """
     shape = region.shape()
     room = room_in(environment.fixed_layers[0].free, NOMINAL_RADIUS)

@@ -45,9 +45,9 @@ class Placement(NamedTuple):
     rounds : (n,) int64
         How often the places are visited in turn; NONE for as long as the run lasts.
     waits : (n,) float64
-        Time to stand at each place except the last [s].
+        Time to stand at each place except the last of the last round [s].
     start_steps : (n,) int64
-        Simulation step nearest to the start time.
+        Simulation step nearest to the start time; NEVER for agents on call.
     stays : (n,) bool
         Whether the agent stays at the last place, instead of leaving.
     headings : n arrays (k,) float64
@@ -214,7 +214,7 @@ def head_count_complaint(count: int) -> str | None:
 def rooms_around(keys: ScenarioFields, environment: Environment, radius: float) -> list[MultiPolygon]:
     """Return the floor that always has ``radius`` of free floor around it; then the floor that has it at some time.
 
-    The second is missing if nothing ever changes. It serves only regions that meet none of the first.
+    The second is missing if no movable is ever in a layer. It serves only regions that meet none of the first.
     """
     timetable = environment.timetable
     bands = [layer.band() for layer in keys.bands]

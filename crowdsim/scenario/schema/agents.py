@@ -13,8 +13,10 @@ from crowdsim.scenario.schema.spreads import Breadth, Delay, Spread, WalkingSpee
 from crowdsim.scenario.schema.values import Degrees, FileText, Name, Part, Region, Seconds, one_of
 
 MAX_COUNT = 100_000
+"""Largest number of agents in a group, and of rounds over its goals."""
 
 MOST_TOGETHER = 8
+"""Largest number of agents in a party."""
 
 STAND_WITHIN = 0.1
 """Default distance from its goal within which an agent comes to stand [m]."""
@@ -215,7 +217,7 @@ class AgentGroup(Part):
         return self
 
     def _check_exits(self) -> None:
-        """Refuse what does not go with exits, or goes with exits only."""
+        """Refuse what does not go with exits; without exits, what goes with them only, and misplaced endless ways."""
         if self.exits is None:
             if "choice" in self.model_fields_set:
                 raise ValueError("'choice' is among exits; give 'exits' with it, or drop it")

@@ -42,7 +42,7 @@ def _short(value: Any) -> Any:
 
 
 def _named(attributes: dict[str, Attribute]) -> dict[str, Attribute]:
-    """Refuse names that are no words of a file, or that playback colors have taken."""
+    """Refuse names that are not valid, or that playback colors use for something else."""
     for name in attributes:
         if not _NAME.fullmatch(name):
             raise ValueError(

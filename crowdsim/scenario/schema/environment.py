@@ -79,7 +79,7 @@ class Floor(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Floor:
-        """Refuse a short period, and keys of files on a floor that is drawn."""
+        """Refuse a period that is short or of a floor that is not drawn, and keys of a file without one."""
         if self.periodic is not None and self.rectangle is None and self.polygon is None:
             raise ValueError(
                 "'periodic' is of a floor that the scenario draws; give 'rectangle' or 'polygon', or drop it"

@@ -61,7 +61,7 @@ class ScenarioFields(Part):
     clutter: Annotated[Clutter | None, Field(description="random obstacles")] = None
     doors: Annotated[tuple[Door, ...], Field(strict=False, description="obstacles that open and close")] = ()
     events: Annotated[tuple[Event, ...], Field(strict=False, description="what changes while the scenario runs")] = ()
-    # The key is called ``layers``; in Python that name belongs to the built layers.
+    # The key is called ``layers``; in Python that is the name of the built ones, in the scenario's environment.
     bands: Annotated[
         tuple[Layer, ...],
         Field(

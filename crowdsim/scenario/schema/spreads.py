@@ -138,7 +138,10 @@ def _within(least: float, most: float) -> Any:
 
 
 def spread_schema(number: dict[str, Any], model: type[Spread] = Spread, **more: dict[str, Any]) -> dict[str, Any]:
-    """Return the JSON schema of a distribution of numbers; ``more`` adds kinds that ``model`` has, by their keys."""
+    """Return the JSON schema of a distribution of numbers, each with the JSON schema ``number``.
+
+    ``more`` adds kinds that ``model`` has, by their keys.
+    """
     positive = {"type": "number", "exclusiveMinimum": 0.0}
 
     def mapping(model: type[Part], required: tuple[str, ...], **keys: Any) -> dict[str, Any]:
@@ -170,7 +173,7 @@ def _number_or_spread(least: float, most: float) -> Any:
 
 
 LEAST_SPEED, MOST_SPEED = 0.1, 3.0
-"""Bounds of the speeds at which agents walk alone [m/s]."""
+"""Bounds of the speeds at which agents walk if nothing is in the way [m/s]."""
 
 WalkingSpeed = Annotated[
     Spread,
