@@ -27,7 +27,8 @@ RANGE_CAP = 15
 """Extra rotation is tried in steps of RANGE_STEP [rad], up to RANGE_CAP steps each way."""
 
 _SQUARES = 8
-"""Largest number of squared coordinates in one sum: two coordinates of two points, or their difference (4 times)."""
+"""Largest number of squared coordinates that a point adds to a sum: x and y of two points (4), and the square of the
+difference of their z (up to 4)."""
 
 
 def cloud_joints(skeleton: Skeleton) -> NDArray[np.int64]:
