@@ -71,8 +71,8 @@ def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | N
 def foot_points(skeleton: Skeleton, ankles: Floats) -> tuple[NDArray[np.int32], Floats]:
     """Return the points of both feet: the joint (2, P) int32 that carries each, and where it is in its frame (2, P, 3).
 
-    They are heel, ball (the ankle if there is no toe joint), and the tip of the toes if both feet have one [m]. Feet are
-    taken to lie flat at rest. ankles: (2,) as of :class:`Feet`.
+    They are heel, ball (the ankle if there is no toe joint), and the tip of the toes if both feet have one [m]. At
+    rest, feet must lie flat. ankles: (2,) as of :class:`Feet`.
     """
     joints, offsets = [], []
     for side, height in zip(("left", "right"), ankles.tolist(), strict=True):
