@@ -131,7 +131,7 @@ class PlanBuilder:
         return self._start_to(gait, ahead, self.frame + self.plan.style.soft)
 
     def start_turned_right(self, gait: Gait, turn: float) -> PlanBuilder:
-        """Walk from standing to the passing pose of ``gait`` turned right (``turn`` < 0 [rad]): right foot, left foot."""
+        """Walk from standing, right foot first, to the passing pose of ``gait`` turned right (``turn`` < 0 [rad])."""
         way = compose(self.body, np.array([0.0, 0.0, turn]))
         lift = self.frame + self.plan.style.soft
         # The right foot is put down with three quarters of the turn.
