@@ -71,7 +71,7 @@ class PairAlignments:
     points: int
 
     def pinned_distance(self, pivot_a: Floats, pivot_b: Floats, rotation: Floats) -> Floats:
-        """Return distances (n,) when b turns by ``rotation`` and ``pivot_b`` (n, 2) is moved onto ``pivot_a`` [m]."""
+        """Return distances (n,) if b turns by ``rotation`` [rad] and ``pivot_b`` (n, 2) moves onto ``pivot_a`` [m]."""
         # Sums about the pivots follow from those about the means (parallel axes); u, v lead from pivot to mean.
         u, v = self.mean_a - pivot_a, self.mean_b - pivot_b
         dot = self.dot + self.points * np.sum(u * v, axis=1)
