@@ -114,8 +114,9 @@ def _deepest(i: NDArray[np.int64], j: NDArray[np.int64], value: NDArray[np.float
 class _Piece:
     """A few consecutive frames of a clip and those that their windows reach, about their planar mean.
 
-    rows: their rows in the image. flat, turned, up: (n + 2 reach, k J) x and y, y and -x, and z of all joints. mean_x,
-    mean_y: (n,) means of the windows; own: (n,) sums of squares about them; points: number of points of a window.
+    rows: their rows in the image. flat, turned: (n + 2 reach, 2 J) x and y, and y and -x, of all joints; up: (n + 2
+    reach, J) their z [m]; reach is WINDOW_REACH. mean_x, mean_y: (n,) means of the windows; own: (n,) sums of squares
+    about them; points: number of points of a window.
     """
 
     rows: slice

@@ -41,7 +41,7 @@ def build_standard_graph(
     ----------
     threshold: largest distance of moments that join [m].
     max_out_edges: keep only so many nearest transitions out of each frame.
-    image: error image of the clips, if it is known.
+    image: error image of the clips that are not idle, if it is known.
     most_drift: as of :func:`build_motion_graph` [m].
 
     Raises

@@ -177,7 +177,7 @@ def _bone(place: str, words: dict[str, list[str]]) -> _Bone:
 def _parse_amc(path: Path, bones: dict[str, _Bone]) -> tuple[Floats, dict[str, Floats], bool]:
     """Return the root's values (F, 6), the angles (F, n) of each bone, and True if the file says that it has degrees.
 
-    Of the root's values its place comes first, then its turns in file order.
+    Of the root's values its place comes first, then its turns in file order. All are in the units of the file.
     """
     degrees = False
     frames: list[dict[str, Floats]] = []

@@ -72,7 +72,7 @@ def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...], tuple[st
     if values % channels:
         raise MotionError(f"MOTION holds {values} values, not a multiple of its {channels} channels")
     if len(rows) > 1:
-        # A row may be broken over several lines, but each row must end where a line does.
+        # A row may be broken over several lines, but each row must end where a line does, unless all are on one line.
         ends = set(accumulate(len(row) for row in rows))
         short = next((k for k in range(channels, values, channels) if k not in ends), None)
         if short is not None:
@@ -143,7 +143,7 @@ def _from_pybvh(bvh: Any, assumed: tuple[str, ...]) -> RawMotion:
 
 
 def _quaternions(angles: Floats, orders: list[tuple[str, ...]]) -> Floats:
-    """Return quaternions (F, J, 4) of Euler angles (F, J, 3), each joint in its channel order, without sign flips."""
+    """Return quaternions (F, J, 4) of Euler angles (F, J, 3) [rad], each joint in its channel order, without flips."""
     result = np.empty(angles.shape[:2] + (4,))
     for order in sorted(set(orders)):
         chosen = [joint for joint, own in enumerate(orders) if own == order]

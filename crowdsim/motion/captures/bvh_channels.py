@@ -33,8 +33,8 @@ def is_plain(lines: Sequence[Sequence[str]]) -> bool:
 def plain_channels(lines: Sequence[Sequence[str]], values: Floats) -> tuple[list[list[str]], Floats, tuple[str, ...]]:
     """Return hierarchy and rows (F, C) in which only the root has positions, and the assumptions made.
 
-    lines: words of the hierarchy, line by line. values: (F, c) of all its channels, in their order. Blanks in names
-    become underscores. Raise MotionError for a joint whose channels make no sense.
+    lines: words of the hierarchy, line by line. values: (F, c) of all its channels, in their order, in file units and
+    degrees. Blanks in names become underscores. Raise MotionError for a joint whose channels make no sense.
     """
     made: list[list[str]] = []
     columns: list[int] = []

@@ -36,9 +36,10 @@ def with_travelling_root(
 ) -> tuple[list[list[str]], Floats, tuple[str, ...]]:
     """Return hierarchy and rows (F, C) in which the first joint has the places of the hips, and the still joints above.
 
-    lines: words of the hierarchy, line by line. values: (F, c) of all its channels, in their order. The still joints
-    are those from the first one to the parent of the first that travels; none, and everything as given, if one of them
-    moves or turns, or if none travels. Their turns stay theirs; :func:`without_still` removes them.
+    lines: words of the hierarchy, line by line. values: (F, c) of all its channels, in their order, in file units and
+    degrees. The still joints are those from the first one to the parent of the first that travels; none, and everything
+    as given, if one of them moves or turns, or if none travels. Their turns stay theirs; :func:`without_still` removes
+    them.
     """
     given = [list(line) for line in lines]
     joints = _joints(lines)

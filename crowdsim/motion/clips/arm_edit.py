@@ -37,7 +37,7 @@ def edit_arms(clip: Clip, weight: Floats) -> Clip:
 
     Raises
     ------
-    MotionError: for weights of another length or range, and for skeletons without arms.
+    MotionError: for weights of another length or range, and for skeletons without arms or neck.
     """
     weight = np.asarray(weight, np.float64)
     if weight.shape != (clip.frame_count,) or not ((weight >= 0.0) & (weight <= 1.0)).all():

@@ -21,7 +21,8 @@ _TIP = 0.03
 class Capsules(NamedTuple):
     """Capsules of a body in every frame, relative to its track.
 
-    ends: (F, K, 2, 3) both ends of each axis [m]. radii: (K,) [m]. legs: (K,) bool, True below the hips.
+    ends: (F, K, 2, 3) both ends of each axis: ahead, left, and height above the floor [m]. radii: (K,) [m]. legs: (K,)
+    bool, True below the hips.
     """
 
     ends: Floats

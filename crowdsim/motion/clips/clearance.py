@@ -35,7 +35,7 @@ _SPACING = 0.04
 """Distance between the sample points of a bone [m]."""
 
 _FLESH = 0.06
-"""Distance from a bone to the skin for joints without a role [m]."""
+"""Distance from a bone to the skin for joints without a role and without an ancestor that has one [m]."""
 
 _FLESH_BY_ROLE: Mapping[str, float] = {
     "hips": 0.12,
@@ -193,7 +193,7 @@ def _beside_track(clip: Clip, facing: float) -> _Beside | None:
 
 
 def _body_points(clip: Clip) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Return points (F, P, 3) along the bones, end sites and heels; the flesh (P,) about each; its joint (P,)."""
+    """Return points (F, P, 3) [m] along bones, end sites and heels; the flesh (P,) [m] about each; its joint (P,)."""
     skeleton = clip.skeleton
     positions, world = clip.posed
     around = joint_flesh(skeleton)

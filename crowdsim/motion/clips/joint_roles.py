@@ -17,6 +17,8 @@ _SIDED = {
     "ankle": ("ankle", "foot"),
     "toe": ("toebase", "toes", "toe", "toe0", "ball", "foot"),
 }
+"""Names of joints by part, the side left out. The first that a file has counts: beside an "arm", a "shoulder" is a
+collar bone; beside an "ankle" and without a "toe", a "foot" is the toe joint."""
 _CENTRAL = {
     "hips": ("hips", "hip", "pelvis"),
     "chest": ("chest", "thorax", "upperchest", "spine3", "spine2", "spine1", "spine"),

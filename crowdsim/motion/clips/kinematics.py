@@ -78,7 +78,7 @@ def turns_of(vectors: Floats) -> Floats:
 
 
 def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:
-    """Interpolate spherically along the shorter arc: ``a`` at weight 0, ``b`` at weight 1."""
+    """Interpolate unit quaternions (..., 4) spherically, the shorter way: ``a`` at ``weight`` (...) 0, ``b`` at 1."""
     dot = np.sum(a * b, axis=-1, keepdims=True)
     b = np.where(dot < 0.0, -b, b)
     angle = acos(np.clip(np.abs(dot), 0.0, 1.0))
@@ -94,7 +94,10 @@ def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:
 
 
 def forward_kinematics(skeleton: Skeleton, root_positions: Floats, rotations: Floats) -> tuple[Floats, Floats]:
-    """Return world positions (F, J, 3) [m] and world rotations (F, J, 4) of all joints."""
+    """Return world positions (F, J, 3) [m] and world rotations (F, J, 4) of all joints.
+
+    root_positions: (F, 3) [m]. rotations: (F, J, 4), each joint relative to its parent.
+    """
     positions = np.empty(rotations.shape[:-1] + (3,))
     world = np.empty_like(rotations)
     for joints in _generations(skeleton):

@@ -1,4 +1,4 @@
-"""Bend and turn legs of two bones so that their ankles reach given places."""
+"""Bend and turn legs of two bones so that their ankles reach given places [m]."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ def missing_height(leg: Leg, targets: Floats, most: Floats) -> Floats:
 
 
 def raised_heels(leg: Leg, balls: Floats, targets: Floats, most: Floats) -> Floats:
-    """Return the rotations (n, 4) about ``balls`` (n, 3) by which heels rise so that legs reach ``targets`` (n, 3).
+    """Return the rotations (n, 4) about ``balls`` (n, 3) [m] by which heels rise so that legs reach their ankles.
 
-    Only the heel of a foot that the hip has passed rises, and none by more than _RISES. most: (n,) stretch up to which
-    legs may reach.
+    Only the heel of a foot that the hip has passed rises, and none by more than _RISES. targets: (n, 3) places of the
+    ankles before their heels rise [m]. most: (n,) stretch up to which legs may reach.
     """
     foot, hip = balls - targets, leg.hips - balls
     ahead = unit(foot * np.array([1.0, 1.0, 0.0]))

@@ -64,6 +64,7 @@ class Skeleton:
         for side in ("left", "right"):
             hip, _, joint = (self.joint(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
             leg: list[int] = []
+            # An ankle that does not hang below its hip counts from the root.
             while joint != hip and joint >= 0:
                 leg.append(joint)
                 joint = int(self.parents[joint])

@@ -34,7 +34,7 @@ def track_of(clip: Clip) -> Floats:
 
 
 def _hips_and_heading(clip: Clip) -> tuple[Floats, Floats]:
-    """Return the middle (F, 2) of the hip joints on the ground, and the unsmoothed, unwrapped heading (F,)."""
+    """Return the middle (F, 2) of the hip joints on the ground [m], and the unsmoothed unwrapped heading (F,) [rad]."""
     joints, skeleton = clip.joint_positions, clip.skeleton
     left, right = joints[:, skeleton.joint("left_hip"), :2], joints[:, skeleton.joint("right_hip"), :2]
     across = unit(left - right)

@@ -259,13 +259,15 @@ def _spine(skeleton: Skeleton) -> list[int]:
 
 
 def _bones(skeleton: Skeleton, leg: NDArray[np.int32], foot: Floats) -> Floats:
-    """Return the lengths of thigh and shank, then the sizes of the foot [m]."""
+    """Return (5,): the lengths of thigh and shank, then ``foot`` (3,), as ``FootShape.sizes`` [m]."""
     lengths = np.linalg.norm(skeleton.offsets[leg[1:3]], axis=1)
     return np.concatenate([lengths, foot])
 
 
 def _print(cycle: Cycle, ball: Floats, yaw: Floats, foot: int) -> Floats:
-    """Return the ball's place ahead and left of the track [m] and the foot's heading, as the body passes over it.
+    """Return the ball's place ahead and left of the track [m] and the foot's heading from the track's [rad], (3,).
+
+    They are those while the body passes over the foot.
 
     ball: (S + 1, 3) places over the cycle [m]. yaw: (S + 1,) headings of the foot from its own landing on [rad].
     """

@@ -38,7 +38,7 @@ _STEP_SECONDS = 1.0
 _SIDE_SECONDS = 1.0
 """Durations of a step of 0.2 m ahead and of one to the side, from stand to stand [s]."""
 _PAUSE = 5
-"""Samples of rest between side steps: feet stand long enough for a cut."""
+"""Samples of rest between side steps, and between a walk and a turn: feet stand long enough for a cut."""
 _SIDE_STEP = 0.40
 """Length of a side step [m]."""
 _SPOT_RATE = np.radians(70.0)

@@ -124,7 +124,7 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
     ----------
     tracks: (N, 4) float64 x, y [m], heading [rad] without jumps, phase [cycles].
     starts: (A + 1,) int64 rows at which tracks begin. step: seconds between samples.
-    firsts: (A,) int64 rows of ``samples`` (T, COLUMNS) at which they begin there.
+    firsts: (A,) int64 rows of ``samples`` (T, COLUMNS) at which their padding begins there.
     scratch: (T,) float64.
     """
     for body in range(len(firsts)):
@@ -226,7 +226,7 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
 
     Parameters
     ----------
-    samples, firsts, step: as of `fill_samples`. counts: (A,) int64 samples of each track.
+    samples, firsts, step: as of `fill_samples`. counts: (A,) int64 samples of each track with its padding.
     halves: (A,) int64 half cycle of each track's first row.
     rows: (A + 1,) int64 rows at which tracks begin in ``steps`` (H, STEP_COLUMNS).
     bodies: (H, 4) float64 scratch.

@@ -21,7 +21,8 @@ class GraphArrays(NamedTuple):
     node_idle: (N,) bool, True for waiting in place: never part of a path.
     edge_start: (N + 1,) int32, rows ``edge_start[n]:edge_start[n + 1]`` are the edges out of node n.
     edge_target: (E,) int32.
-    edge_transform: (E, 3) float64, start of the target in the frame of the source's last track sample.
+    edge_transform: (E, 3) float64, start of the target (x, y [m], heading [rad]) in the frame of the source's last
+    track sample.
     edge_pivot: (E, 2) float64, planted foot in that same frame: extra rotation turns about it [m].
     edge_low, edge_high: (E,) float64, range of extra rotation, low <= 0 <= high [rad].
     stop_edge: (N,) int32, edge to take at a node's end to stand soonest; -1 if it ends standing or never can.

@@ -82,7 +82,10 @@ def branching_factor(nodes: int, transitions: int) -> float:
 
 
 def largest_component(count: int, source: Indices, target: Indices) -> NDArray[np.bool_]:
-    """Return the mask (count,) of the largest strongly connected component, the first of equally large ones."""
+    """Return the mask (count,) of the largest strongly connected component, the first of equally large ones.
+
+    source, target: (E,) nodes that edges lead from and to.
+    """
     joined = coo_array((np.ones(len(source), bool), (source, target)), (count, count)).tocsr()
     _, label = connected_components(joined, directed=True, connection="strong")
     sizes = np.bincount(label)
@@ -150,7 +153,7 @@ def assemble(
 
 
 def _pinned_transforms(rotation: Floats, pivot_a: Floats, pivot_b: Floats) -> Floats:
-    """Return poses (E, 3) that turn by ``rotation`` and bring ``pivot_b`` onto ``pivot_a``."""
+    """Return poses (E, 3) that turn by ``rotation`` (E,) [rad] and bring ``pivot_b`` (E, 2) onto ``pivot_a`` [m]."""
     c, s = cos(rotation), sin(rotation)
     x = pivot_a[:, 0] - (c * pivot_b[:, 0] - s * pivot_b[:, 1])
     y = pivot_a[:, 1] - (s * pivot_b[:, 0] + c * pivot_b[:, 1])

@@ -114,7 +114,10 @@ class HalfCrossingDetector(CrossingDetector):
 
 
 class StandingDetector:
-    """Cut where both ankles rest: in the middle of each stretch, or nearest the movement at a clip's ends."""
+    """Cut where both ankles rest: in the middle of each stretch, or nearest the movement at a clip's ends.
+
+    A clip that rests throughout is cut at both ends.
+    """
 
     name = "standing"
     standing = True

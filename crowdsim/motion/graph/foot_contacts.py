@@ -53,7 +53,7 @@ class Stance:
 
 
 def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | None = None) -> Feet:
-    """Return heels, balls and toe tips (if the skeleton has them) of joints (F, J, 3) with world rotations (F, J, 4).
+    """Return heels, balls and toe tips (if there are any) of joints (F, J, 3) [m] with world rotations (F, J, 4).
 
     like: feet of another motion of the same body that is long enough to show their lowest heights.
     """
@@ -71,7 +71,8 @@ def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | N
 def foot_points(skeleton: Skeleton, ankles: Floats) -> tuple[NDArray[np.int32], Floats]:
     """Return the points of both feet: the joint (2, P) int32 that carries each, and where it is in its frame (2, P, 3).
 
-    They are heel, ball, and the tip of the toes if both feet have one [m]. ankles: (2,) as of :class:`Feet`.
+    They are heel, ball (the ankle if there is no toe joint), and the tip of the toes if both feet have one [m]. At
+    rest, feet must lie flat. ankles: (2,) as of :class:`Feet`.
     """
     joints, offsets = [], []
     for side, height in zip(("left", "right"), ankles.tolist(), strict=True):
@@ -137,6 +138,6 @@ def extent(moves: Floats) -> float:
 
 
 def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return (first, end) of the runs of True in ``flags``."""
+    """Return (first, end) of the runs of True in ``flags`` (n,); ``end`` is the index behind the last one."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

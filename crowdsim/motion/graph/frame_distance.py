@@ -27,7 +27,8 @@ RANGE_CAP = 15
 """Extra rotation is tried in steps of RANGE_STEP [rad], up to RANGE_CAP steps each way."""
 
 _SQUARES = 8
-"""Largest number of squared coordinates in one sum: two coordinates of two points, or their difference (4 times)."""
+"""Largest number of squared coordinates that a point adds to a sum: x and y of two points (4), and the square of the
+difference of their z (up to 4)."""
 
 
 def cloud_joints(skeleton: Skeleton) -> NDArray[np.int64]:
@@ -70,7 +71,7 @@ class PairAlignments:
     points: int
 
     def pinned_distance(self, pivot_a: Floats, pivot_b: Floats, rotation: Floats) -> Floats:
-        """Return distances (n,) when b turns by ``rotation`` and ``pivot_b`` (n, 2) is moved onto ``pivot_a`` [m]."""
+        """Return distances (n,) if b turns by ``rotation`` [rad] and ``pivot_b`` (n, 2) moves onto ``pivot_a`` [m]."""
         # Sums about the pivots follow from those about the means (parallel axes); u, v lead from pivot to mean.
         u, v = self.mean_a - pivot_a, self.mean_b - pivot_b
         dot = self.dot + self.points * np.sum(u * v, axis=1)

@@ -37,7 +37,7 @@ class Step(NamedTuple):
 
     states: (N, 2, COLUMNS) of all feet. natural: frames of a node in a step at its own speed. spans: (2,) see
     :func:`crowdsim.motion.planted.pin_kernels.pin_feet`. positions, rotations: (1, J, 3), (1, J, 4) float32, room for
-    one body. rows, shares, events: (c,), (c,), (c, COLUMNS), changes: 2 * agent + foot, share of the step, new state.
+    one body. rows, shares, events: (c,), (c,), (c, COLUMNS), changes: 2 * body + foot, share of the step, new state.
     """
 
     table: PoseTable

@@ -62,7 +62,7 @@ def _set(work, a, foot, mode, node, since, until, pose, share, count):
     """Change the state of a foot at a share of the step, note it as event ``count``, and return the next number.
 
     ``since`` and ``until`` are frames of the node: the state holds from the first on; ``until``, at which a fade ends,
-    matters to a foot that fades alone (else pass 0.0).
+    matters only if ``mode`` is FADES (else pass 0.0).
     """
     state = work.states[a, foot]
     state[MODE] = mode

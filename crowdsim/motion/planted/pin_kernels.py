@@ -7,9 +7,9 @@ Arguments of all helpers: ``table`` (PoseTable) and ``feet`` (FootTable); ``foot
 ``positions`` (A, J, 3) and ``rotations`` (A, J, 4) of the joints of all bodies, which are bent in place and of which
 row ``a`` is one body; hip, knee, ankle and other points are triples [m], rotations are quaternions (w, x, y, z). ``a``
 and ``b`` are vectors in products; ``turn`` is a rotation, ``target`` the ankle's place to be reached [m], ``most`` the
-share of its length to which the leg may stretch; ``spans`` are the lengths of a periodic floor along x and y, 0 without
-ends [m]; ``place`` is that of a foot as posed: x, y of its ball [m] and heading [rad]; ``moved`` is how far it is moved
-x, y [m] and turned [rad].
+share of its length to which the leg may stretch; ``spans`` are the lengths of the floor along x and y [m], 0 if it is
+not periodic there; ``place`` is that of a foot as posed: x, y of its ball [m], heading [rad]; ``moved`` is how far it
+is moved x, y [m] and turned [rad].
 """
 
 import math
@@ -71,7 +71,7 @@ def place_of_foot(feet, foot, positions, rotations, a):
 def correction(table, feet, state, node, frame, foot, place, spans):
     """Return how far a foot at ``place`` is moved (x, y [m]) and turned [rad] in a frame of its node.
 
-    state: (COLUMNS,) of the foot, which holds in its own node alone.
+    state: (COLUMNS,) of the foot, which holds only in the node that it names.
     """
     if state[MODE] == FREE or state[NODE] != node:
         return 0.0, 0.0, 0.0
@@ -276,7 +276,7 @@ def pin_feet(table, feet, states, node, frame, spans, positions, rotations):
     feet: :class:`crowdsim.motion.planted.planted_rows.FootTable`.
     states: (A, 2, COLUMNS) float64, see the columns above.
     node, frame: (A,) int32 and float64, what each body plays.
-    spans: (2,) float64, lengths of a periodic floor along x and y, 0 without ends [m].
+    spans: (2,) float64, lengths of the floor along x and y [m], 0 if it is not periodic there.
     positions, rotations: (A, J, 3) [m] and (A, J, 4) float32, joints in the world.
     """
     for a in range(len(node)):

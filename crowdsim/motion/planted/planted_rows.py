@@ -28,7 +28,7 @@ class PlantedRows(NamedTuple):
 
     table: the pose table. feet: points (T, 2, P, 3) in the frame of the first row of each node [m]. stands: (T, 2, P)
     bool, True if a point stands from the row to the next one; never in the last row of a node. lifted: (T, 2, P) int32,
-    number of steps of nodes before each row in which the point is lifted or moves.
+    number of rows before each row, of all nodes but without their last ones, in which ``stands`` is False.
     """
 
     table: PoseTable

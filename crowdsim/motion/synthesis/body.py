@@ -1,7 +1,7 @@
 """The body of the default motion set: an adult of 1.75 m.
 
 Breadths are those of the median adult: shoulders 0.47 m across with 0.06 m of flesh about the joints, body depth 0.25
-m.
+m. All sizes and offsets are in meters.
 """
 
 from __future__ import annotations

@@ -50,6 +50,7 @@ _TWIST, _UNTWISTED = 0.5, float(np.radians(25.0))
 _STRIDING = 0.70
 """Distance between prints from which on the toes push the foot off as in walking [m]."""
 _TINY = 1e-3
+"""Time over which rates are measured at the ends of a stance [frames]."""
 
 
 @dataclass(frozen=True)

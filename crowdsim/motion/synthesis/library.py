@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 
 _IDLE_FRAMES = 121
 _ARMS_FRAMES = 37
+"""Frames of standing (_IDLE_FRAMES), and of moving the arms while standing."""
 _SHORT_OF_A_CYCLE = 7
 """Frames less than a cycle of walking that are kept beyond a cut, so that they contain no other cut."""
 
@@ -147,7 +148,10 @@ def _turning_side_steps(name: str, manner: Manner) -> Plan:
 
 
 def _walk_to_side(turn: float, manner: Manner) -> Plan:
-    """Plan a walk to a stand a quarter turn off; in three steps to the left, where the right foot cannot open."""
+    """Plan a walk to a stand a quarter turn off, to the left if ``turn`` is positive, else to the right.
+
+    To the left it takes three steps, as the right foot cannot open.
+    """
     builder = PlanBuilder("", manner=manner).start(manner.normal).cycle(manner.normal)
     if turn < 0.0:
         return builder.stop(0.44, _rad(-90.0)).finish()

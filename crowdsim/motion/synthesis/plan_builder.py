@@ -89,7 +89,7 @@ class PlanBuilder:
         swing = 0.5 * (before.swing + gait.swing) + 4.0 * min(1.0, abs(turn) / np.radians(90.0))
         pause = 0.5 * (before.double_support + gait.double_support)
         wanted = land + pause + swing + gait.double_support + PASSING * gait.swing - start
-        # The hub at the end falls on a whole frame: the foot lands that much later.
+        # The hub at the end falls on a whole frame: the foot lands that much later. 1e-9: rounding adds no frame.
         rounded_up = np.ceil(wanted - 1e-9) - wanted
         lift = land + pause
         land = lift + swing + rounded_up
@@ -131,7 +131,7 @@ class PlanBuilder:
         return self._start_to(gait, ahead, self.frame + self.plan.style.soft)
 
     def start_turned_right(self, gait: Gait, turn: float) -> PlanBuilder:
-        """Walk from standing to the passing pose of ``gait`` turned right by ``turn`` [rad]: right foot, left foot."""
+        """Walk from standing, right foot first, to the passing pose of ``gait`` turned right (``turn`` < 0 [rad])."""
         way = compose(self.body, np.array([0.0, 0.0, turn]))
         lift = self.frame + self.plan.style.soft
         # The right foot is put down with three quarters of the turn.
@@ -146,6 +146,7 @@ class PlanBuilder:
         The foot lands as much later as the passing pose needs to fall on a whole frame.
         """
         wanted = lift + gait.swing + gait.double_support + PASSING * gait.swing
+        # 1e-9: rounding adds no frame.
         land = lift + gait.swing + np.ceil(wanted - 1e-9) - wanted
         self.step(LEFT, body, lift, land, gait.half_width)
         self._pass(gait, land)

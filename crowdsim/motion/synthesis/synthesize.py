@@ -52,7 +52,10 @@ def _hub_frame(hub: Hub, manner: Manner) -> Floats:
 
 
 def _moved(frame: Floats, placed: Floats, inverse: bool) -> Floats:
-    """Return rows of three planar poses (R, 9), moved into ``frame`` (``inverse``) or out of it; headings unwrapped."""
+    """Return rows of three planar poses (R, 9), moved into the pose ``frame`` (if ``inverse``) or out of it.
+
+    frame: (3,) x, y [m] and heading [rad]. Headings stay unwrapped.
+    """
     out = placed.copy()
     c, s = cos(frame[2]), sin(frame[2])
     for k in (0, 3, 6):
