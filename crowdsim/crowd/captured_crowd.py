@@ -26,6 +26,7 @@ from crowdsim.crowd.state.environment import EnvironmentState, Footprints
 from crowdsim.crowd.state.itineraries import Itineraries, stands_summary
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.crowd.state.state_hash import state_hash
+from crowdsim.crowd.state.way_kernels import FOREVER
 from crowdsim.crowd.systems.animate import animate
 from crowdsim.crowd.systems.apply_events import AffectedAgents, Events
 from crowdsim.crowd.systems.choose_motion import Choosing
@@ -173,10 +174,13 @@ class CapturedCrowd:
         affected = AffectedAgents(self.plans, view)
         rows = self.plans.rows_of_agents(view)
         for agent, place in zip(agents.tolist(), places, strict=True):
+            row = int(rows[agent])
+            # It has reserved its last steps out of the world, without a stop.
+            if row != NONE and view.gone_slot[row] < FOREVER:
+                continue
             self.itineraries.redirect(agent, place, stays)
             self.despawning.arrived[agent] = NONE
             self.plans.away.discard(agent)
-            row = int(rows[agent])
             # Outside of the world, it asks for another motion before it enters.
             if row == NONE:
                 self.plans.forget(agent)

@@ -53,7 +53,8 @@ class Commandable(ABC):
     ) -> None:
         """Send agents to another goal with the next step, instead of all their goals.
 
-        Agents that have not entered yet go there when they enter; members of parties go each on its own.
+        Agents that have not entered yet go there when they enter; members of parties go each on its own. A captured
+        agent whose last steps out of the world are reserved leaves all the same.
 
         Parameters
         ----------

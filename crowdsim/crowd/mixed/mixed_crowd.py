@@ -122,7 +122,7 @@ class MixedCrowd:
         if self.captured.events.over:
             since = self.steered.world.column("lost_since")
             lost = int(((since != NONE) & (self.step_count - since > LOST_SECONDS * STEERING_RATE)).sum())
-            lost += len(self.steered.entering.shut_out) + len(self._without_a_way())
+            lost += len(np.union1d(self.steered.entering.shut_out, np.flatnonzero(self._has_no_way() & self._outside)))
         return self.arrived + lost >= int(self.expected.sum())
 
     def close(self) -> None:

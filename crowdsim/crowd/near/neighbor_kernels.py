@@ -66,6 +66,13 @@ def widen(near, row, circle):
 
 
 @helper
+def widen_way(near, row, x, y):
+    """Enlarge ``spread`` after the way of a row was laid anew, which begins at (x, y) [m]."""
+    away = hypot(x - near.places[row, 0], y - near.places[row, 1])
+    near.spread[OF_WAYS] = max(near.spread[OF_WAYS], away)
+
+
+@helper
 def cells_within(near, left, bottom, right, top, far):
     """Return first and last column, then first and last line, of all cells within ``far`` [m] of a box.
 

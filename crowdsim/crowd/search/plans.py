@@ -45,11 +45,11 @@ class Join(NamedTuple):
     """Length below which the path must be to be taken [m]."""
 
     def fits(self, plan: MotionPlan | None, cursor: int) -> bool:
-        """Return True if an agent in node ``cursor`` of ``plan`` can still continue there.
+        """Return True if an agent in node ``cursor`` of ``plan`` (NONE: before its first) can still continue there.
 
         Plans are the same as long as they share their array of nodes.
         """
-        return plan is not None and plan.nodes is self.plan.nodes and NONE < cursor <= self.after
+        return plan is not None and plan.nodes is self.plan.nodes and cursor <= self.after
 
 
 class Found(NamedTuple):

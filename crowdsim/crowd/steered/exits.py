@@ -94,6 +94,8 @@ class ExitChoice:
         self._chooses = np.array([it.choice in ("nearest", "quickest") for it in cast.itineraries], np.bool_)
         self._quickest = np.array([it.choice == "quickest" for it in cast.itineraries], np.bool_)
         self._flows = np.array([flow_through(goal, free) for goal in cast.goals])
+        # Agents (n,) to which a command gave another goal: they choose no exit, not even if they enter after that.
+        self._redirected = np.zeros(cast.head_count, np.bool_)
         # By goal: number of agents that have left there, and that had when flows were last learned, every second.
         self._left = np.zeros(len(cast.goals), np.int64)
         self._left_before = np.zeros(len(cast.goals), np.int64)
@@ -109,7 +111,8 @@ class ExitChoice:
             self.goals[agents[mine]] = exits[np.argmin(times, axis=1)]
         # Members of a party go to the exit of the first member.
         firsts = self.goals[self._cast.first[agents]]
-        self.goals[agents] = np.where(firsts != NONE, firsts, self.goals[agents])
+        follow = (firsts != NONE) & ~self._redirected[agents]
+        self.goals[agents[follow]] = firsts[follow]
 
     def consider(self, view: View, step: int) -> None:
         """Let the agents whose turn it is change to an exit that is much better than theirs."""
@@ -173,6 +176,7 @@ class ExitChoice:
     def redirect(self, agents: Ints, goals: int) -> None:
         """Remove the exits of agents (k,); there are ``goals`` goals now, of which the last are no exits."""
         self.goals[agents] = NONE
+        self._redirected[agents] = True
         more = goals - len(self._flows)
         self._flows = np.append(self._flows, np.full(more, LEAST_FLOW))
         self._left, self._left_before = (
@@ -186,7 +190,8 @@ class ExitChoice:
     def _choosing(self, agents: Ints) -> list[tuple[int, Ints]]:
         """Return the groups that choose, each with the indices of its agents in ``agents``."""
         group = self._cast.group[agents]
-        return [(number, np.flatnonzero(group == number)) for number in np.unique(group[self._chooses[group]]).tolist()]
+        chooses = self._chooses[group] & ~self._redirected[agents]
+        return [(number, np.flatnonzero(chooses & (group == number))) for number in np.unique(group[chooses]).tolist()]
 
     def _costs(self, group: int, agents: Ints, rows: NDArray[Any], queues: Sequence[Floats]) -> Floats:
         """Return (k, e) the time until each agent is through each exit [s], or the length of the path [m].

@@ -132,7 +132,7 @@ class AffectedAgents:
         plans.unreachable.pop(agent, None)
         plans.no_motion.pop(agent, None)
         # It stands, or has not begun its plan: forget that, and request another one at once.
-        if plan is None or view.cursor[row] == NONE:
+        if plan is None or self._has_yet_to_begin(row):
             plans.searches.drop(agent)
             view.awaiting_plan[row] = False
             view.retry_step[row] = plans.step
@@ -161,7 +161,7 @@ class AffectedAgents:
         if plan is None:
             return
         # It has not begun its plan.
-        if cursor == NONE:
+        if self._has_yet_to_begin(row):
             plans.replans += 1
             self._drop(row, agent)
             return
@@ -178,7 +178,7 @@ class AffectedAgents:
     def _take_chance(self, row: int, agent: int, freed: BaseGeometry) -> None:
         """Let a row search a path after an area was freed, if it had none or could have a much shorter one."""
         plans, view = self.plans, self.view
-        position, cursor = view.pose[row, :2], int(view.cursor[row])
+        position = view.pose[row, :2]
         plan = plans.motions.get(agent)
         # Without a plan it searches again at once if there was no path; else a search is under way or due anyway.
         if plan is None:
@@ -189,7 +189,7 @@ class AffectedAgents:
         if not could_shorten(plan.route, position, freed):
             return
         # It has not begun its plan.
-        if cursor == NONE:
+        if self._has_yet_to_begin(row):
             plans.replans += 1
             plans.routes.pop(agent, None)
             self._drop(row, agent)
@@ -201,6 +201,13 @@ class AffectedAgents:
         plans.replans += 1
         end = plan.origins[after + 1, :2]
         self._ask(row, agent, Join(plan, after, shorter_than=way_left(plan.route, end)))
+
+    def _has_yet_to_begin(self, row: int) -> bool:
+        """Return True if a row has neither begun its plan nor reserved any node of it.
+
+        One that has just become captured walks in the node before the first one of its plan, and has reserved that.
+        """
+        return bool(self.view.cursor[row] == NONE and self.view.reserved[row] == NONE)
 
     def _drop(self, row: int, agent: int) -> None:
         """Let a standing row forget its plan; it requests another one at once."""
@@ -220,7 +227,7 @@ class AffectedAgents:
         end = max(min(clear, plan.count), int(view.reserved[row]) + 1)
         # Keep nodes that are reserved, or begin before the search is done: it begins at the end of this step, and has
         # ``lead`` steps from then on. ``left``: frames to the end of node ``after``.
-        left = int(lengths[after]) - int(view.frame[row])
+        left = int(self.assets.graph.node_frames[view.node[row]]) - int(view.frame[row])
         fastest = max(int(view.rate[row]), int(view.wanted_rate[row]))
         while after + 1 < end and (after < view.reserved[row] or left * FRAME_TICKS <= (plans.lead + 1) * fastest):
             after += 1

@@ -146,13 +146,15 @@ class Replanning:
         if found.plan is None or plan is None or not fits or found.plan.route.length >= join.shorter_than:
             plans.searches.drop(agent)
             return
-        # Go on along the old nodes up to ``join.after``, then along the new ones; numbers count from the present node.
-        joined = plan.joined(cursor, join.after, found.plan, join.reaches)
-        plans.hand_out(agent, joined, join.after - cursor + 1)
+        # Go on along the old nodes up to ``join.after``, then along the new ones. Numbers count from the present node;
+        # from the first one of the plan if the present node is the one before.
+        first = max(cursor, 0)
+        joined = plan.joined(first, join.after, found.plan, join.reaches)
+        plans.hand_out(agent, joined, join.after - first + 1)
         plans.note_motion(found)
         plans.follow_route(agent, joined.route)
-        view.reserved[row] -= cursor
-        view.cursor[row] = 0
+        view.reserved[row] -= first
+        view.cursor[row] -= first
         view.plan_digest[row] = joined.digest
 
     def _go_on(self, view: View, row: int, found: Found, first: int) -> None:

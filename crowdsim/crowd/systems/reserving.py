@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from crowdsim.constants import NONE
+from crowdsim.crowd.near.neighbor_kernels import OF_WAYS
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES
 from crowdsim.crowd.state.motion_plan import MotionPlan
@@ -19,7 +20,7 @@ from crowdsim.crowd.systems.going_on import Scratch, Walker
 from crowdsim.crowd.systems.reserving_kernels import BEHIND_METERS, BEHIND_WIDTH, LOOKAHEAD, WAY_METERS, WAY_REACH
 from crowdsim.crowd.systems.surroundings import Surroundings
 from crowdsim.ecs.world import View
-from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.elementary import distance, hypot
 
 
 class Reserving:
@@ -111,7 +112,8 @@ class Reserving:
         """
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
         near, scratch = self.surroundings.neighbors(view), self._scratch
-        behind = rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near)
         rest = view.timeline[row, -1, :2]
+        near.spread[OF_WAYS] = max(near.spread[OF_WAYS], distance(rest, near.places[row]))
+        behind = rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near)
         view.rank[row] = rank_at(view.turn[row], behind, *rest, obstacles.passages, obstacles.body_radius)
         scratch.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, scratch.ways)

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from crowdsim.crowd.giving_way.give_way_kernels import reserve_by_asking
-from crowdsim.crowd.near.neighbor_kernels import widen
+from crowdsim.crowd.near.neighbor_kernels import widen, widen_way
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, lay_out, meets_anyone, reserve
 from crowdsim.crowd.state.timelines import SLOWEST, Obstacles, Playback
 from crowdsim.crowd.state.way_kernels import FOREVER, lay_way, rank_at, rank_behind, ways_before
@@ -173,6 +173,7 @@ def prepare(rows, row, table, progress, obstacles, everyone, scratch):
 
     # Publish the way ahead, take over the rank of an agent that it follows, and gather the ways to be kept free.
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, rows.way[row])
+    widen_way(everyone.near, row, rows.timeline[row, -1, 0], rows.timeline[row, -1, 1])
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, everyone.near)
     x, y, radius = rows.timeline[row, -1, 0], rows.timeline[row, -1, 1], rows.body_radius[row]
     rows.rank[row] = rank_at(rows.turn[row], behind, x, y, obstacles.passages, radius)

@@ -8,6 +8,10 @@ import pytest
 import shapely
 
 from crowdsim import Scenario, ScenarioError, Simulation, load_scenario
+from crowdsim.constants import NONE
+from crowdsim.crowd.state.timelines import SLOT_FRAMES
+from crowdsim.crowd.state.way_kernels import FOREVER
+from crowdsim.recording.header import AgentState
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.people.arrivals import NEVER, start_steps, start_times
 from tests.support.two_rooms import two_rooms
@@ -245,3 +249,34 @@ def test_characters_on_call_have_no_time() -> None:
     assert len(start_times(keys, 1)) == 4
     assert start_steps(keys, 1).tolist() == [NEVER] * 4
     assert start_steps(keys, 0).tolist() == [0, 0]
+
+
+def off_timeline(simulation: Simulation) -> float:
+    """How far captured agents are from where their reserved timelines have them by now, at most [m]."""
+    crowd = getattr(simulation.crowd, "captured", simulation.crowd)
+    view = crowd.world.view()
+    place = crowd.step_count * crowd.assets.frames_per_step / SLOT_FRAMES - view.timeline_start
+    first = np.clip(place.astype(int), 0, view.timeline.shape[1] - 2)
+    share = np.clip(place - first, 0.0, 1.0)[:, None]
+    rows = np.arange(len(first))
+    reserved = view.timeline[rows, first, :2] * (1.0 - share) + view.timeline[rows, first + 1, :2] * share
+    return float(np.hypot(*(view.pose[:, :2] - reserved).T).max(initial=0.0))
+
+
+@pytest.mark.parametrize("locomotion", ["captured", "auto"])
+def test_who_gets_another_goal_is_where_others_know_of(locomotion: str) -> None:
+    """Also if its last steps out of the world are reserved, or if it has just become captured."""
+    rng = np.random.default_rng(2)
+    given = 0
+    with Simulation(rooms(locomotion)) as simulation:
+        simulation.add("guests", 4)
+        while not simulation.finished and simulation.time < 60.0:
+            view = getattr(simulation.crowd, "captured", simulation.crowd).world.view()
+            begins = (view.cursor == NONE) & (view.state == AgentState.MOVING) & (locomotion == "auto")
+            for agent in view.agent[begins | (view.gone_slot < FOREVER)].tolist():
+                if rng.random() < 0.5:
+                    simulation.set_goal(agent, tuple(rng.uniform([1.0, 1.0], [3.0, 5.0])))
+                    given += 1
+            simulation.step()
+            assert off_timeline(simulation) < 0.1
+    assert given > 3

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from shapely import box
 
+from crowdsim.constants import NONE
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.steered import exits as rules
 from crowdsim.crowd.steered.components import Errand
@@ -166,6 +167,17 @@ def test_the_flow_expected_is_that_of_the_outline_on_the_floor() -> None:
     assert flow_through(box(8, 0, 10, 4), free) == pytest.approx(FLOW * 4.0, rel=0.01), "across the corridor"
     assert flow_through(box(9, 1, 10, 2), free) == pytest.approx(FLOW * 3.0, rel=0.01), "from three sides"
     assert flow_through(box(20, 0, 21, 4), free) == LEAST_FLOW
+
+
+def test_who_was_sent_elsewhere_before_it_entered_has_no_exit() -> None:
+    """Its companion chooses an exit of its own."""
+    text = hall("exits: all, together: 2, start_time: 1", count=2)
+    with Simulation(parse_scenario(text)) as simulation:
+        simulation.set_goal(0, (5.0, 5.0))
+        for _ in range(20):
+            simulation.step()
+        assert simulation.agents.present.tolist() == [0, 1]
+        assert (simulation.crowd.exits.goals != NONE).tolist() == [False, True]
 
 
 def test_exits_are_summed_up() -> None:
