@@ -350,6 +350,15 @@ def test_a_spike_splits_the_capture() -> None:
     assert stretches == [(0, 96), (104, 199)]
 
 
+@pytest.mark.parametrize("rate", [10.0, 20.0])
+def test_a_spike_is_cut_out_of_slow_captures_too(rate: float) -> None:
+    positions = np.zeros((100, 1, 3))
+    positions[50, 0, 1] = 4.0
+    stretches, _, jumps = clean_stretches(positions, rate)
+    assert jumps == [(50, 0), (51, 0)]
+    assert stretches == [(0, 48), (52, 99)]
+
+
 def test_resampling_turns_along_the_shorter_arc() -> None:
     angle = np.linspace(0, 1, 11)
     rotations = np.stack([np.cos(angle / 2), 0 * angle, 0 * angle, np.sin(angle / 2)], axis=-1)[:, None]
