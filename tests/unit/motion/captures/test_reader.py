@@ -11,6 +11,7 @@ import pybvh
 import pytest
 
 from crowdsim.errors import MotionError
+from crowdsim.motion.analysis.capture_sets import read_clips
 from crowdsim.motion.captures.cleaning import clean_stretches, resample
 from crowdsim.motion.captures.reader import capture_paths, read_capture, read_clip
 from crowdsim.motion.clips.joint_roles import find_roles
@@ -357,6 +358,16 @@ def test_a_spike_is_cut_out_of_slow_captures_too(rate: float) -> None:
     stretches, _, jumps = clean_stretches(positions, rate)
     assert jumps == [(50, 0), (51, 0)]
     assert stretches == [(0, 48), (52, 99)]
+
+
+def test_files_that_hold_clips_of_the_same_name_are_refused(tmp_path: Path) -> None:
+    paths = [write_legs(tmp_path / f"{name}.bvh", 1.0, "xyz", frames=120) for name in ("walk", "walk.1")]
+    lines = paths[0].read_text().splitlines()
+    lines[-60] = "9 " + lines[-60].partition(" ")[2]
+    paths[0].write_text("\n".join(lines))
+    assert [clip.name for clip in read_clips(paths[:1])] == ["walk.1", "walk.2"]
+    with pytest.raises(MotionError, match=r"walk\.bvh and walk\.1\.bvh both hold a clip 'walk\.1'; rename one"):
+        read_clips(paths)
 
 
 def test_resampling_turns_along_the_shorter_arc() -> None:
