@@ -326,6 +326,9 @@ def test_a_size_of_no_person_is_refused_unless_the_unit_is_given(tmp_path: Path)
     with pytest.raises(MotionError, match="meters_per_unit"):
         read_capture(path)
     assert read_capture(path, meters_per_unit=1 / 5000).report.leg_length == pytest.approx(0.86)
+    for unit in (0.0, -0.01, np.nan, np.inf):
+        with pytest.raises(MotionError, match=r"meters_per_unit is .*; give a positive number"):
+            read_capture(path, meters_per_unit=unit)
 
 
 @pytest.mark.parametrize(("time", "rate"), [(0.0083333, 120.0), (0.0333333, 30.0), (0.01, 100.0), (0.0417083, 23.976)])
