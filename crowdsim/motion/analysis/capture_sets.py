@@ -42,7 +42,7 @@ def read_folder(
 
     Raises
     ------
-    MotionError: if two names differ only in their endings, or nothing is left.
+    MotionError: if two names differ only in their endings, two clips have the same name, or nothing is left.
     """
     seen: dict[str, Path] = {}
     for path in paths:
@@ -50,11 +50,18 @@ def read_folder(
             raise MotionError(f"{other.name} and {path.name} differ only in their endings; rename one of them")
     clips: list[Clip] = []
     notes: list[str] = []
+    names: dict[str, Path] = {}
     for path in paths:
         try:
-            clips += read_capture(path, meters_per_unit, joints).clips
+            found = read_capture(path, meters_per_unit, joints).clips
         except MotionError as error:
             notes.append(f"file '{path.name}' is left out: {str(error).removeprefix(f'{path}: ')}")
+            continue
+        for clip in found:
+            # Stretches of a file that is cut are numbered: walk.1 may also be the name of a file.
+            if (other := names.setdefault(clip.name, path)) is not path:
+                raise MotionError(f"{other.name} and {path.name} both hold a clip '{clip.name}'; rename one of them")
+        clips += found
     notes += [f"clip '{clip.name}' is left out: {missing}" for clip in clips if (missing := _missing(clip))]
     clips = [clip for clip in clips if not _missing(clip)]
     if not clips:

@@ -39,7 +39,7 @@ def draw_motion_graph(sources: Sequence[MotionSource], graph: MotionGraph) -> Fi
 def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], graph: MotionGraph) -> None:
     """Draw the error image, its local minima, and the graph's transitions and cuts."""
     count = int(image.clip_first[-1])
-    step = max(1, count // _PIXELS)
+    step = max(1, -(-count // _PIXELS))
     shown = axes.imshow(
         image.distance[::step, ::step],
         cmap="jet",

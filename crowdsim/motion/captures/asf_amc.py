@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from crowdsim.errors import MotionError
-from crowdsim.motion.captures.raw_motion import RawMotion, euler_rotations, require_unique, without_flips
+from crowdsim.motion.captures.raw_motion import MOST_JOINTS, RawMotion, euler_rotations, require_unique, without_flips
 from crowdsim.motion.clips.kinematics import Floats, conjugate, multiply
 from crowdsim.whole_files import require_regular
 
@@ -21,6 +21,9 @@ ASSUMED_RATE = 120.0
 """Frame rate of an AMC file, which does not contain it [1/s]: that of the CMU captures."""
 
 _MOST_FRAMES = 1_000_000
+
+_ANGLE_UNITS = {"deg": True, "degree": True, "degrees": True, "rad": False, "radian": False, "radians": False}
+"""True for the words of an ASF file that mean degrees."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +52,7 @@ def parse_amc(path: Path) -> RawMotion:
     skeleton = _skeleton_path(path)
     bones, children, degrees = _parse_asf(skeleton)
     root, values, marked = _parse_amc(path, bones)
-    names = ["root"]
-    parents = [-1]
-    _walk(children, "root", 0, names, parents, skeleton)
+    names, parents = _tree(children, skeleton)
     require_unique(names)
     # Units of the axes of bones and of the angles of frames [rad]; the skeleton's holds unless the motion has its own.
     scale, unit = (np.pi / 180.0 if of else 1.0 for of in (degrees, degrees or marked))
@@ -125,7 +126,10 @@ def _parse_asf(path: Path) -> tuple[dict[str, _Bone], dict[str, list[str]], bool
         if key.startswith(":"):
             section = key
         elif section == ":units" and key == "angle":
-            degrees = rest[:1] != ["rad"]
+            word = " ".join(rest[:1])
+            if word.lower() not in _ANGLE_UNITS:
+                raise MotionError(f"{place}: the unit of angles is '{word}'; write deg or rad")
+            degrees = _ANGLE_UNITS[word.lower()]
         elif section == ":root":
             root[key] = rest
         elif section == ":bonedata":
@@ -146,11 +150,18 @@ def _parse_asf(path: Path) -> tuple[dict[str, _Bone], dict[str, list[str]], bool
         raise MotionError(f"{path}: the root's order '{' '.join(turns)}' must name TX, TY, TZ, RX, RY and RZ once each")
     axis = _numbers(f"{path}: orientation", root.get("orientation", ["0", "0", "0"]))
     order = "".join(root.get("axis", ["XYZ"])).upper()
+    if len(axis) != 3 or sorted(order) != ["X", "Y", "Z"]:
+        raise MotionError(
+            f"{path}: the root has orientation '{' '.join(root.get('orientation', []))}' and axis '{order}'; it needs "
+            "three numbers of orientation, and an axis that orders them, as XYZ"
+        )
     bones["root"] = _Bone("root", np.zeros(3), axis, order, tuple(word.upper() for word in turns))
     unknown = sorted({name for names in children.values() for name in names} | set(children) - {"root"} - set(bones))
     unknown = [name for name in unknown if name not in bones]
     if unknown:
         raise MotionError(f"{path}: the hierarchy names bones that are not defined: {', '.join(unknown)}")
+    if len(bones) > MOST_JOINTS:
+        raise MotionError(f"{path}: {len(bones)} bones, more than the {MOST_JOINTS} supported")
     return bones, children, degrees
 
 
@@ -188,8 +199,10 @@ def _parse_amc(path: Path, bones: dict[str, _Bone]) -> tuple[Floats, dict[str, F
             degrees = degrees or words[0].upper() == ":DEGREES"
             continue
         if len(words) == 1 and words[0].isdigit():
-            if int(words[0]) != len(frames) + 1 or len(frames) >= _MOST_FRAMES:
-                raise MotionError(f"{place}: frame {words[0]} follows frame {len(frames)}")
+            # Compared as text, as Python refuses to read numbers of more than 4300 digits.
+            number = words[0].lstrip("0")
+            if number != str(len(frames) + 1) or len(frames) >= _MOST_FRAMES:
+                raise MotionError(f"{place}: frame {number[:20] or 0} follows frame {len(frames)}")
             frames.append({})
             continue
         if not frames or words[0] not in bones:
@@ -217,16 +230,20 @@ def _parse_amc(path: Path, bones: dict[str, _Bone]) -> tuple[Floats, dict[str, F
     return result.pop("root")[:, columns], result, degrees
 
 
-def _walk(
-    children: dict[str, list[str]], name: str, index: int, names: list[str], parents: list[int], path: Path
-) -> None:
-    """Append all joints below joint ``name``, the one with ``index``, to ``names`` and ``parents``, parents first."""
-    for child in children.get(name, []):
-        if child in names:
-            raise MotionError(f"{path}: bone '{child}' has two parents")
-        names.append(child)
-        parents.append(index)
-        _walk(children, child, len(names) - 1, names, parents, path)
+def _tree(children: dict[str, list[str]], path: Path) -> tuple[list[str], list[int]]:
+    """Return names and parents (-1 for the root) of all joints, each followed by those below it."""
+    names: list[str] = []
+    parents: list[int] = []
+    # Not by recursion, which a chain of a thousand bones would exhaust.
+    waiting = [("root", -1)]
+    while waiting:
+        name, parent = waiting.pop()
+        if name in names:
+            raise MotionError(f"{path}: bone '{name}' has two parents")
+        names.append(name)
+        parents.append(parent)
+        waiting += [(child, len(names) - 1) for child in reversed(children.get(name, []))]
+    return names, parents
 
 
 def _own_axes(bone: _Bone, scale: float) -> Floats:

@@ -13,13 +13,17 @@ import numpy as np
 
 from crowdsim.errors import MotionError
 from crowdsim.motion.captures.bvh_channels import is_plain, plain_channels
-from crowdsim.motion.captures.raw_motion import RawMotion, euler_rotations, require_unique, snap_rate, without_flips
+from crowdsim.motion.captures.raw_motion import (
+    MOST_JOINTS,
+    RawMotion,
+    euler_rotations,
+    require_unique,
+    snap_rate,
+    without_flips,
+)
 from crowdsim.motion.captures.still_root import with_travelling_root, without_still
 from crowdsim.motion.clips.kinematics import Floats
 from crowdsim.whole_files import require_regular
-
-MOST_JOINTS = 1000
-"""Largest number of joints that is read; the most detailed bodies, with fingers and faces, have a few hundred."""
 
 _MOTION = re.compile(r"\bMOTION\s+Frames:\s*(?P<frames>\S+)\s+Frame\s+Time:\s*(?P<time>\S+)")
 _STARTS_LINE = frozenset(("HIERARCHY", "ROOT", "JOINT", "End", "OFFSET", "CHANNELS", "{", "}"))

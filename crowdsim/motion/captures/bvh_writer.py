@@ -93,4 +93,4 @@ def bvh_text(clip: Clip) -> str:
 def write_bvh(clip: Clip, path: Path) -> None:
     """Write ``clip`` to ``path``; the file gets its name when it is complete."""
     with whole_file(path, (".bvh",), "clips") as file:
-        file.write_bytes(bvh_text(clip).encode("ascii"))
+        file.write_bytes(bvh_text(clip).encode("utf-8"))

@@ -23,7 +23,8 @@ def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int
     """Find the frames of world ``positions`` (F, J, 3) [m], ``rate`` of them per second, that can be used.
 
     Return the clean stretches as (first, last) frames, True if the first frame was a calibration pose, and the jumps as
-    (frame behind it, joint). The frames within 25 ms of a jump are removed, as those next to a spike are off, too.
+    (frame behind it, joint). The frames within 25 ms of a jump, at least the one on either side, are removed, as those
+    next to a spike are off, too.
     Remaining stretches shorter than 0.3 s are dropped, unless there was no jump.
     """
     count = len(positions)
@@ -39,7 +40,8 @@ def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int
 
     usable = np.ones(count, bool)
     usable[:first] = False
-    margin = round(_MARGIN * rate)
+    # At low rates, _MARGIN is less than a frame.
+    margin = max(1, round(_MARGIN * rate))
     for frame, _ in jumps:
         usable[max(first, frame - margin) : frame + margin] = False
     edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]).astype(np.int8)))

@@ -116,8 +116,9 @@ def _share_spine(skeleton: Skeleton, turned: Floats) -> None:
     chest = skeleton.roles.get("chest", 0)
     chain: list[int] = []
     joint = int(skeleton.parents[chest]) if chest else 0
-    while joint > 0:
+    # The hips may hang below a root of their own.
+    while joint not in (0, skeleton.roles["hips"]):
         chain.insert(0, joint)
         joint = int(skeleton.parents[joint])
     for number, between in enumerate(chain, start=1):
-        turned[:, between] = slerp(turned[:, 0], turned[:, chest], number / (len(chain) + 1))
+        turned[:, between] = slerp(turned[:, joint], turned[:, chest], number / (len(chain) + 1))

@@ -14,6 +14,9 @@ from crowdsim.motion.clips.kinematics import Floats, about_axis, multiply
 RATES = (1.0, 10_000.0)
 """Plausible frame rates [1/s]; others are errors, and resampling them could make an endless number of frames."""
 
+MOST_JOINTS = 1000
+"""Largest number of joints that is read; the most detailed bodies, with fingers and faces, have a few hundred."""
+
 _FARTHEST = 1e9
 """Largest plausible coordinate, in file units."""
 

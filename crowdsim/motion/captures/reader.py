@@ -88,7 +88,7 @@ def read_capture(
 
     Raises
     ------
-    MotionError: for a file that is malformed, not finite, or of no plausible size.
+    MotionError: for a file that is malformed, not finite, or of no plausible size, or a unit that is no length.
     """
     path = Path(path)
     raw = _parse(path)
@@ -264,6 +264,8 @@ def _unit(
         points = np.concatenate([rest, rest[raw.end_parents] + raw.end_offsets])
         leg = float(-dot(points, basis[2]).min())
     if given is not None:
+        if not 0.0 < given < np.inf:
+            raise MotionError(f"meters_per_unit is {given:g}; give a positive number, as {UNITS['cm']} for centimeters")
         return "given", given, leg * given
     if leg > 0.0:
         for low, high in _LEG_RANGES:

@@ -86,13 +86,16 @@ def without_still(raw: RawMotion, still: Sequence[str]) -> RawMotion:
     for joint in range(1, count + 1):
         turned = multiply(turned, raw.rotations[:, joint])
     rotations = np.concatenate([turned[:, None], raw.rotations[:, count + 1 :]], axis=1)
+    # An end site of a still joint, too, is no part of the body.
+    ends = raw.end_parents >= count
     reason = f"'{raw.names[count]}' is the root, as nothing above it moves ({', '.join(still)})"
     return replace(
         raw,
         names=raw.names[count:],
         parents=np.maximum(raw.parents[count:] - count, -1).astype(np.int32),
         offsets=raw.offsets[count:],
-        end_parents=(raw.end_parents - count).astype(np.int32),
+        end_parents=(raw.end_parents[ends] - count).astype(np.int32),
+        end_offsets=raw.end_offsets[ends],
         rotations=rotations,
         assumed=(reason, *raw.assumed),
     )

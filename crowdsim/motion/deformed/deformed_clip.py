@@ -57,7 +57,7 @@ class ClipModel(NamedTuple):
     upper: (U,) int32 joints. swings: (S + 1, U, 3) float64, half rotation vectors by which each leaves its mean.
     waves: (6, 2 * WAVES) float64, cosine and sine coefficients of the root: ahead, left, up [m], half rotation vector.
     root: (3,) float64, mean place of the root: ahead and left of the track, and height when walking [m].
-    legs: (2, 4) int32, joints of hip, knee, ankle, toe, left leg first; the toe is -1 if there is none.
+    legs: (2, 4) int32, joints of hip, knee, ankle, toe, left leg first; the toe is -1 if none hangs on the ankle.
     hips: (2, 3) float64, hip joints in the frame of the root [m]. turns: (2, 5, 4) float64, rotation of the joint that
     carries the hip, those of :func:`~crowdsim.motion.deformed.leg_frames.leg_turns`, and those of the flat foot and
     toe.
@@ -179,7 +179,7 @@ def on_legs_of(clip: DeformedClip, walk: DeformedClip) -> DeformedClip:
 
 
 def _leg_joints(skeleton: Skeleton) -> NDArray[np.int32]:
-    """Return the joints (2, 4) of hip, knee, ankle and toe (-1 for none) of the left and the right leg."""
+    """Return the joints (2, 4) of hip, knee, ankle and toe (-1 for none on the ankle) of the left and the right leg."""
     legs = []
     for side in ("left", "right"):
         hip, knee, ankle = (skeleton.joint(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
@@ -188,7 +188,9 @@ def _leg_joints(skeleton: Skeleton) -> NDArray[np.int32]:
                 f"joints lie between {side} hip, knee and ankle ({skeleton.names[hip]}, {skeleton.names[knee]}, "
                 f"{skeleton.names[ankle]}); a leg can be deformed if it has two bones"
             )
-        legs.append([hip, knee, ankle, skeleton.roles.get(f"{side}_toe", -1)])
+        toe = skeleton.roles.get(f"{side}_toe", -1)
+        # A foot is posed as one bone from ankle to ball.
+        legs.append([hip, knee, ankle, toe if skeleton.parents[toe] == ankle else -1])
     return np.array(legs, np.int32)
 
 

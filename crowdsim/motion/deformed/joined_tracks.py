@@ -143,7 +143,8 @@ def smooth_tracks(tracks: Sequence[Floats], seconds: float = SMOOTHED, step: flo
         The tracks with x, y and the unwrapped heading smoothed, and the phase as it is.
     """
     shown = smooth_joined(join_tracks(tracks), seconds, step)
-    return np.split(shown.samples, shown.starts[1:-1])
+    # Behind the end of the last track nothing is left.
+    return np.split(shown.samples, shown.starts[1:])[:-1]
 
 
 def smooth_joined(tracks: JoinedTracks, seconds: float = SMOOTHED, step: float = STEP) -> JoinedTracks:

@@ -128,8 +128,9 @@ def pose_at(
         If the plan has no such track, a time is not finite, or ``out`` has other shapes.
     """
     bodies, times = np.ascontiguousarray(bodies, np.int64), np.ascontiguousarray(times, np.float64)
-    if len(bodies) and not (bodies.min() >= 0 and bodies.max() < len(plan.firsts)):
-        raise MotionError(f"the plan has {len(plan.firsts)} tracks, numbered from 0; there is no track {bodies.max()}")
+    wrong = bodies[(bodies < 0) | (bodies >= len(plan.firsts))]
+    if len(wrong):
+        raise MotionError(f"the plan has {len(plan.firsts)} tracks, numbered from 0; there is no track {wrong[0]}")
     if not np.isfinite(times).all():
         raise MotionError("a time to pose a body at is not finite")
     shapes = (len(bodies), 3), (len(bodies), clip.skeleton.joint_count, 4)

@@ -29,6 +29,9 @@ in the first and last frame of a stance."""
 SHORTEST_STANCE = 0.1
 """Duration below which a foot is not planted but passes near the floor [s]."""
 
+_STEEP = 1e-6
+"""Level distance from ankle to toe at rest below which a foot points nowhere [m]."""
+
 
 @dataclass(frozen=True)
 class Feet:
@@ -78,13 +81,22 @@ def foot_points(skeleton: Skeleton, ankles: Floats) -> tuple[NDArray[np.int32], 
     for side, height in zip(("left", "right"), ankles.tolist(), strict=True):
         ankle = skeleton.joint(f"{side}_ankle")
         toe = skeleton.roles.get(f"{side}_toe", ankle)
-        ahead = skeleton.offsets[toe] * np.array([1.0, 1.0, 0.0]) if toe != ankle else np.array([1.0, 0.0, 0.0])
-        ahead = ahead / np.sqrt(dot(ahead, ahead))
+        ahead = foot_direction(skeleton, ankle, toe)
         tips = skeleton.end_offsets[skeleton.end_parents == toe][:1]
         joints.append([ankle, toe, *[toe] * len(tips)])
         offsets.append([-HEEL_BACK * ahead - np.array([0.0, 0.0, height]), np.zeros(3), *tips])
     count = min(map(len, joints))
     return np.array([each[:count] for each in joints], np.int32), np.array([each[:count] for each in offsets])
+
+
+def foot_direction(skeleton: Skeleton, ankle: int, toe: int) -> Floats:
+    """Return the level direction (3,) from ankle to toe at rest; +x if they are one joint or one above the other."""
+    ahead: Floats = skeleton.offsets[toe] * np.array([1.0, 1.0, 0.0])
+    length = np.sqrt(dot(ahead, ahead))
+    if toe == ankle or length < _STEEP:
+        return np.array([1.0, 0.0, 0.0])
+    ahead = ahead / length
+    return ahead
 
 
 def stances(feet: Feet, rate: float = CAPTURE_RATE) -> list[Stance]:

@@ -71,7 +71,7 @@ def build_motion_graph(
         STANDING_ALLOWANCE times that.
     max_out_edges : int or None
         Keep only so many nearest edges out of each node; the one to the segment that followed in the capture always
-        stays.
+        stays, as does that of an idle clip to itself.
     branching : float or None
         Required branching factor. The threshold is then the one up to WIDEST_THRESHOLD that comes nearest to it and, if
         possible, keeps at least half of the nodes that WIDEST_THRESHOLD would. If many segments are alike, only
@@ -210,7 +210,9 @@ def _candidates(sources: Sequence[MotionSource], max_out_edges: int | None) -> _
         order = np.argsort(needed, axis=1, kind="stable")
         far = np.ones_like(natural)
         np.put_along_axis(far, order[:, :max_out_edges], False, axis=1)
-        needed = np.where(far & ~natural, np.inf, needed)
+        # A waiting agent repeats its idle clip.
+        loops = np.diag([idle[node.source] for node in nodes])
+        needed = np.where(far & ~natural & ~loops, np.inf, needed)
     return _Candidates(prepared, nodes, alignments, needed, dropped)
 
 
@@ -230,6 +232,8 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
     Graphs with less than half of the nodes that the largest threshold keeps come last.
     """
     steps = np.unique(candidates.needed[candidates.needed <= WIDEST_THRESHOLD])
+    if not len(steps):
+        raise MotionError(f"no segments join within {WIDEST_THRESHOLD:g} m, so none branch; add clips that are alike")
     natural = candidates.needed == 0.0
     least = int(_edges(candidates, float(steps[-1]))[2].sum()) / 2.0
 

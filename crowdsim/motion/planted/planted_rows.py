@@ -12,7 +12,7 @@ from crowdsim.constants import CAPTURE_RATE
 from crowdsim.geometry.elementary import atan2
 from crowdsim.motion.clips.kinematics import Floats, rotate
 from crowdsim.motion.clips.skeleton import Skeleton
-from crowdsim.motion.graph.foot_contacts import Feet, feet_of, planted_steps, runs
+from crowdsim.motion.graph.foot_contacts import Feet, feet_of, foot_direction, planted_steps, runs
 from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.motion.graph.pose_table import PoseTable
 
@@ -143,10 +143,8 @@ def _leg(skeleton: Skeleton, side: str) -> list[int]:
 
 def _across(skeleton: Skeleton, ankle: int, ball: int) -> Floats:
     """Return the axis (3,) to the left of a foot in its ankle joint: steep feet have no heading along their length."""
-    ahead = skeleton.offsets[ball] if ball != ankle else np.array([1.0, 0.0, 0.0])
-    left = np.array([-ahead[1], ahead[0], 0.0])
-    unit: Floats = left / np.sqrt(np.sum(left * left))
-    return unit
+    ahead = foot_direction(skeleton, ankle, ball)
+    return np.array([-ahead[1], ahead[0], 0.0])
 
 
 def _bones(skeleton: Skeleton, legs: NDArray[np.int32]) -> NDArray[np.int32]:

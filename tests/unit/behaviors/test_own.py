@@ -1,6 +1,7 @@
 """Behaviors of folders of captures beside a scenario: what they become, and what is told of those that cannot."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,9 @@ from crowdsim.errors import ScenarioError
 from crowdsim.library import library_folder
 from crowdsim.motion.captures.other_joints import on_joints_of
 from crowdsim.motion.captures.reader import read_capture, read_clip
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import about_axis
+from crowdsim.motion.synthesis.body import default_skeleton
 from crowdsim.scenario.loader import parse_scenario
 
 BANDS = ((0.1, 2.0), (0.65, 1.5))
@@ -68,6 +72,24 @@ def test_a_capture_with_other_joints_moves_the_bones_of_the_library(shared):
         after = moved.joint_positions[:, skeleton.joint(role)]
         assert np.abs(before - after).mean() < 0.03, role
     assert moved.joint_positions[..., 2].min() == pytest.approx(walk.joint_positions[..., 2].min())
+
+
+def test_hips_below_a_root_of_their_own_do_not_bend_with_the_chest():
+    body = default_skeleton()
+    skeleton = replace(
+        body,
+        names=("Root", *body.names),
+        parents=np.concatenate([[-1], body.parents + 1]).astype(np.int32),
+        offsets=np.concatenate([[[0.0, 0.0, 0.0]], body.offsets]),
+        end_parents=body.end_parents + 1,
+        roles={role: joint + 1 for role, joint in body.roles.items()},
+    )
+    rotations = np.tile([1.0, 0.0, 0.0, 0.0], (3, body.joint_count, 1))
+    rotations[:, body.joint("chest")] = about_axis(np.array([0.0, 1.0, 0.0]), 0.8)
+    moved = on_joints_of(Clip("bow", body, np.zeros((3, 3)), rotations), skeleton)
+    hips, spine = skeleton.joint("hips"), skeleton.joint("chest") - 1
+    assert np.allclose(moved.rotations[:, hips], [1.0, 0.0, 0.0, 0.0])
+    assert np.allclose(moved.rotations[:, spine], about_axis(np.array([0.0, 1.0, 0.0]), 0.4))
 
 
 @pytest.mark.parametrize(

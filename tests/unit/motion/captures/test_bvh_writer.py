@@ -9,6 +9,7 @@ import pytest
 
 from crowdsim.errors import MotionError
 from crowdsim.motion.captures.bvh_writer import bvh_text, euler_zxy, write_bvh
+from crowdsim.motion.captures.reader import read_clip
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import about_axis, multiply
 from crowdsim.motion.synthesis.body import default_skeleton
@@ -61,6 +62,12 @@ def test_a_failed_write_leaves_the_old_file(walk: Clip, tmp_path: Path) -> None:
         write_bvh(broken, path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_joints_keep_their_names_in_any_script(walk: Clip, tmp_path: Path) -> None:
+    names = ("Hüfte", *walk.skeleton.names[1:])
+    write_bvh(replace(walk, skeleton=replace(walk.skeleton, names=names)), tmp_path / "walk.bvh")
+    assert read_clip(tmp_path / "walk.bvh").skeleton.names[0] == "Hüfte"
 
 
 def test_numbers_are_short_and_no_minus_zero_is_written(walk: Clip) -> None:

@@ -11,6 +11,7 @@ import pybvh
 import pytest
 
 from crowdsim.errors import MotionError
+from crowdsim.motion.analysis.capture_sets import read_clips
 from crowdsim.motion.captures.cleaning import clean_stretches, resample
 from crowdsim.motion.captures.reader import capture_paths, read_capture, read_clip
 from crowdsim.motion.clips.joint_roles import find_roles
@@ -174,6 +175,7 @@ def write_amc(folder: Path, motion: str, asf: str | None = None) -> Path:
         ("root 0 0 0 0 0 0\n", "before the first frame"),
         (":RADIANS\n1\nroot 0 0 0 0 0 0\n", "radians"),
         (":DEGREES\n1\nroot 0 0 0 0 0 0\nlfoot 1 2 3\n2\nroot 0 0 0 0 0 0\n", "1 of 2 frames"),
+        (f":DEGREES\n{'9' * 5000}\nroot 0 0 0 0 0 0\n", "frame 9{20} follows frame 0"),
         ("\x00\xff", "read as text"),
     ],
 )
@@ -197,6 +199,39 @@ def test_what_is_wrong_in_an_amc_file_is_said(tmp_path: Path, motion: str, said:
 def test_what_is_wrong_in_an_asf_file_is_said(tmp_path: Path, asf: str, said: str) -> None:
     with pytest.raises(MotionError, match=said):
         read_capture(write_amc(tmp_path, "1\nroot 0 0 0 0 0 0\n", asf))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("axis XYZ\n:", "axis XYW\n:", "axis 'XYW'.*orders them, as XYZ"),
+        ("axis XYZ\n:", "axis\n:", "axis ''.*orders them, as XYZ"),
+        ("axis XYZ\n:", "axis XYZ\n  orientation 0 0\n:", "orientation '0 0'.*three numbers"),
+        ("angle deg", "angle gon", "x.asf:4: the unit of angles is 'gon'; write deg or rad"),
+        ("angle deg", "angle", "x.asf:4: the unit of angles is ''; write deg or rad"),
+    ],
+)
+def test_what_is_wrong_in_one_line_of_an_asf_file_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
+    path = write_amc(tmp_path, "1\nroot 0 0 0 0 0 0\n")
+    asf = (tmp_path / "x.asf").read_text()
+    assert old in asf
+    (tmp_path / "x.asf").write_text(asf.replace(old, new))
+    with pytest.raises(MotionError, match=said):
+        read_capture(path)
+
+
+def write_chain(folder: Path, count: int) -> Path:
+    """A chain of ``count`` bones of 0.1 units."""
+    bones = "".join(BONE.format(name=f"b{k}", way="0 -1 0").replace("7.6", "0.1") for k in range(count))
+    lines = "".join(f"b{k} b{k + 1}\n" for k in range(count - 1))
+    head = ":root\norder TX TY TZ RX RY RZ\n:bonedata\n"
+    return write_amc(folder, "1\nroot 0 0 0 0 0 0\n", f"{head}{bones}:hierarchy\nbegin\nroot b0\n{lines}end\n")
+
+
+def test_long_chains_of_bones_are_read_up_to_as_many_joints_as_bvh_files_may_have(tmp_path: Path) -> None:
+    assert read_clip(write_chain(tmp_path, 999), meters_per_unit=0.01).skeleton.joint_count == 1000
+    with pytest.raises(MotionError, match="1501 bones, more than the 1000"):
+        read_capture(write_chain(tmp_path, 1500))
 
 
 def test_a_skeleton_must_be_beside_an_amc_file(tmp_path: Path) -> None:
@@ -227,8 +262,9 @@ def test_angles_of_an_amc_file_are_in_its_own_unit_if_it_names_one(tmp_path: Pat
     radians = "".join(
         f"{f}\nroot 0 16 {f / 10} 0 0 0\nlfemur {np.radians(30 - abs(f - 30))} 0 0\n" for f in range(1, 61)
     )
-    of_skeleton = read_clip(write_amc(tmp_path, radians, text))
-    assert np.allclose(of_skeleton.joint_positions, in_degrees.joint_positions)
+    for word in ("rad", "RAD", "radians"):
+        of_skeleton = read_clip(write_amc(tmp_path, radians, text.replace("angle rad", f"angle {word}")))
+        assert np.allclose(of_skeleton.joint_positions, in_degrees.joint_positions), word
 
 
 def test_reports_agree_with_the_manifest(shared: Path) -> None:
@@ -325,6 +361,9 @@ def test_a_size_of_no_person_is_refused_unless_the_unit_is_given(tmp_path: Path)
     with pytest.raises(MotionError, match="meters_per_unit"):
         read_capture(path)
     assert read_capture(path, meters_per_unit=1 / 5000).report.leg_length == pytest.approx(0.86)
+    for unit in (0.0, -0.01, np.nan, np.inf):
+        with pytest.raises(MotionError, match=r"meters_per_unit is .*; give a positive number"):
+            read_capture(path, meters_per_unit=unit)
 
 
 @pytest.mark.parametrize(("time", "rate"), [(0.0083333, 120.0), (0.0333333, 30.0), (0.01, 100.0), (0.0417083, 23.976)])
@@ -348,6 +387,25 @@ def test_a_spike_splits_the_capture() -> None:
     assert not dropped
     assert jumps == [(100, 2), (101, 2)]
     assert stretches == [(0, 96), (104, 199)]
+
+
+@pytest.mark.parametrize("rate", [10.0, 20.0])
+def test_a_spike_is_cut_out_of_slow_captures_too(rate: float) -> None:
+    positions = np.zeros((100, 1, 3))
+    positions[50, 0, 1] = 4.0
+    stretches, _, jumps = clean_stretches(positions, rate)
+    assert jumps == [(50, 0), (51, 0)]
+    assert stretches == [(0, 48), (52, 99)]
+
+
+def test_files_that_hold_clips_of_the_same_name_are_refused(tmp_path: Path) -> None:
+    paths = [write_legs(tmp_path / f"{name}.bvh", 1.0, "xyz", frames=120) for name in ("walk", "walk.1")]
+    lines = paths[0].read_text().splitlines()
+    lines[-60] = "9 " + lines[-60].partition(" ")[2]
+    paths[0].write_text("\n".join(lines))
+    assert [clip.name for clip in read_clips(paths[:1])] == ["walk.1", "walk.2"]
+    with pytest.raises(MotionError, match=r"walk\.bvh and walk\.1\.bvh both hold a clip 'walk\.1'; rename one"):
+        read_clips(paths)
 
 
 def test_resampling_turns_along_the_shorter_arc() -> None:

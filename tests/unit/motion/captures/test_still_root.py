@@ -53,5 +53,13 @@ def test_the_body_walks_as_without_it(tmp_path: Path, kind: str) -> None:
     assert found.report.assumed == ("'hips' is the root, as nothing above it moves (Reference, Armature)",)
 
 
+def test_an_end_site_of_a_still_joint_is_left_out(tmp_path: Path) -> None:
+    path = rooted(tmp_path, *STILL["Reference"])
+    path.write_text(path.read_text().replace("JOINT Armature", "End Site\n{\nOFFSET 0 1 0\n}\nJOINT Armature"))
+    expected, found = read_capture(WALK).clips[0].skeleton, read_capture(path).clips[0].skeleton
+    assert found.end_parents.tolist() == expected.end_parents.tolist()
+    np.testing.assert_allclose(found.end_offsets, expected.end_offsets, atol=1e-6)
+
+
 def test_hips_that_travel_themselves_stay_the_root(tmp_path: Path) -> None:
     assert not read_capture(WALK).report.assumed

@@ -211,6 +211,8 @@ def test_bodies_and_times_that_are_not_there_are_refused() -> None:
     plan = plan_steps(walker(), [TRACKS["walk"]])
     with pytest.raises(MotionError, match="no track 1"):
         pose_at(walker(), plan, np.array([1]), np.array([0.0]))
+    with pytest.raises(MotionError, match="no track -1"):
+        pose_at(walker(), plan, np.array([0, -1]), np.zeros(2))
     with pytest.raises(MotionError, match="not finite"):
         pose_at(walker(), plan, np.array([0]), np.array([np.nan]))
     with pytest.raises(MotionError, match="need arrays"):
@@ -231,6 +233,7 @@ def test_poses_are_written_to_arrays_that_are_given() -> None:
 
 
 def test_nobody_to_pose_is_fine() -> None:
+    assert smooth_tracks([]) == []
     plan = plan_steps(walker(), [])
     roots, rotations = pose_at(walker(), plan, np.zeros(0, np.int64), np.zeros(0))
     assert roots.shape == (0, 3)

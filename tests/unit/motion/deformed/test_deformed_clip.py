@@ -9,7 +9,9 @@ import pytest
 from crowdsim.errors import MotionError
 from crowdsim.library import library_folder
 from crowdsim.motion.captures.reader import read_clip
+from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import about_axis, multiply
+from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.deformed.clip_cycle import SAMPLES, find_cycle
 from crowdsim.motion.deformed.deformed_clip import deform_clip
 from crowdsim.motion.synthesis import body
@@ -79,3 +81,30 @@ def test_skeletons_without_toes_have_feet_all_the_same() -> None:
     model = deform_clip(replace(clip, skeleton=replace(clip.skeleton, roles=roles))).model
     assert (model.legs[:, 3] == -1).all()
     assert (model.bones[:, 2] > 0.05).all()
+
+
+def test_a_toe_that_does_not_hang_on_the_ankle_is_no_ball() -> None:
+    clip = walk_clip()
+    for side in ("left", "right"):
+        clip = with_joint_before(clip, clip.skeleton.joint(f"{side}_toe"), f"{side}_foot")
+    model = deform_clip(clip).model
+    assert (model.legs[:, 3] == -1).all()
+    assert model.bones[:, 2] == pytest.approx(body.BALL_AHEAD, abs=0.01)
+
+
+def with_joint_before(clip: Clip, joint: int, name: str) -> Clip:
+    """The clip with one more joint halfway between ``joint`` and its parent."""
+    s = clip.skeleton
+    parents = np.insert(s.parents + (s.parents >= joint), joint, s.parents[joint])
+    parents[joint + 1] = joint
+    offsets = np.insert(s.offsets, joint, s.offsets[joint], axis=0)
+    offsets[[joint, joint + 1]] *= 0.5
+    skeleton = Skeleton(
+        (*s.names[:joint], name, *s.names[joint:]),
+        parents,
+        offsets,
+        s.end_parents + (s.end_parents >= joint),
+        s.end_offsets,
+        {role: at + (at >= joint) for role, at in s.roles.items()},
+    )
+    return replace(clip, skeleton=skeleton, rotations=np.insert(clip.rotations, joint, [1.0, 0.0, 0.0, 0.0], axis=1))

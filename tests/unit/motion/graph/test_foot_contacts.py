@@ -10,7 +10,8 @@ from crowdsim.library import library_folder
 from crowdsim.motion.analysis.capture_sets import as_sources, read_clips
 from crowdsim.motion.analysis.standard_graph import build_standard_graph
 from crowdsim.motion.captures.reader import read_clip
-from crowdsim.motion.graph.foot_contacts import Feet, stances
+from crowdsim.motion.clips.skeleton import HEEL_BACK
+from crowdsim.motion.graph.foot_contacts import Feet, foot_points, stances
 from crowdsim.motion.graph.motion_graph import CAPTURED_DRIFT, MotionSource, build_motion_graph
 from crowdsim.motion.graph.transition_drift import clip_stances, skating_edges, transition_drifts
 from tests.reference.transition_play import drift_of_edge
@@ -62,6 +63,15 @@ def test_a_foot_rolls_over_its_points() -> None:
     points = np.stack([np.stack([heel, ball], axis=1), np.full((40, 2, 3), 0.5)], axis=1)
     (found,) = stances(Feet(points, np.zeros((2, 2)), np.zeros(2)))
     assert found.drift < 0.003
+
+
+def test_a_foot_that_points_straight_down_at_rest_has_its_heel_behind_the_ankle() -> None:
+    skeleton = walk(steps=2).skeleton
+    offsets = skeleton.offsets.copy()
+    offsets[skeleton.joint("left_toe"), :2] = 0.0
+    _, places = foot_points(replace(skeleton, offsets=offsets), np.array([0.08, 0.08]))
+    assert places[0, 0].tolist() == [-HEEL_BACK, 0.0, -0.08]
+    assert np.isfinite(places).all()
 
 
 @pytest.mark.parametrize("path", CLIPS, ids=lambda path: f"{path.parent.parent.name}/{path.stem}")

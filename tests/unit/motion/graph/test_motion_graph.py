@@ -139,6 +139,16 @@ def test_an_edge_cap_keeps_the_nearest_and_the_natural(graph: MotionGraph) -> No
     assert capped.report.edges < graph.report.edges
 
 
+def test_an_edge_cap_lets_an_idle_clip_repeat() -> None:
+    """It ends as other clips start, and starts 1 cm lower itself."""
+    clip = idle_clip()
+    low = clip.root_positions - np.linspace(0.01, 0.0, 40)[:, None] * [0, 0, 1]
+    rising = MotionSource(Clip("idle", clip.skeleton, low, clip.rotations), 1, (), idle=True)
+    graph = build_motion_graph([*sources()[:-1], rising], max_out_edges=2)
+    (idle,) = np.flatnonzero(graph.arrays.node_idle)
+    assert idle in graph.arrays.edge_target[edge_sources(graph) == idle]
+
+
 def test_building_twice_gives_the_same_bits(graph: MotionGraph) -> None:
     again = build_motion_graph(sources())
     assert all(np.array_equal(a, b) for a, b in zip(graph.arrays, again.arrays, strict=True))
@@ -160,6 +170,12 @@ def test_bad_sets_are_refused_with_a_reason() -> None:
         build_motion_graph([MotionSource(walk(steps=2), 0, ())])
     with pytest.raises(MotionError, match="raise the threshold"):
         build_motion_graph([MotionSource(walk(steps=4), 0, DETECTORS)], threshold=1e-6)
+    down = walk(steps=2)
+    count = down.frame_count
+    drop = np.interp(np.arange(count), [25, count - 25], [0.0, 0.6])[:, None] * [0, 0, 1]
+    down = Clip("down", down.skeleton, down.root_positions - drop, down.rotations)
+    with pytest.raises(MotionError, match=r"no segments join within 0\.3 m"):
+        build_motion_graph([MotionSource(down, 0, ("standing",))], branching=1.5)
     clip = walk()
     s = clip.skeleton
     renamed = Skeleton(("Pelvis", *s.names[1:]), s.parents, s.offsets, s.end_parents, s.end_offsets, s.roles)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,6 +76,14 @@ def stretches(feet: FootTable, positions: np.ndarray) -> np.ndarray:
     hip, knee, ankle = (positions[feet.legs[:, k]] for k in range(3))
     whole = np.linalg.norm(knee - hip, axis=1) + np.linalg.norm(ankle - knee, axis=1)
     return np.linalg.norm(ankle - hip, axis=1) / whole
+
+
+def test_feet_that_point_straight_down_at_rest_have_headings(graph: MotionGraph) -> None:
+    offsets = graph.skeleton.offsets.copy()
+    offsets[[graph.skeleton.joint("left_toe"), graph.skeleton.joint("right_toe")], :2] = 0.0
+    found = foot_table(graph.poses, replace(graph.skeleton, offsets=offsets), graph.arrays.tracks)
+    assert found.across.tolist() == [[0.0, 1.0, 0.0]] * 2
+    assert np.isfinite(found.places).all()
 
 
 def test_legs_are_bent_as_by_the_slow_twin(graph: MotionGraph, feet: FootTable) -> None:
