@@ -243,8 +243,13 @@ def _periodic(keys: ScenarioFields) -> list[Complaint]:
     if keys.floor.periodic is not None:
         complaints += [
             ((key,), f"a periodic floor has no '{key}'; drop them, or 'periodic'")
-            for key in ("doors", "events", "captured_near", "commands")
+            for key in ("doors", "events", "captured_near")
             if getattr(keys, key)
+        ]
+        complaints += [
+            (("commands", number), "a periodic floor cannot be changed; drop this command, or 'periodic'")
+            for number, command in enumerate(keys.commands)
+            if command.changes_place
         ]
     return complaints
 
