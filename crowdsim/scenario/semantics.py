@@ -9,6 +9,7 @@ from crowdsim.constants import STEERING_RATE
 from crowdsim.errors import MotionError
 from crowdsim.library import library_folder
 from crowdsim.scenario.people.arrivals import start_times
+from crowdsim.scenario.people.draws import is_cut_off
 from crowdsim.scenario.schema.schema import ScenarioFields
 from crowdsim.yamlfile.document import Complaint
 from crowdsim.yamlfile.messages import nearest
@@ -26,6 +27,7 @@ def key_complaints(keys: ScenarioFields, folder: Path) -> list[Complaint]:
         *_routes(keys),
         *_periodic(keys),
         *_attributes(keys),
+        *_spreads(keys),
     ]
 
 
@@ -267,4 +269,19 @@ def _attributes(keys: ScenarioFields) -> list[Complaint]:
                     f"'{name}' is {kinds[0]} here and {kinds[1]} in agents.{first[name]}; make it the same in both"
                 )
                 complaints.append((("agents", number, "attributes", name), message))
+    return complaints
+
+
+def _spreads(keys: ScenarioFields) -> list[Complaint]:
+    """Return complaints of distributions without a value within their bounds: all draws would be one of the bounds."""
+    complaints: list[Complaint] = []
+    for number, group in enumerate(keys.agents):
+        spreads = [((key,), getattr(group, key)) for key in ("speed", "breadth", "delay")]
+        spreads += [(("attributes", name), each) for name, each in group.attributes.items() if each.words is None]
+        for path, spread in spreads:
+            if is_cut_off(spread):
+                both = spread.min is not None and spread.max is not None
+                bounds = f", {spread.min:g} to {spread.max:g}" if both else ""
+                message = f"no value is within the bounds{bounds}; change 'min' and 'max', or the distribution"
+                complaints.append((("agents", number, *path), message))
     return complaints
