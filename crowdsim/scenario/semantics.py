@@ -11,6 +11,7 @@ from crowdsim.library import library_folder
 from crowdsim.scenario.people.arrivals import start_times
 from crowdsim.scenario.people.draws import is_cut_off
 from crowdsim.scenario.schema.schema import ScenarioFields
+from crowdsim.scenario.schema.spreads import Spread
 from crowdsim.yamlfile.document import Complaint
 from crowdsim.yamlfile.messages import nearest
 
@@ -276,7 +277,9 @@ def _spreads(keys: ScenarioFields) -> list[Complaint]:
     """Return complaints of distributions without a value within their bounds: all draws would be one of the bounds."""
     complaints: list[Complaint] = []
     for number, group in enumerate(keys.agents):
-        spreads = [((key,), getattr(group, key)) for key in ("speed", "breadth", "delay")]
+        spreads: list[tuple[tuple[str, ...], Spread]] = [
+            ((key,), getattr(group, key)) for key in ("speed", "breadth", "delay")
+        ]
         spreads += [(("attributes", name), each) for name, each in group.attributes.items() if each.words is None]
         for path, spread in spreads:
             if is_cut_off(spread):
