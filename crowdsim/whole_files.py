@@ -81,7 +81,8 @@ def whole_file(path: str | os.PathLike[str], suffixes: Sequence[str], what: str)
     if not file.parent.is_dir():
         raise CrowdSimError(f"the folder {file.parent} does not exist; make it first")
     with _room_for(file):
-        handle, written = tempfile.mkstemp(suffix=file.suffix, prefix=f".{file.stem}-", dir=file.parent)
+        # The temporary name is at most as long as the final one may be, 255 bytes: a letter takes up to 4.
+        handle, written = tempfile.mkstemp(suffix=file.suffix, prefix=f".{file.stem[:40]}-", dir=file.parent)
         os.close(handle)
         try:
             yield Path(written)

@@ -48,7 +48,7 @@ def open_square(size: float) -> list[BaseGeometry]:
 
 def layers_of(name: str) -> list[BaseGeometry]:
     """Return the free areas of a named place, by layer."""
-    return [layer.free for layer in load_scenario(SCENARIOS / f"{name}.yaml").layers()]
+    return [layer.free for layer in load_scenario(SCENARIOS / f"{name}.yaml").environment.layers]
 
 
 PLACES: dict[str, tuple[Callable[[], list[BaseGeometry]], Any, Any]] = {

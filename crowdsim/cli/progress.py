@@ -183,8 +183,8 @@ class RunProgress:
     """A progress bar on a terminal; elsewhere only one line if kernels have to be compiled.
 
     If many have to be, other processes help. Use it as a context manager. ``step`` is the callback of
-    ``Simulation.run``. After ``begin_steps``, a first Ctrl-C or SIGTERM ends the run at the end of its step, see
-    :class:`Interruption`.
+    ``Simulation.run``. From ``begin_steps`` to ``end_steps``, a first Ctrl-C or SIGTERM ends the run at the end of its
+    step, see :class:`Interruption`.
     """
 
     def __init__(self, title: str) -> None:
@@ -231,6 +231,11 @@ class RunProgress:
     def begin_steps(self) -> None:
         """Hold signals back from now on, because ``step`` is called regularly and raises them."""
         self._interruption.waits = True
+
+    def end_steps(self) -> None:
+        """Raise a signal that came after the last step; those that come from now on raise at once."""
+        self._interruption.waits = False
+        self._interruption.heed()
 
     def step(self, step: int, steps: int, simulation: Any) -> None:
         """Show that ``step`` of ``steps`` is done; raise KeyboardInterrupt after Ctrl-C."""

@@ -55,6 +55,7 @@ def run(
     if page:
         require_writable(page_file)
 
+    left = f"{file} was not written"
     with RunProgress(loaded.name) as progress:
         from crowdsim.crowd.simulation import Simulation
 
@@ -63,6 +64,8 @@ def run(
             _tell(simulation.notes)
             progress.begin_steps()
             with simulation.run(file, progress=progress.step) as recording:
+                left = f"{file} was written" + (f", {page_file} was not" if page else "")
+                progress.end_steps()
                 summary = {**recording.summary, "recording": str(file)}
                 if page:
                     from crowdsim.export.page.page import write_page
@@ -71,7 +74,7 @@ def run(
                     summary["page"] = str(page_file)
         except KeyboardInterrupt as stop:
             what = "terminated" if isinstance(stop, Terminated) else "interrupted"
-            raise type(stop)(f"{what} at step {progress.steps_done}; {file} was not written") from None
+            raise type(stop)(f"{what} at step {progress.steps_done}; {left}") from None
 
     tell_summary(summary, as_json)
 

@@ -240,6 +240,8 @@ def gathered(spots: NDArray[np.float64], together: int) -> NDArray[np.float64]:
     Each party takes the first spot that is left, and up to ``together`` - 1 of the nearest ones that are left among the
     few around it; there may be fewer.
     """
+    if not len(spots):  # a tree of nothing has no nearest
+        return spots
     around = cKDTree(spots).query(spots, k=min(len(spots), 4 * together + 8))[1].reshape(len(spots), -1)
     left = np.ones(len(spots), np.bool_)
     order: list[int] = []

@@ -67,12 +67,12 @@ def build_environment(
     reader = read_timetable(keys, site.solids, ())
     timetable, complaints = reader.timetable(), reader.wrong
     commanded = timetable
-    if keys.commands and not complaints:
-        reader = read_timetable(keys, site.solids, keys.commands)
-        commanded, complaints = reader.timetable(), reader.wrong
-    if keys.planner == "collision3d" and commanded.events:
+    if keys.planner == "collision3d" and (keys.events or any(command.changes_place for command in keys.commands)):
         # This alone is told: whatever else is wrong with the events goes with them.
         complaints = [(("planner",), "the planner 'collision3d' supports no events; drop them, or use another planner")]
+    elif keys.commands and not complaints:
+        reader = read_timetable(keys, site.solids, keys.commands)
+        commanded, complaints = reader.timetable(), reader.wrong
     # Layers of one name cannot be built; the checks across keys complain of them.
     if len({layer.name for layer in keys.bands}) < len(keys.bands):
         return None, complaints

@@ -282,9 +282,11 @@ class Scenario(ScenarioFields):
         keys = named_from(self._document.value, self._files, path.resolve().parent, renamed)
         if commands is not None:
             keys = {**keys, **plain_keys({"commands": commands})[0]}
-        contents = {path.with_name(renamed[name]): made for name, made in self._files.made.items()}
-        contents[path] = written_document(keys).encode()
-        for file, content in contents.items():
-            with whole_file(file, (".yaml", ".yml") if file == path else (file.suffix,), "scenarios") as part:
-                part.write_bytes(content)
-        return list(contents)
+        beside = {path.with_name(renamed[name]): made for name, made in self._files.made.items()}
+        # The block checks the name of the scenario before anything is written, and puts the scenario there last.
+        with whole_file(path, (".yaml", ".yml"), "scenarios") as part:
+            for file, content in beside.items():
+                with whole_file(file, (file.suffix,), "scenarios") as part_beside:
+                    part_beside.write_bytes(content)
+            part.write_bytes(written_document(keys).encode())
+        return [*beside, path]

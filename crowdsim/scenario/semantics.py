@@ -9,7 +9,9 @@ from crowdsim.constants import STEERING_RATE
 from crowdsim.errors import MotionError
 from crowdsim.library import library_folder
 from crowdsim.scenario.people.arrivals import start_times
+from crowdsim.scenario.people.draws import is_cut_off
 from crowdsim.scenario.schema.schema import ScenarioFields
+from crowdsim.scenario.schema.spreads import Spread
 from crowdsim.yamlfile.document import Complaint
 from crowdsim.yamlfile.messages import nearest
 
@@ -26,6 +28,7 @@ def key_complaints(keys: ScenarioFields, folder: Path) -> list[Complaint]:
         *_routes(keys),
         *_periodic(keys),
         *_attributes(keys),
+        *_spreads(keys),
     ]
 
 
@@ -243,8 +246,13 @@ def _periodic(keys: ScenarioFields) -> list[Complaint]:
     if keys.floor.periodic is not None:
         complaints += [
             ((key,), f"a periodic floor has no '{key}'; drop them, or 'periodic'")
-            for key in ("doors", "events", "captured_near", "commands")
+            for key in ("doors", "events", "captured_near")
             if getattr(keys, key)
+        ]
+        complaints += [
+            (("commands", number), "a periodic floor cannot be changed; drop this command, or 'periodic'")
+            for number, command in enumerate(keys.commands)
+            if command.changes_place
         ]
     return complaints
 
@@ -262,4 +270,21 @@ def _attributes(keys: ScenarioFields) -> list[Complaint]:
                     f"'{name}' is {kinds[0]} here and {kinds[1]} in agents.{first[name]}; make it the same in both"
                 )
                 complaints.append((("agents", number, "attributes", name), message))
+    return complaints
+
+
+def _spreads(keys: ScenarioFields) -> list[Complaint]:
+    """Return complaints of distributions without a value within their bounds: all draws would be one of the bounds."""
+    complaints: list[Complaint] = []
+    for number, group in enumerate(keys.agents):
+        spreads: list[tuple[tuple[str, ...], Spread]] = [
+            ((key,), getattr(group, key)) for key in ("speed", "breadth", "delay")
+        ]
+        spreads += [(("attributes", name), each) for name, each in group.attributes.items() if each.words is None]
+        for path, spread in spreads:
+            if is_cut_off(spread):
+                both = spread.min is not None and spread.max is not None
+                bounds = f", {spread.min:g} to {spread.max:g}" if both else ""
+                message = f"no value is within the bounds{bounds}; change 'min' and 'max', or the distribution"
+                complaints.append((("agents", number, *path), message))
     return complaints

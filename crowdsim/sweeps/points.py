@@ -97,9 +97,12 @@ def read_seeds(text: str) -> list[int]:
         first, dash, last = part.strip().partition("-")
         if not (first.isascii() and first.isdigit()) or (dash and not (last.isascii() and last.isdigit())):
             raise CrowdSimError(f"--seeds {text}: '{part.strip()}' is no seed; give them as 1-20 or 1,3,10-12")
+        no_range = f"--seeds {text}: '{part.strip()}' is no range of seeds up to {MOST_SEED}"
+        if max(len(first), len(last)) > len(str(MOST_SEED)):  # Python does not read numbers of thousands of digits
+            raise CrowdSimError(no_range)
         low, high = int(first), int(last or first)
         if high < low or high > MOST_SEED or high - low >= MOST_POINTS:
-            raise CrowdSimError(f"--seeds {text}: '{part.strip()}' is no range of seeds up to {MOST_SEED}")
+            raise CrowdSimError(no_range)
         seeds += range(low, high + 1)
     return list(dict.fromkeys(seeds))
 
@@ -117,7 +120,7 @@ def read_setting(text: str) -> tuple[str, list[str]]:
         elif sign in _OPENING:
             depth += 1
         elif sign in _CLOSING:
-            depth -= 1
+            depth = max(depth - 1, 0)  # one that was never opened closes nothing
         elif sign == "," and depth == 0:
             values.append(rest[begin:at].strip())
             begin = at + 1

@@ -77,8 +77,7 @@ class Runner:
             simulation = Simulation(scenario, workers=1, behavior_set=self._motion_of(scenario))
             with simulation.run(file) as recording:
                 figures = figures_of(recording)
-            failed = figures["arrived"] != figures["characters"]
-            if self._recordings is not None and (self._keep == "recordings" or (self._keep == "failures" and failed)):
+            if self._recordings is not None and is_kept(figures, self._keep):
                 os.replace(file, self._recordings / file.name)
         return figures
 
@@ -90,6 +89,11 @@ class Runner:
                 del self._motion[next(iter(self._motion))]
             self._motion[key] = load_behaviors(scenario)
         return self._motion[key]
+
+
+def is_kept(figures: Mapping[str, Value], keep: Keep) -> bool:
+    """Return whether ``keep`` names the recording of a run with these figures."""
+    return keep == "recordings" or (keep == "failures" and figures["arrived"] != figures["characters"])
 
 
 def _is_of_files(error: BaseException | None) -> bool:

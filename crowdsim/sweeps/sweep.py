@@ -10,7 +10,7 @@ from crowdsim.figures import write_figure
 from crowdsim.sweeps.picture import draw_sweep
 from crowdsim.sweeps.points import Point
 from crowdsim.sweeps.processes import run_points
-from crowdsim.sweeps.running import Keep, Outcome
+from crowdsim.sweeps.running import Keep, Outcome, is_kept
 from crowdsim.sweeps.store import Store
 from crowdsim.sweeps.table import Row, table_of, usual_figures
 from crowdsim.whole_files import whole_file
@@ -27,7 +27,7 @@ class Sweep(NamedTuple):
     rows : tuple of (Point, Outcome)
         All points in their order.
     done_before : int
-        Number of points that had been done by an earlier call.
+        Number of points that had been done by an earlier call, and are not run again.
     table, picture : Path
         ``sweep.csv`` and ``sweep.png``.
     """
@@ -65,7 +65,8 @@ def sweep(
     jobs : int
         Number of processes at a time.
     keep : {"none", "recordings", "failures"}
-        Recordings that stay in ``folder/recordings``: none, all, or those of runs in which not all arrive.
+        Recordings that stay in ``folder/recordings``: none, all, or those of runs in which not all arrive. Points
+        that were done without keeping theirs are run again.
     dask : str or None
         Address of a Dask scheduler, or "local", to run the points there.
     figures : sequence of str
@@ -73,7 +74,8 @@ def sweep(
     progress : callable or None
         Called at the start, and whenever a point is done.
     note : callable or None
-        Called with a sentence if another state of crowdsim has run points, which are therefore run again.
+        Called with a sentence if points are run again, because another state of crowdsim has run them, or because
+        their recordings were not kept.
 
     Raises
     ------
@@ -82,6 +84,15 @@ def sweep(
     """
     with Store(folder) as store:
         found = {point: outcome for point in points if (outcome := store.done(point)) is not None}
+        unkept = [
+            point
+            for point, outcome in found.items()
+            if not outcome.error
+            and is_kept(outcome.figures, keep)
+            and not (store.recordings / f"{point.name}.h5").is_file()
+        ]
+        for point in unkept:
+            del found[point]
         before = len(found)
         missing = [point for point in points if point not in found]
 
@@ -94,6 +105,8 @@ def sweep(
                 f"{store.outdated} points in {folder} are of another version or state of crowdsim; they are run again, "
                 "so that all are of the same"
             )
+        if unkept and note is not None:
+            note(f"the recordings of {len(unkept)} points in {folder} were not kept; they are run again")
         tell()
         recordings = None if keep == "none" else store.recordings.resolve()
         for point, outcome in _outcomes(missing, jobs, recordings, keep, dask):

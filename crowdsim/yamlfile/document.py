@@ -133,8 +133,8 @@ def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
         # A file that is too long may be cut within a character; it is refused for its length.
         if len(data) > MAX_BYTES:
             return data.decode("utf-8", "replace"), []
-        before = data[: error.start]
-        line, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
+        lines = data[: error.start].decode("utf-8").split("\n")
+        line, column = len(lines), len(lines[-1]) + 1
         return "", [Problem(str(path), line, column, "", "this is not UTF-8 text")]
 
 

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from tools.draw_figures import FIGURES, FOLDER
 from tools.figures.style import alike, drawn, new_figure, read_drawn, styled, write_svg
+from tools.guidance_figures import layers_of
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -69,3 +70,8 @@ def test_a_line_that_moved_is_found(tmp_path):
     kept = read_drawn(tmp_path / "a.svg")
     assert alike(kept, drawn(draw(1.0 + 1e-9)))
     assert not alike(kept, drawn(draw(1.01)))
+
+
+def test_guidance_is_measured_on_the_layers_of_a_scenario():
+    legs, torso = layers_of("corridor")
+    assert 0.0 < legs.area < torso.area

@@ -15,6 +15,7 @@ from crowdsim.crowd.simulation import Simulation
 from crowdsim.scenario.loader import load_scenario
 from crowdsim.sweeps.points import points_of
 from crowdsim.sweeps.running import Runner
+from crowdsim.sweeps.sweep import sweep
 
 ROOM = """\
 crowdsim: 1
@@ -223,3 +224,18 @@ def test_recordings_stay_as_wanted(room, tmp_path, keep, count):
     outcomes = [runner.run(point) for point in points]
     assert [outcome.figures["arrived"] for outcome in outcomes] == [2, 0]
     assert len(list(tmp_path.iterdir())) == count
+
+
+def test_points_whose_recordings_were_not_kept_are_run_again(room, tmp_path):
+    points = points_of(str(room), "1", ["duration=8,0.5,wrong"])
+    notes: list[str] = []
+
+    def sweep_again(keep):
+        done_before = sweep(points, tmp_path, keep=keep, note=notes.append).done_before
+        return done_before, sorted(file.stem for file in tmp_path.glob("recordings/*.h5"))
+
+    assert sweep_again("none") == (0, [])
+    assert sweep_again("failures") == (2, [points[1].name])
+    assert sweep_again("recordings") == (2, sorted([points[0].name, points[1].name]))
+    assert notes == [f"the recordings of 1 points in {tmp_path} were not kept; they are run again"] * 2
+    assert sweep_again("recordings")[0] == sweep_again("none")[0] == 3

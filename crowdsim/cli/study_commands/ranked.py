@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
 
 import typer
 
 from crowdsim.cli.errors_shown import describe
 from crowdsim.cli.summary import tell_summary
 from crowdsim.errors import CrowdSimError
+from crowdsim.whole_files import require_writable
 
 _APART = 0.2
 """Time that each rank waits longer than the one before it [s], before it prints an error and ends all ranks: an error
@@ -27,6 +27,7 @@ def run_on_ranks(
 
     ``file_for`` returns the recording of a scenario by its name, and raises CrowdSimError if it cannot be written.
     """
+    from crowdsim.cli.progress import RunProgress
     from crowdsim.crowd.ranked_run import RankedRun
     from crowdsim.crowd.ranks.mpi_ranks import world_of_ranks
     from crowdsim.scenario.loader import load_scenario
@@ -37,6 +38,8 @@ def run_on_ranks(
     try:
         loaded = load_scenario(scenario, changes)
         file = file_for(loaded.name)
+        if page:
+            require_writable(file.with_suffix(".html"))
         run = RankedRun(loaded, comm, workers)
     except CrowdSimError as error:
         failure = error
@@ -48,36 +51,30 @@ def run_on_ranks(
             raise failure
         raise typer.Exit(codes[0])
     assert run is not None
+    page_file, left = file.with_suffix(".html"), f"{file} was not written"
+    shown = RunProgress(run.scenario.name) if rank == 0 else None
     try:
-        summary = _run(run, file, page, rank)
+        with shown or nullcontext():
+            if shown is not None:
+                shown.begin_steps()
+            summary = run.run(file, shown.step if shown is not None else None)
+            if summary is not None and shown is not None:
+                left = f"{file} was written" + (f", {page_file} was not" if page else "")
+                shown.end_steps()
+                summary = {**summary, "recording": str(file)}
+                if page:
+                    from crowdsim.export.page.page import write_page
+                    from crowdsim.recording.reader import Recording
+
+                    with Recording.open(file) as recording:
+                        write_page(recording, page_file)
+                    summary["page"] = str(page_file)
     except BaseException as error:  # whatever it is, the others must not wait for this rank
         time.sleep(_APART * rank)
         message, code = describe(error)
-        typer.echo(f"{message} (rank {rank} of {comm.Get_size()}; {file} was not written)", err=True)
+        typer.echo(f"{message} (rank {rank} of {comm.Get_size()}; {left})", err=True)
         sys.stderr.flush()
         comm.Abort(code)
         raise
     if summary is not None:
         tell_summary(summary, as_json)
-
-
-def _run(run: Any, file: Path, page: bool, rank: int) -> dict[str, Any] | None:
-    """Run to the end; return the summary in rank 0."""
-    from crowdsim.cli.progress import RunProgress
-
-    shown = RunProgress(run.scenario.name) if rank == 0 else None
-    with shown or nullcontext():
-        if shown is not None:
-            shown.begin_steps()
-        summary = run.run(file, shown.step if shown is not None else None)
-        if summary is None:
-            return None
-        results = {**summary, "recording": str(file)}
-        if page:
-            from crowdsim.export.page.page import write_page
-            from crowdsim.recording.reader import Recording
-
-            with Recording.open(file) as recording:
-                write_page(recording, file.with_suffix(".html"))
-            results["page"] = str(file.with_suffix(".html"))
-        return results

@@ -218,9 +218,10 @@ class _Drawing:
         region = group.start.shape()
         headings = np.full(count, np.nan)
         broadest = float(walkers.breadths.max())
-        room = self._room(number, ("agents", number, "start"), region, 0.5 * broadest + SPARE)
-        if room is None:
+        found = self._room(number, ("agents", number, "start"), region, 0.5 * broadest + SPARE)
+        if found is None:
             return None, headings
+        room, free = found
         generator = self._generator(number, _START_STREAM)
         starts = np.zeros((count, 2))
         for step, rows in _rows_by_step(steps):
@@ -246,7 +247,7 @@ class _Drawing:
                 if group.together > 1:
                     spots = gathered(spots, group.together)
             if len(spots) < len(rows):
-                message = too_full(("start",), region, len(spots), len(rows), 0.5 * broadest)
+                message = too_full(("start",), region, len(spots), len(rows), free)
                 self.complaints.append((("agents", number, "start"), message))
                 return None, headings
             starts[rows] = spots
@@ -272,9 +273,10 @@ class _Drawing:
                 continue
             last = k == spots.shape[1] - 1
             region = goal.shape()
-            room = self._room(number, path, region, radius)
-            if room is None:
+            found = self._room(number, path, region, radius)
+            if found is None:
                 return None
+            room, free = found
             stays = last and group.on_arrival == "stay"
             # Agents wait at the last goal too if another round may follow.
             stands = stays or (group.wait > 0.0 and (not last or group.rounds != 1))
@@ -291,7 +293,7 @@ class _Drawing:
             apart = 2.0 * radius + STAND_ROOM
             drawn = scatter_parties(region, room, count, group.together, apart, taken, generator)
             if len(drawn) < count:
-                self.complaints.append((path, too_full(path[2:], region, len(drawn), count, radius)))
+                self.complaints.append((path, too_full(path[2:], region, len(drawn), count, free)))
                 return None
             self._standing.append(drawn)
             spots[:, k] = drawn
@@ -299,10 +301,11 @@ class _Drawing:
 
     def _room(
         self, number: int, path: tuple[str | int, ...], region: Polygon | Point, radius: float
-    ) -> MultiPolygon | None:
+    ) -> tuple[MultiPolygon, float] | None:
         """Return the floor with ``radius`` of free floor around it, if ``region`` meets it; else complain, return None.
 
-        Captured agents need NOMINAL_RADIUS at least; ``auto`` ones get it if there is room.
+        Captured agents need NOMINAL_RADIUS at least; ``auto`` ones get it if there is room. The second value is the
+        free floor around [m].
         """
         radii = {"steered": [radius], "captured": [max(radius, NOMINAL_RADIUS)], "auto": [NOMINAL_RADIUS, radius]}
         for least in radii[self.keys.agents[number].level]:
@@ -310,8 +313,8 @@ class _Drawing:
                 self._rooms[least] = rooms_around(self.keys, self.environment, least)
             room = next((room for room in self._rooms[least] if meets(region, room)), None)
             if room is not None:
-                return room
-        self.complaints.append((path, unusable(self.environment, region, radius)))
+                return room, least
+        self.complaints.append((path, unusable(self.environment, region, least)))
         return None
 
     def _generator(self, number: int, *stream: int) -> np.random.Generator:

@@ -106,6 +106,23 @@ def quantiles(spread: Spread, probabilities: Floats) -> Floats:
     return np.minimum(np.maximum(_unbounded(spread, inside), low), high)
 
 
+def is_cut_off(spread: Spread, low: float = -math.inf, high: float = math.inf) -> bool:
+    """Return whether the bounds of ``spread``, and ``low`` and ``high``, exclude all of its distribution.
+
+    Of a mix or table, they exclude all parts.
+    """
+    low = low if spread.min is None else max(spread.min, low)
+    high = high if spread.max is None else min(spread.max, high)
+    parts = spread.parts()
+    if parts:
+        return all(is_cut_off(part, low, high) for part in parts)
+    if spread.uniform is not None:
+        return spread.uniform[1] < low or spread.uniform[0] > high
+    if spread.mean is not None and low <= spread.mean <= high:  # without a deviation, this may be all of it
+        return False
+    return _share_below(spread, low) == 1.0 or _share_below(spread, high) == 0.0
+
+
 def _unbounded(spread: Spread, probabilities: Floats) -> Floats:
     """Return quantiles of a spread without truncation."""
     probabilities = np.clip(probabilities, _LEAST, 1.0 - _LEAST)

@@ -106,9 +106,9 @@ class AgentGroup(Part):
     ``until`` (``count`` at most). Each ``together`` consecutive agents form a party that walks together, such as a
     pair or a family. ``on_call``: they come only if a command adds them; ``count`` is how many there can be.
 
-    They go to their ``goal``, or to each of ``goals`` in turn, ``repeat`` times over, and stand ``wait`` seconds at all
-    but the last, within ``stand_within`` meters of them; or they leave through one of ``exits``, by ``choice`` or by
-    assigned shares. A ``route`` gives places to pass on the way to a goal or an exit.
+    They go to their ``goal``, or to each of ``goals`` in turn, ``repeat`` times over, and stand ``wait`` seconds at
+    each but the last of the last round, within ``stand_within`` meters of it; or they leave through one of ``exits``,
+    by ``choice`` or by assigned shares. A ``route`` gives places to pass on the way to a goal or an exit.
 
     ``locomotion``: captured agents play motion that is searched for each of them; steered ones decide on a velocity
     ten times a second, and their bodies follow; ``auto`` ones are captured while they have room, and steered where they
@@ -145,7 +145,7 @@ class AgentGroup(Part):
     )
     route: Annotated[Name | None, Field(description="name of the route to take")] = None
     repeat: Annotated[Repeat, Field(description="how many times over to go to the goals, or forever")] = 1
-    wait: Annotated[Seconds, Field(description="seconds to stand at each of the goals but the last")] = 0.0
+    wait: Annotated[Seconds, Field(description="seconds to stand at each goal but the last of the last round")] = 0.0
     start_time: Annotated[Seconds, Field(description="seconds until the first may start")] = 0.0
     interval: Annotated[Seconds, Field(description="seconds from one start to the next")] = 0.0
     until: Annotated[

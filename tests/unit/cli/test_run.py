@@ -4,7 +4,7 @@ import pytest
 
 from crowdsim.cli.summary import summary_rows
 from crowdsim.errors import CrowdSimError
-from crowdsim.whole_files import require_writable
+from crowdsim.whole_files import require_writable, whole_file
 
 SUMMARY = {
     "characters": 3,
@@ -99,6 +99,14 @@ def test_a_run_without_arrivals_or_company_has_a_summary():
 def test_a_place_that_can_be_written_is_accepted_and_left_untouched(tmp_path):
     require_writable(tmp_path / "new.h5")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("letter", ["a", "é", "市"])
+def test_a_name_as_long_as_names_may_be_is_written(tmp_path, letter):
+    file = tmp_path / f"{letter * (250 // len(letter.encode()))}.html"
+    with whole_file(file, (".html",), "pages") as part:
+        part.touch()
+    assert list(tmp_path.iterdir()) == [file]
 
 
 @pytest.mark.parametrize("place", [".", "absent/a.h5", "file/a.h5"])

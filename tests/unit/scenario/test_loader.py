@@ -392,8 +392,8 @@ def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(ScenarioError, match="folder"):
         load_scenario(tmp_path)
     file = tmp_path / "latin.yaml"
-    file.write_bytes(b"crowdsim: 1\nname: caf\xe9\n")
-    with pytest.raises(ScenarioError, match=r"latin.yaml:2:10: this is not UTF-8 text"):
+    file.write_bytes("crowdsim: 1\nname: ä".encode() + b"\xe9\n")
+    with pytest.raises(ScenarioError, match=r"latin.yaml:2:8: this is not UTF-8 text"):
         load_scenario(file)
     file.write_bytes(b"#" * 1_000_001)
     with pytest.raises(ScenarioError, match="larger than 1 MB"):

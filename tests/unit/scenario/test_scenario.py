@@ -133,3 +133,14 @@ def test_save_refuses_other_endings_and_missing_folders(tmp_path: Path) -> None:
     with pytest.raises(crowdsim.CrowdSimError, match="make it first"):
         scenario.save(tmp_path / "nowhere" / "saved.yaml")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_save_refuses_a_name_before_it_writes_the_files_beside(tmp_path: Path) -> None:
+    scenario = Scenario(
+        floor=HOLLOW, obstacles=[trimesh.creation.box()], agents=[{**WALKERS, "start": {"point": [3, 3]}}]
+    )
+    (tmp_path / "folder.yaml").mkdir()
+    for name in ("saved.txt", "folder.yaml"):
+        with pytest.raises(crowdsim.CrowdSimError):
+            scenario.save(tmp_path / name)
+    assert [each.name for each in tmp_path.iterdir()] == ["folder.yaml"]

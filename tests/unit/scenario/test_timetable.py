@@ -91,6 +91,13 @@ def test_bodies_in_3d_meet_closed_doors_that_stay_closed():
     assert timetable.movables == ()
 
 
+def test_bodies_in_3d_meet_no_commanded_doors():
+    commands = "commands: [{at: 1, close: front}]\n"
+    text = change(("motion: {set: default}\n", f"planner: collision3d\n{DOOR}{commands}"))
+    with pytest.raises(ScenarioError, match="planner: the planner 'collision3d' supports no events; drop them"):
+        parse_scenario(text)
+
+
 def test_a_name_may_come_again_when_it_is_gone():
     scenario = parse_scenario(
         with_events("at: 1, remove: pole", "at: 2, insert: {name: pole, box: {min: [1, 1], max: [2, 2]}, top: 1}")

@@ -45,7 +45,7 @@ def test_seeds_are_read(text, seeds):
     assert read_seeds(text) == seeds
 
 
-@pytest.mark.parametrize("text", ["", "a", "3-1", "1-", "-1", "1.5", "1-99999999999"])
+@pytest.mark.parametrize("text", ["", "a", "3-1", "1-", "-1", "1.5", "1-99999999999", "9" * 5000, f"1-{'9' * 5000}"])
 def test_wrong_seeds_are_refused(text):
     with pytest.raises(CrowdSimError, match="--seeds"):
         read_seeds(text)
@@ -56,6 +56,7 @@ def test_commas_in_brackets_and_quotes_belong_to_a_value():
     key, values = read_setting("floor={rectangle: [0, 0, 4, 4]},{rectangle: [0, 0, 5, 5]}")
     assert (key, values) == ("floor", ["{rectangle: [0, 0, 4, 4]}", "{rectangle: [0, 0, 5, 5]}"])
     assert read_setting("name='a,b',c") == ("name", ["'a,b'", "c"])
+    assert read_setting("key=],1,[2,3]") == ("key", ["]", "1", "[2,3]"])
 
 
 @pytest.mark.parametrize("text", ["a", "=1", "a=", "a=1,,2"])

@@ -11,7 +11,7 @@ from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.errors import ScenarioError
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
-from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.loader import load_scenario, parse_scenario
 from tests.support.steered_scenes import steered_scene
 
 SPAN = 20.0
@@ -151,6 +151,23 @@ def test_a_periodic_floor_along_y_with_an_obstacle(tmp_path: Path) -> None:
     assert ((np.diff(y, axis=0) < -6.0).sum(axis=0) >= 2).all(), "everybody goes round twice"
 
 
+def test_commands_about_agents_are_saved_and_run_again(tmp_path: Path) -> None:
+    late = "name: late, count: 2, on_call: true, start: {rectangle: [-3, 0, 17, 3]}, goal: {along: -x}"
+    with Simulation(parse_scenario(scene(EAST.format(count=6), late, duration=6)), 1) as simulation:
+        for _ in range(20):
+            simulation.step()
+        simulation.set_speed([0], 0.5)
+        simulation.remove([1])
+        simulation.add("late")
+        while not simulation.finished:
+            simulation.step()
+        simulation.save_scenario(tmp_path / "saved.yaml")
+    with Simulation(load_scenario(tmp_path / "saved.yaml"), 1) as again:
+        while not again.finished:
+            again.step()
+    assert again.state_hash == simulation.state_hash
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -173,6 +190,14 @@ def test_a_periodic_floor_along_y_with_an_obstacle(tmp_path: Path) -> None:
             r"floor: 'periodic' is of a floor that the scenario draws",
         ),
         (("areas:", "events:\n  - {at: 1, remove: a}\nareas:"), r"events: a periodic floor has no 'events'; drop them"),
+        (
+            ("areas:", "commands:\n  - {at: 1, insert: {name: a, box: {min: [1, 1], max: [2, 2]}, top: 1}}\nareas:"),
+            r"commands\.0: a periodic floor cannot be changed; drop this command, or 'periodic'",
+        ),
+        (
+            ("areas:", "commands:\n  - {at: 1, set_goal: {agents: [0], goal: {point: [1, 1]}}}\nareas:"),
+            r"commands\.0\.set_goal\.goal: on a periodic floor goals cannot change",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused_with_its_place(changes: tuple[str, str], message: str) -> None:

@@ -50,6 +50,12 @@ def test_too_many_are_refused() -> None:
         placed(f"name: g, count: 2000, start: {{rectangle: [1, 1, 11, 11]}}, {GOAL}")
 
 
+def test_a_party_without_any_place_is_refused() -> None:
+    first = f"name: first, count: 1, start: {{rectangle: [1, 1, 1.2, 1.2]}}, {GOAL}"
+    with pytest.raises(ScenarioError, match=r"agents\.1\.start: only 0 of 2 agents found a place"):
+        placed(first, first.replace("first, count: 1", "pair, count: 2, together: 2"))
+
+
 def test_a_floor_beyond_what_steering_can_sort_is_refused() -> None:
     group = f"name: g, count: 1, start: {{point: [5, 5]}}, {GOAL}"
     with pytest.raises(ScenarioError, match=r"floor: .*2 km by 2 km; this one takes 3,000 m by 1,500 m; cut it"):
@@ -100,3 +106,21 @@ def test_who_stays_has_a_spot_of_its_own() -> None:
 def test_starts_without_room_are_refused(start: str, message: str) -> None:
     with pytest.raises(ScenarioError, match=rf"agents\.0\.start: .*{message}"):
         placed(f"name: g, count: 1, start: {start}, {GOAL}")
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("count: 1, start: {point: [5, 0.29]}, " + GOAL, r"start: no spot with 0\.30 m of free floor around it"),
+        ("count: 2000, start: {rectangle: [1, 1, 11, 11]}, " + GOAL, r"start: only \d+ of .* with 0\.30 m around each"),
+        (
+            "count: 90, interval: 1, start: {point: [5, 5]}, on_arrival: stay, goal: {rectangle: [50, 50, 55, 55]}",
+            r"goal: only \d+ of .* with 0\.30 m around each",
+        ),
+    ],
+)
+def test_captured_ones_among_steered_ones_are_told_the_room_that_they_need(keys: str, message: str) -> None:
+    steered = f"name: s, count: 1, start: {{point: [30, 30]}}, {GOAL}"
+    text = steered_scene(steered, f"name: c, {keys}", floor=FLOOR, duration=200)
+    with pytest.raises(ScenarioError, match=rf"agents\.1\.{message}"):
+        parse_scenario(text.replace("locomotion: steered, name: c", "locomotion: captured, name: c"))

@@ -83,6 +83,15 @@ def test_each_quantity_has_a_stream_of_its_own() -> None:
         ),
         ("delay: {uniform: [9, 1]}", r"'uniform' is \[least, most\], got \[9, 1\]"),
         ("speed: {uniform: [1, 9]}", r"'uniform' must be from 0\.1 to 3, got 9"),
+        (
+            "speed: {uniform: [0.5, 1.0], min: 1.2}",
+            r"agents\.0\.speed: no value is within the bounds, 1\.2 to 3; change 'min' and 'max', or the distribution",
+        ),
+        ("delay: {uniform: [5, 9], max: 4}", r"agents\.0\.delay: no value is within the bounds"),
+        ("speed: {lognormal: {mu: 3, sigma: 0.1}}", r"agents\.0\.speed: no value is within the bounds, 0\.1 to 3"),
+        ("delay: {mix: [{share: 1, mean: 5}, {share: 1, uniform: [7, 9]}], max: 4}", r"no value is within the bounds"),
+        ("speed: {table: imo_passengers, min: 2}", r"no value is within the bounds, 2 to 3"),
+        ("attributes: {age: {mix: [{share: 1, mean: 5, sd: 0.1}], min: 50}}", r"agents\.0\.attributes\.age: no value"),
         ("delay: {uniform: [1, 9], sd: 2}", r"'sd' goes with 'mean', not with 'uniform'"),
         ("delay: {gamma: {shape: 1}}", r"agents\.0\.delay\.gamma\.scale: this key is required and missing"),
         ("speed: {table: imo}", r"there is no table 'imo'; there are: imo_passengers"),
@@ -94,6 +103,19 @@ def test_each_quantity_has_a_stream_of_its_own() -> None:
 def test_what_cannot_be_is_refused_with_its_place(keys: str, message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
         parse_scenario(steered_scene(f"{GROUP.format(count=3)}, {keys}", floor=FLOOR))
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        "delay: {uniform: [5, 9], min: 9}",
+        "delay: 0",
+        "delay: {mean: 2, sd: 1, max: 2}",
+        "speed: {table: rimea, max: 1}",
+    ],
+)
+def test_bounds_may_leave_the_end_of_a_distribution(keys: str) -> None:
+    parse_scenario(steered_scene(f"{GROUP.format(count=3)}, {keys}", floor=FLOOR))
 
 
 def test_captured_characters_are_neither_broader_nor_later() -> None:
