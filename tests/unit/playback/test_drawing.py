@@ -18,7 +18,7 @@ from crowdsim.playback.film import film
 from crowdsim.playback.scene import Scene
 from crowdsim.playback.shot import shot, shots
 from crowdsim.playback.window import Player, window
-from crowdsim.recording.header import SolidRecord
+from crowdsim.recording.header import MeshRecord, SolidRecord
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
 from crowdsim.scenario.loader import parse_scenario
@@ -240,9 +240,10 @@ def test_importing_playback_loads_no_graphics():
 
 
 @pytest.mark.usefixtures("can_draw")
-def test_a_place_without_solids_paths_or_people_can_be_drawn(recording):
+def test_a_place_without_solids_points_of_meshes_paths_or_people_can_be_drawn(recording):
     header = recording.header
-    recording.header = replace(header, solids=())
+    empty = MeshRecord("nothing", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    recording.header = replace(header, solids=(), meshes=(empty,))
     try:
         scene = Scene(recording, SMALL)
         scene.show_time(0.0)
