@@ -82,8 +82,8 @@ def nearest_distances(frame: NDArray[np.int64], places: Floats, ends: Ends | Non
         Ends of a periodic floor, which are the same place. The row itself, one length away, counts as another one
         there.
     """
-    if len(frame) < 2:
-        return np.full(len(frame), np.inf)
+    if not len(frame):
+        return np.empty(0)
     # One tree for all frames, each in a plane of its own.
     points = np.column_stack([places, APART * frame.astype(np.float64)])
     # On a periodic floor, each position also counts one length of the floor before and behind.

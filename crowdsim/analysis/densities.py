@@ -47,14 +47,11 @@ class Measured(NamedTuple):
         A row for each area and frame in which it is not empty: area, time [s], density_classic, density_voronoi,
         density [1/m2], speed_classic, speed_voronoi, speed [m/s]. The classic density is that of centers in the area;
         density and speed are classic if that is below LEAST_VORONOI or no cell is known, else of Voronoi cells.
-    frames : int
-        Number of frames that were looked at, also those in which all areas were empty.
     sentences : tuple of str
         What a reader has to know.
     """
 
     table: pandas.DataFrame
-    frames: int
     sentences: tuple[str, ...]
 
 
@@ -65,24 +62,23 @@ def measure_areas(tracks: Tracks, places: Places, voronoi_rate: float = VORONOI_
     """Measure density and speed in all areas, about ``voronoi_rate`` times a second [1/s], at most in each frame."""
     empty = pandas.DataFrame({column: [] for column in COLUMNS})
     if not places.areas:
-        return Measured(empty, 0, ("There is no area: name one under `areas` of the scenario or by --area.",))
+        return Measured(empty, ("There is no area: name one under `areas` of the scenario or by --area.",))
     usable, sentences = _usable(tracks, places)
     if tracks.trajectory is None or not usable:
-        return Measured(empty, 0, (*sentences, "Nobody was in an area."))
+        return Measured(empty, (*sentences, "Nobody was in an area."))
     every = max(1, round(tracks.rate / voronoi_rate))
     # Measure frames in which an area is not empty, one in `every`, and fewer if too many people are in them.
-    frames = np.arange(0, tracks.frames, every)
     rows = tracks.table[tracks.table["frame"] % every == 0]
     inside = np.zeros(len(rows), np.bool_)
     for area in usable.values():
         inside |= shapely.contains_xy(area.polygon, rows[["x", "y"]].to_numpy())
     busy = np.unique(rows["frame"].to_numpy()[inside])
     if not len(busy):
-        return Measured(empty, len(frames), (*sentences, "Nobody was in an area."))
+        return Measured(empty, (*sentences, "Nobody was in an area."))
     rows = rows[rows["frame"].isin(busy)]
     thinned = -(-len(rows) // MOST_VORONOI_ROWS)  # rounded up
     if thinned > 1:
-        busy, frames = busy[::thinned], frames[::thinned]
+        busy = busy[::thinned]
         rows = rows[rows["frame"].isin(busy)]
         sentences.append(f"One in {thinned} of these moments is measured, as there are many people.")
     part = pedpy.TrajectoryData(rows[["id", "frame", "x", "y"]].reset_index(drop=True), frame_rate=float(tracks.rate))
@@ -92,7 +88,7 @@ def measure_areas(tracks: Tracks, places: Places, voronoi_rate: float = VORONOI_
     for name, area in usable.items():
         table = _measure(name, area, tracks, part, speeds, cells)
         parts.append(table[places.areas[name].during(table["time"].to_numpy())])
-    return Measured(pandas.concat(parts, ignore_index=True), len(frames), (*sentences,))
+    return Measured(pandas.concat(parts, ignore_index=True), (*sentences,))
 
 
 def _usable(tracks: Tracks, places: Places) -> tuple[dict[str, pedpy.MeasurementArea], list[str]]:

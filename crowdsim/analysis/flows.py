@@ -71,9 +71,9 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
             if len(curve):
                 lower.plot(curve.time, curve.flow_per_m, ".-", color=color(number), linewidth=1.0)
         # People were measured at one width: show their band only if all lines are in it.
-        widths = {band for each in values.values() if (band := flow_band(each["width"])) is not None}
-        if len(widths) == 1 and any(len(curve) for curve in intervals.values()):
-            (band,) = widths
+        bands = {flow_band(each["width"]) for each in values.values()}
+        band = bands.pop() if len(bands) == 1 else None
+        if band is not None and any(len(curve) for curve in intervals.values()):
             lower.axhspan(band.least, band.most, color=BAND, zorder=0)
             lower.axhline(band.median, color="#7f9db3", linewidth=0.8)
             note = f"measured in {band.studied} bottlenecks of {band.narrowest:g} to {band.widest:g} m"

@@ -41,9 +41,9 @@ floor: {{rectangle: [0, 0, 40, 30]}}
 obstacles:
   - {{name: cart, box: {{center: [20, 15], size: [2, 2]}}, top: 0.9}}
 agents:
-  - {{name: west, count: {half}, locomotion: {level}, start: {{rectangle: [1, 1, 15, 29]}},
+  - {{name: west, count: {west}, locomotion: {level}, start: {{rectangle: [1, 1, 15, 29]}},
       goals: [{{rectangle: [25, 1, 39, 29]}}, {{rectangle: [1, 1, 15, 29]}}], repeat: 1000}}
-  - {{name: east, count: {half}, locomotion: {level}, start: {{rectangle: [25, 1, 39, 29]}},
+  - {{name: east, count: {east}, locomotion: {level}, start: {{rectangle: [25, 1, 39, 29]}},
       goals: [{{rectangle: [1, 1, 15, 29]}}, {{rectangle: [25, 1, 39, 29]}}], repeat: 1000}}
 """
 
@@ -60,7 +60,7 @@ def measure(seconds: float = SECONDS, agents: int = AGENTS) -> Measurement:
 
 def hall(level: str, rate: int, agents: int) -> Scenario:
     """Return a hall in which ``agents``, half of them from each end, walk to and fro, at ``rate`` steps a second."""
-    return parse_scenario(_HALL.format(rate=rate, level=level, half=agents // 2))
+    return parse_scenario(_HALL.format(rate=rate, level=level, west=agents // 2, east=agents - agents // 2))
 
 
 def _watched(level: str, rate: int, seconds: float, agents: int) -> dict[str, Any]:

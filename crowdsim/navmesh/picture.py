@@ -57,7 +57,8 @@ class _Shapes:
         used = used[used >= BOX_CORNERS]
         added = mesh.vertices["vref"][used] == 0
         self.added, self.corners = place[used[added]], place[used[~added]]
-        """(k, 2) vertices of free triangles [m]: without an obstacle's corner, and with one."""
+        """(k, 2) vertices of free triangles [m]: those that are no corner of an obstacle, added by refinement or where
+        obstacles cross, and corners."""
 
     def sectors(self) -> tuple[Floats, Floats]:
         """Return a sector (k, 10, 2) for each corner that can be turned around, and its width (k,) [m].
@@ -128,7 +129,7 @@ def _draw_triangles(figure: Figure, axes: Axes, shapes: _Shapes) -> None:
             "markeredgewidth": 0.8,
             "markersize": 4.0,
         }
-        axes.plot(*shapes.added.T, "o", linestyle="none", label="vertex added by refinement", **style)
+        axes.plot(*shapes.added.T, "o", linestyle="none", label="vertex that is no corner", **style)
     figure.colorbar(colors, ax=axes, label="width of a turn around a corner [m]", extend="max", shrink=0.8)
 
 

@@ -193,7 +193,9 @@ class CrowdMesh:
         self._cast_shadows(count, positions)
         looks = self._looks[here]
         if self._color_by == "behavior":
-            looks[:, Tissue.SHIRT] = shaded(self._behaviors[frame.behavior[here]], self._shades[here])
+            # An agent without a behavior (-1) looks as one of behavior 0, as in USD.
+            colors = self._behaviors[np.maximum(frame.behavior[here], 0)]
+            looks[:, Tissue.SHIRT] = shaded(colors, self._shades[here])
         elif self._color_by == "level":
             steered = frame.steered[here, None]
             looks[:, Tissue.SHIRT] = np.where(steered, *(hex_color(LEVEL_COLORS[level]) for level in _LEVELS))

@@ -242,8 +242,8 @@ class Scene:
         self._add_shadows()
         self._add_lines(floor.outline + [0.0, 0.0, 0.004], _EDGE, 1.5)
         self._add_solids(header.solids, _LOW_SOLID, _TALL_SOLID, 0.2)
-        low = [mesh for mesh in header.meshes if mesh.points[:, 2].max() <= TALL]
-        tall = [mesh for mesh in header.meshes if mesh.points[:, 2].max() > TALL]
+        low = [mesh for mesh in header.meshes if mesh.points[:, 2].max(initial=0.0) <= TALL]
+        tall = [mesh for mesh in header.meshes if mesh.points[:, 2].max(initial=0.0) > TALL]
         self._add_shapes(meshes_mesh(low), meshes_mesh(tall), _LOW_SOLID, _TALL_SOLID, 0.2)
         # What `keep_still` draws once, under all later pictures. Not glass: that is drawn after the people behind it.
         self._still = [actor for actor in self.plotter.renderer.GetViewProps() if actor.prop.opacity == 1.0]

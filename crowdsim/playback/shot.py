@@ -81,10 +81,13 @@ def shots(
     Returns
     -------
     list of Path
-        The files: ``path`` with the time before its suffix, as ``walk-12.5.png``.
+        The files: ``path`` with the time before its suffix, as ``walk-12.5.png``, in 6 digits or as many more as tell
+        the times apart.
     """
     path = Path(path)
-    names = [path.with_name(f"{path.stem}-{time:g}{path.suffix}") for time in times]
+    enough = (digits for digits in range(6, 17) if len({f"{time:.{digits}g}" for time in times}) >= len(set(times)))
+    digits = next(enough, 17)
+    names = [path.with_name(f"{path.stem}-{time:.{digits}g}{path.suffix}") for time in times]
     with ExitStack() as stack:
         files = [stack.enter_context(whole_file(each, _ENDINGS, "pictures")) for each in names]
         _draw(recording, list(zip(files, times, strict=True)), view, size, agent, color_by, paths)

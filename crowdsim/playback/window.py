@@ -92,13 +92,15 @@ def _play(scene: Scene, player: Player, view: str, agent: int | None) -> None:
         style="modern",
         interaction_event="always",
     )
-    shown, before = -1.0, clock.perf_counter()  # -1: no time of the recording, so that the first tick draws
+    shown = -1.0  # no time of the recording, so that the first tick draws
+    before: float | None = None  # no tick yet: opening the window may take seconds, of which nothing is skipped
 
     def tick(_step: int) -> None:
         """Advance by the time that has passed since the last tick; draw only if the shown time has changed."""
         nonlocal shown, before
         now = clock.perf_counter()
-        player.advance(now - before)
+        if before is not None:
+            player.advance(now - before)
         before = now
         if player.time == shown:
             return

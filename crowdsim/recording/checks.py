@@ -149,9 +149,9 @@ def require_readable(path: Path, file: h5py.File) -> None:
 
     def visit(name: str, item: object) -> None:
         if isinstance(item, h5py.Dataset):
-            rows = item.shape[0] if item.ndim else 1
             stored = max(item.id.get_storage_size(), 0)
-            if stored > size or (item.nbytes > _PACKED * (stored + 64) and rows > 0):
+            # What was never written has no bytes in the file and is read as zeros: 64 * _PACKED of them do no harm.
+            if stored > size or item.nbytes > _PACKED * (stored + 64):
                 raise ValueError(f"{name} claims {item.nbytes} bytes, of which the file holds {stored}")
         elif not isinstance(item, h5py.Group):
             raise ValueError(f"{name} is neither a group nor a dataset")
@@ -281,14 +281,21 @@ def check_place(header: RecordingHeader) -> None:
 
 
 def check_paths(
-    counts: NDArray[Any], agents: NDArray[Any], points: NDArray[Any], header: RecordingHeader
+    counts: NDArray[Any],
+    agents: NDArray[Any],
+    points: NDArray[Any],
+    behaviors: NDArray[Any],
+    header: RecordingHeader,
 ) -> NDArray[np.int64]:
     """Return where the points of each path end (p,); raise RecordingError if the columns contradict each other.
 
-    counts, agents: (p,) number of points, and agent, of each path. points: (n, 2) of all paths, one after the other.
+    counts, agents: (p,) number of points, and agent, of each path. points, behaviors: (n, 2) [m] and (n,) of all paths,
+    one after the other.
     """
     whole = all(np.issubdtype(values.dtype, np.integer) for values in (counts, agents))
     fits = whole and np.all(counts >= 0) and int(counts.sum()) == len(points) and points.shape[1:] == (2,)
     _require(fits and _within(agents, 0, header.agents.count), "paths do not fit each other")
+    labeled = behaviors.shape == (len(points),) and _within(behaviors, 0, len(header.behaviors))
+    _require(labeled, "paths/behaviors names no behavior, or does not fit paths/points")
     ends: NDArray[np.int64] = np.cumsum(counts)
     return ends

@@ -35,7 +35,7 @@ class RecordedEvents(ShownBodies):
             points, behaviors, counts, agents = (
                 values_of(group, name) for name in ("points", "behaviors", "count", "agent")
             )
-            ends = check_paths(counts, agents, points, self.header)
+            ends = check_paths(counts, agents, points, behaviors, self.header)
             rows = zip(agents, values_of(group, "step"), ends - counts, ends, strict=True)
             return tuple(
                 PlannedPath(int(agent), int(step), points[first:end], behaviors[first:end])

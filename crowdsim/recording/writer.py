@@ -171,7 +171,7 @@ class RecordingWriter:
             steps[column].id.write_direct_chunk((self._steps, agent), content, mask)
         extend(steps["state_hash"], hashes)
         self._steps += len(hashes)
-        self._commit()
+        self._flush()  # also new paths: a commit cuts off their frames
 
     def _require_motion(self, frame: RecordedFrame, present: NDArray[np.bool_]) -> None:
         """Raise RecordingError for an agent that the header holds no motion for."""

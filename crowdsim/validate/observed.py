@@ -43,8 +43,6 @@ class Observed(NamedTuple):
         Time at which each left [s]; nan for never.
     speeds, delays : (n,) float64
         Drawn walking speeds [m/s] and delays [s].
-    starts : (n, 2) float64
-        Start positions [m].
     crossed : dict of str to (n, 2) float64
         Position of each in the last step before it first crosses a line [m]; nan for never.
     outside : int
@@ -60,7 +58,6 @@ class Observed(NamedTuple):
     left: Floats
     speeds: Floats
     delays: Floats
-    starts: Floats
     crossed: dict[str, Floats]
     outside: int
     seconds: float
@@ -118,7 +115,6 @@ def observe(scenario: Scenario, recording: Recording, seconds: float) -> Observe
         left=left,
         speeds=cast.walkers.speeds,
         delays=cast.walkers.delays,
-        starts=cast.starts,
         crossed=crossed,
         outside=outside,
         seconds=seconds,

@@ -7,6 +7,7 @@ import shapely
 from crowdsim.bench.plans import plan_soundness
 from crowdsim.bench.plans.planner_comparison import ground_of
 from crowdsim.bench.plans.posed_bodies import Obstacles, motions_of, posed_along
+from crowdsim.errors import CrowdSimError
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section
 from crowdsim.planning.query.requirements import Requirements
 
@@ -32,6 +33,12 @@ def test_the_benchmark_has_a_row_for_each_place_that_is_there(monkeypatch, tmp_p
     assert measured.figures["sections"] >= 3.0
     assert 0.0 <= measured.figures["penetration_worst_m"] <= plan_soundness.DEEP
     assert measured.figures["soundness_worst_m"] <= 1e-5
+
+
+def test_too_few_sections_for_a_path_are_refused(monkeypatch):
+    monkeypatch.setattr(plan_soundness, "PLACES", ("normal",))
+    with pytest.raises(CrowdSimError, match="normal: no path was found for 0 sections"):
+        plan_soundness.measure(sections=0)
 
 
 def test_a_disc_that_reaches_too_far_is_noticed():

@@ -106,6 +106,8 @@ class PageData:
                 for there, first, end in runs(here[low:high, agent]):
                     if there:
                         whole[:, first:end] = reader.track(played[low + first : low + end, agent].tolist())
+                        # Steps before a chunk are those of the chunk before.
+                        first = max(first, number * self.facts["chunk"] - low)
                         for column in range(3):
                             out[column][low + first : low + end, agent] = whole[column, first:end] * scales[column]
                 # Phases come behind the track.

@@ -23,7 +23,11 @@ _SETTLES = 3
 
 
 class CountedCalls:
-    """MPI's communicator, whose calls are counted: they mostly wait for other processes, and spin while they wait."""
+    """MPI's communicator, whose calls are counted: they mostly wait for other processes, and spin while they wait.
+
+    Waiting until messages are sent (``MPI.Request.Waitall``), and taking those that have come (``Recv`` of a message),
+    are not calls of the communicator: they count as work.
+    """
 
     def __init__(self, comm: Any) -> None:
         self._comm, self._inside = comm, 0.0
@@ -51,19 +55,21 @@ def main(scenario: str) -> None:
 
     ``step_ms`` is the median of a step. ``run_ms`` is the time of a step from the first one counted until the recording
     is written, which several processes join of their parts at the end. ``work_ms`` is the CPU time of the busiest
-    process in the same time, without its calls of MPI: on a busy machine it says more than times of a clock.
-    ``exchange_ms`` is the median time of the exchange of ghosts in rank 0, ``sent_kb`` what the process that sends most
-    sends in a step, a mean.
+    process in the same time, without its calls of MPI's communicator: on a busy machine it says more than times of a
+    clock. ``exchange_ms`` is the median time of the exchange of ghosts in rank 0, ``sent_kb`` what the process that
+    sends most sends in a step, a mean. The first steps count in none of these.
     """
     comm = CountedCalls(world_of_ranks())
     loaded = load_scenario(scenario)
-    marks, work, exchanged, sent = [time.perf_counter()], [comm.work()], [0.0], 0
+    marks, work, exchanged, sent = [time.perf_counter()], [comm.work()], [0.0], [0]
+    run: RankedRun | None = None
 
     def progress(*_: Any) -> None:
-        """Note the time and the CPU time at the end of a step, and begin to add up the exchange of the next one."""
+        """Note time, CPU time and bytes sent at the end of a step, and begin to add up the exchange of the next one."""
         marks.append(time.perf_counter())
         work.append(comm.work())
         exchanged.append(0.0)
+        sent.append(0 if run is None else run.ranks.sent)
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.h5"
@@ -83,19 +89,18 @@ def main(scenario: str) -> None:
 
             vars(run.ranks)["exchange"] = timed  # the simulation itself reads no clock
             summary = run.run(file, progress)
-            sent = run.ranks.sent
     ended = time.perf_counter()
-    # Entry k of marks and work is the end of step k, from 1 on. The last entry of exchanged is of no step.
+    # Entry k of marks, work and sent is the end of step k, from 1 on. The last entry of exchanged is of no step.
     counted = marks[_SETTLES:]
     most_work = max(comm.allgather((comm.work() - work[_SETTLES]) / (len(counted) - 1)))
-    most_sent = max(comm.allgather(sent))
+    most_sent = max(comm.allgather((sent[-1] - sent[_SETTLES]) / (len(counted) - 1)))
     if summary is not None:
         figures = {
             "step_ms": 1000.0 * statistics.median(b - a for a, b in itertools.pairwise(counted)),
             "run_ms": 1000.0 * (ended - counted[0]) / (len(counted) - 1),
             "work_ms": 1000.0 * most_work,
             "exchange_ms": 1000.0 * statistics.median(exchanged[_SETTLES:-1]),
-            "sent_kb": most_sent / (len(marks) - 1) / 1000.0,
+            "sent_kb": most_sent / 1000.0,
             "state_hash": summary["state_hash"],
         }
         typer.echo(json.dumps(figures))

@@ -212,7 +212,12 @@ def _recordings() -> list[bytes]:
     """Return the recordings in the folder RECORDINGS, or short real ones: of all levels, and of a changing place."""
     given = os.environ.get(RECORDINGS)
     if given:
-        return [path.read_bytes() for path in sorted(Path(given).glob("*.h5"))]
+        found = [path.read_bytes() for path in sorted(Path(given).glob("*.h5"))]
+        if not found:
+            raise CrowdSimError(
+                f"{RECORDINGS}: there is no recording (.h5) in {given}; name another folder, or unset it"
+            )
+        return found
     from crowdsim.crowd.simulation import Simulation
     from crowdsim.scenario.loader import load_scenario, parse_scenario
 

@@ -14,7 +14,7 @@ from crowdsim.bench.plans.planner_comparison import PLACES, Ground, ground_of
 from crowdsim.bench.plans.posed_bodies import Obstacles, motions_of, posed_along
 from crowdsim.bench.registry import Measurement
 from crowdsim.constants import TRACKING_MARGIN
-from crowdsim.errors import PathNotFound
+from crowdsim.errors import CrowdSimError, PathNotFound
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.query.requirements import Requirements
 
@@ -44,6 +44,8 @@ def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement
         if ground is None:
             continue
         paths = random_paths(ground, -(-sections // len(PLACES)), seed=4)
+        if not paths:
+            raise CrowdSimError(f"{name}: no path was found for {sections} sections in all places; ask for more")
         motions, obstacles = motions_of(ground.behaviors), Obstacles(ground.solids)
         deep = np.array([obstacles.depths(posed_along(path, motions)).max() for path in paths])
         stiff = np.array([obstacles.depths(posed_along(path, motions, stiff=True)).max() for path in paths[::_EVERY]])

@@ -180,8 +180,10 @@ class _Scene:
             seconds = self._times[motion.frames]
             rows = np.array([leap.row for leap in leaps])
             roots = np.insert(roots, rows, np.stack([leap.beyond for leap in leaps]), axis=0)
-            before = seconds[rows].astype(np.float64) - _INSTANT
-            times = self._buffer.add(np.insert(seconds, rows, before.astype(np.float32)), bounds=True)
+            before = (seconds[rows].astype(np.float64) - _INSTANT).astype(np.float32)
+            # After some hours, float32 does not resolve an instant, and no two samples may have the same time.
+            before = np.minimum(before, np.nextafter(seconds[rows], np.float32(0.0)))
+            times = self._buffer.add(np.insert(seconds, rows, before), bounds=True)
         self._animate(node, "translation", times, self._buffer.add(roots))
 
     def _time_accessor(self, frames: NDArray[np.int64]) -> int:

@@ -306,10 +306,14 @@ def _offsets(skeleton: Skeleton) -> NDArray[np.float64]:
 
 
 def _joint_paths(skeleton: Skeleton) -> list[str]:
-    """Return the names of joints as paths from the root, in characters that USD allows."""
+    """Return the names of joints as paths from the root, all different, in characters that USD allows."""
     paths: list[str] = []
     for number, (name, parent) in enumerate(zip(skeleton.names, skeleton.parents.tolist(), strict=True)):
         plain = "".join(each if each.isascii() and each.isalnum() else "_" for each in name)
         own = plain if plain and not plain[0].isdigit() else f"joint_{number}_{plain}"
-        paths.append(own if parent < 0 else f"{paths[parent]}/{own}")
+        path = own if parent < 0 else f"{paths[parent]}/{own}"
+        # Names of siblings may differ only in characters that are replaced.
+        while path in paths:
+            path += "_"
+        paths.append(path)
     return paths

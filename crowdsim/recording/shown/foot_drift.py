@@ -11,6 +11,7 @@ from crowdsim.geometry.planar import transform_points
 from crowdsim.motion.clips.kinematics import Floats
 from crowdsim.motion.graph.foot_contacts import extent, feet_of, standing_moves
 from crowdsim.motion.planted.planted_rows import PlantedRows, planted_rows
+from crowdsim.recording.header import Ends
 from crowdsim.recording.levels import Level
 from crowdsim.recording.shown.bodies import ShownBodies
 
@@ -63,14 +64,15 @@ def shown_stances(recording: ShownBodies, rate: int = RATE) -> Stances:
     for number in range(int(recording.duration * rate + 1e-9) + 1):
         time = number / rate
         now = _moment(recording, rows, time)
-        moved = {} if before is None else _moves(rows, tracks, before, now)
+        moved = {} if before is None else _moves(rows, tracks, before, now, recording.header.ends)
         for key in [key for key in standing if key not in moved]:
             begin, moves = standing.pop(key)
             found.append((key, begin, time - 1.0 / rate, moves))
         for key, move in moved.items():
             standing.setdefault(key, (time - 1.0 / rate, []))[1].append(move)
         before = now
-    found += [(key, begin, recording.duration, moves) for key, (begin, moves) in standing.items()]
+    # The last pose may be earlier than the end of the recording.
+    found += [(key, begin, time, moves) for key, (begin, moves) in standing.items()]
     return Stances(
         np.array([key[0] for key, *_ in found], np.int64),
         np.array([key[1] for key, *_ in found], np.int64),
@@ -94,16 +96,20 @@ def _moment(recording: ShownBodies, rows: PlantedRows, time: float) -> _Moment:
 
 
 def _moves(
-    rows: PlantedRows, tracks: Floats, before: _Moment, now: _Moment
+    rows: PlantedRows, tracks: Floats, before: _Moment, now: _Moment, ends: Ends | None
 ) -> dict[tuple[int, int], tuple[Floats, Floats]]:
     """Return how far each foot that stands moves between two moments, as shown and in its clips, by agent and foot.
 
-    Each is a displacement (2,) in the world [m]. ``tracks`` (T, 3) are the header's ``pool_tracks``.
+    Each is a displacement (2,) in the world [m]. ``tracks`` (T, 3) are the header's ``pool_tracks``, ``ends`` its ends
+    of a periodic floor.
     """
     both, old, new = np.intersect1d(before.agents, now.agents, assume_unique=True, return_indices=True)
     node, old_node, at, old_at = now.node[new], before.node[old], now.at[new], before.at[old]
     stood = rows.stayed(old_node, old_at, node, at)
-    shown = standing_moves((now.points[new] - before.points[old])[..., :2], stood)
+    ways = (now.points[new] - before.points[old])[..., :2]
+    if ends is not None:
+        ways[..., ends.axis] = ends.shorter(ways[..., ends.axis])
+    shown = standing_moves(ways, stood)
     # In the clips: from one frame of a node to another, or to the end of one node and on from the start of the next.
     frames = rows.table.node_frames[old_node].astype(np.float64)
     goes_on = (node == old_node) & (at >= old_at)

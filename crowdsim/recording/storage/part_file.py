@@ -109,6 +109,10 @@ class PartFile(io.RawIOBase):
         self._size = self._place if size is None else size
         # If HDF5 grows again before that, zeros follow, not what was there.
         self._committed = min(self._committed, self._size)
+        self._blocks = {number: block for number, block in self._blocks.items() if number * _BLOCK < self._size}
+        last, inside = divmod(self._size, _BLOCK)
+        if last in self._blocks:
+            self._blocks[last][inside:] = bytes(_BLOCK - inside)
         return self._size
 
     def readinto(self, buffer: Any, /) -> int:

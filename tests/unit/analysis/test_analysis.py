@@ -8,6 +8,7 @@ import numpy as np
 import pandas
 import pedpy
 import pytest
+from matplotlib.figure import Figure
 from shapely import MultiPolygon, box
 
 from crowdsim.analysis.analyze import MEASUREMENTS, analyze
@@ -88,6 +89,15 @@ def test_lines_and_areas_count_within_their_times(analysis, tmp_path):
         result_of(found, "diagram").table.reset_index(drop=True), expected.reset_index(drop=True)
     )
     assert any("from 8 to 14 s" in text for text in result_of(found, "diagram").sentences)
+
+
+@pytest.mark.parametrize(("lines", "drawn"), [((), True), (["whole hall=-4,0,4,0"], False)])
+def test_flows_of_people_are_drawn_if_all_lines_are_as_wide(recording, lines, drawn):
+    result = result_of(analyze(recording, lines=lines, only=["flow"]), "flow")
+    figure = Figure()
+    result.draw(figure)
+    notes = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert any("bottlenecks" in note for note in notes) == drawn
 
 
 def test_passages_in_the_text_file_are_the_same(recording, analysis, tmp_path):
@@ -212,6 +222,10 @@ def test_distances_reach_across_the_ends_of_a_periodic_floor():
     found = nearest_distances(frame, places, Ends(0, -4.0, 4.0))
     np.testing.assert_allclose(found[:3], [0.3, 0.3, 3.8])
     assert np.isinf(nearest_distances(frame, places)[3])
+    for rows in range(3):  # each alone in its frame: the nearest other is the agent itself, one length away
+        alone = np.arange(rows), places[:rows]
+        assert nearest_distances(*alone, Ends(0, -4.0, 4.0)).tolist() == [8.0] * rows
+        assert nearest_distances(*alone).tolist() == [np.inf] * rows
 
 
 @pytest.mark.parametrize("case", ["nobody", "one", "one step", "outside"])

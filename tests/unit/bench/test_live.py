@@ -1,6 +1,11 @@
 """Benchmark of live simulations on few agents."""
 
-from crowdsim.bench.live import measure
+from crowdsim.bench.live import hall, measure
+from crowdsim.scenario.cast import place_crowd
+
+
+def test_an_odd_number_of_agents_all_come():
+    assert place_crowd(hall("steered", 10, 5)).head_count == 5
 
 
 def test_a_row_for_each_level():

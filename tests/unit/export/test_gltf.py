@@ -11,6 +11,7 @@ import trimesh
 
 from crowdsim.errors import CrowdSimError
 from crowdsim.export.formats import export
+from crowdsim.export.scenes import gltf
 from crowdsim.export.scenes.bodies import default_rate
 from crowdsim.recording.reader import Recording
 from tests.support.browser import NPM_CI
@@ -102,6 +103,16 @@ def test_nobody_is_drawn_on_the_way_back_across_a_periodic_floor(tmp_path):
             assert (np.diff(at)[far] < 0.0015).all()  # all that is not seen
     assert min(steps) >= -4.2
     assert max(steps) <= 4.2
+
+
+def test_samples_at_an_end_have_times_of_their_own_if_an_instant_is_not_resolved(tmp_path, monkeypatch):
+    monkeypatch.setattr(gltf, "_INSTANT", 1e-9)  # to times of seconds as a millisecond is to those of hours
+    with Recording.open(write_ring(tmp_path / "ring.h5")) as ring:
+        channels = Glb(export(ring, tmp_path / "ring.glb")).channels()
+    places = [each for (_, path), each in channels.items() if path == "translation"]
+    assert places
+    for times, values, _ in places:
+        assert (np.diff(times)[np.abs(np.diff(values[:, 0])) > 4.0] > 0.0).all()
 
 
 def test_a_crate_has_size_while_it_is_there(tmp_path):

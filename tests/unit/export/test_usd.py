@@ -1,6 +1,7 @@
 """Binary USD, read back by usd-core and its validators."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -175,6 +176,25 @@ def test_names_stay_names(tmp_path):
     people = stage.GetPrimAtPath("/World/Characters").GetChildren()
     groups = {prim.GetCustomDataByKey("crowdsim:agent"): prim.GetCustomDataByKey("crowdsim:group") for prim in people}
     assert groups == dict(enumerate(ODD_NAMES))
+    assert complaints(file) == []
+
+
+def test_joints_whose_names_differ_in_other_characters_only_stay_apart(tmp_path):
+    header = small_header()
+    skeleton = header.motion.skeleton
+    others = {
+        "left_hip": "hip 1",
+        "right_hip": "hip-1",
+        "spine": "hip_1",
+        "left_shoulder": "肩",
+        "right_shoulder": "腕",
+    }
+    named = replace(skeleton, names=tuple(others.get(name, name) for name in skeleton.names))
+    header = replace(header, motion=replace(header.motion, skeleton=named))
+    with Recording.open(write_recording(tmp_path / "run.h5", header, 30)) as recording:
+        file = export(recording, tmp_path / "run.usdc")
+        positions, _ = recording.poses(20, [0])
+        assert np.abs(joints_at(Usd.Stage.Open(str(file)), Usd.TimeCode(20))[0] - positions[0]).max() <= 1e-4
     assert complaints(file) == []
 
 

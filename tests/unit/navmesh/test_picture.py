@@ -76,6 +76,13 @@ def test_wrong_arguments_are_refused(mesh, tmp_path):
         mesh.picture(radius=-1.0)
 
 
+def test_crossings_of_obstacles_are_not_said_to_come_from_refinement():
+    crossed = NavMesh(ROOM)
+    crossed.insert_obstacle(shapely.box(3.5, 3.0, 5.5, 3.5))
+    assert [4.0, 3.0] in _Shapes(crossed.arrays).added.tolist()
+    assert "vertex that is no corner" in _labels(crossed.picture())
+
+
 def test_a_radius_that_fits_nowhere_is_drawn_as_nothing(mesh):
     assert "where a radius of 9 m is free" not in _labels(mesh.picture(radius=9.0))
 

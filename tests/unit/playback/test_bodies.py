@@ -122,6 +122,19 @@ def test_crowd_mesh_follows_tracks_and_behaviors(recording):
     assert crowd.triangles.max() == crowd.points.shape[0] * crowd.points.shape[1] - 1
 
 
+def test_who_has_no_behavior_looks_as_one_of_the_first(recording):
+    frame = recording.at_time(2.0)
+    colors = []
+    for behavior in (-1, 0):
+        mesh = CrowdMesh(recording, "behavior")
+        with pytest.MonkeyPatch.context() as patch:
+            changed = frame._replace(behavior=np.full(3, behavior))
+            patch.setattr(recording, "at_time", lambda _, changed=changed: changed)
+            mesh.update(2.0, np.arange(3))
+        colors.append(mesh.colors)
+    assert np.array_equal(*colors)
+
+
 def test_absent_characters_shrink_to_nothing(recording):
     crowd = CrowdMesh(recording, "agent")
     crowd.update(recording.duration)

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from itertools import pairwise
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,12 +14,14 @@ from PIL import Image
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import CrowdSimError, DrawingUnavailable, RecordingError
 from crowdsim.playback import drawing_backend
+from crowdsim.playback import shot as shot_module
+from crowdsim.playback import window as window_module
 from crowdsim.playback.drawing_backend import DrawingBackend, find_backend
 from crowdsim.playback.film import film
 from crowdsim.playback.scene import Scene
 from crowdsim.playback.shot import shot, shots
 from crowdsim.playback.window import Player, window
-from crowdsim.recording.header import SolidRecord
+from crowdsim.recording.header import MeshRecord, SolidRecord
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
 from crowdsim.scenario.loader import parse_scenario
@@ -60,6 +63,16 @@ def test_several_times_are_the_pictures_of_each(recording, tmp_path):
     with pytest.raises(CrowdSimError):
         shots(recording, tmp_path / "none.png", [1.0, 99.0], size=SMALL)
     assert not list(tmp_path.glob("none*"))
+
+
+def test_times_that_hardly_differ_are_files_of_their_own(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr(shot_module, "_draw", lambda *_: None)
+    for times, names in (
+        ([1.2345678, 1.2345679, 2.0], ["a-1.2345678.png", "a-1.2345679.png", "a-2.png"]),
+        ([1.0, 1.0 + 2**-52], ["a-1.png", "a-1.0000000000000002.png"]),
+        ([2.0, 2.0], ["a-2.png", "a-2.png"]),
+    ):
+        assert [file.name for file in shots(recording, tmp_path / "a.png", times)] == names
 
 
 @pytest.mark.usefixtures("can_draw")
@@ -173,6 +186,21 @@ def test_window_needs_a_display(recording, monkeypatch):
         window(recording)
 
 
+def test_nothing_is_skipped_while_the_window_opens(monkeypatch):
+    now, ticks, shown = [0.0], [], []
+    monkeypatch.setattr(window_module.clock, "perf_counter", lambda: now[0])
+
+    def show(**_):
+        for now[0] in (3.0, 3.5):  # three seconds until the window is open
+            ticks[0](0)
+
+    plotter = Mock()
+    plotter.add_timer_event.side_effect = lambda callback, **_: ticks.append(callback)
+    plotter.show.side_effect = show
+    window_module._play(Mock(plotter=plotter, show_time=shown.append), Player(9.0), "overview", None)
+    assert shown == [0.0, 0.0, 0.5]
+
+
 def test_player_plays_pauses_seeks_and_starts_again():
     player = Player(2.0)
     player.advance(0.5)
@@ -240,9 +268,10 @@ def test_importing_playback_loads_no_graphics():
 
 
 @pytest.mark.usefixtures("can_draw")
-def test_a_place_without_solids_paths_or_people_can_be_drawn(recording):
+def test_a_place_without_solids_points_of_meshes_paths_or_people_can_be_drawn(recording):
     header = recording.header
-    recording.header = replace(header, solids=())
+    empty = MeshRecord("nothing", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    recording.header = replace(header, solids=(), meshes=(empty,))
     try:
         scene = Scene(recording, SMALL)
         scene.show_time(0.0)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 
 from crowdsim.motion.graph.foot_contacts import Feet
 from crowdsim.motion.graph.pose_table import PoseTable
 from crowdsim.motion.planted.planted_rows import PlantedRows
+from crowdsim.recording.header import Ends
 from crowdsim.recording.shown import foot_drift
 
 FRAMES = np.array([5, 8], np.int32)
@@ -27,13 +31,14 @@ def two_nodes() -> tuple[PlantedRows, np.ndarray]:
     return PlantedRows(table, Feet(points, np.zeros((2, 3)), np.zeros(2)), stands, lifted), tracks
 
 
-def moment(node: int, at: float, heading: float) -> foot_drift._Moment:
+def moment(node: int, at: float, heading: float, place: tuple[float, float] = (0.0, 0.0)) -> foot_drift._Moment:
     points = np.zeros((1, 2, 3, 3))
+    points[..., :2] = place
     return foot_drift._Moment(np.array([7]), points, np.array([node], np.int32), np.array([at]), np.array([heading]))
 
 
 def own(before: foot_drift._Moment, now: foot_drift._Moment) -> np.ndarray:
-    moves = foot_drift._moves(*two_nodes(), before, now)
+    moves = foot_drift._moves(*two_nodes(), before, now, None)
     assert set(moves) == {(7, 0), (7, 1)}
     assert np.array_equal(moves[7, 0][1], moves[7, 1][1])
     return moves[7, 0][1]
@@ -56,3 +61,20 @@ def test_a_node_that_is_played_again_counts_from_its_end_to_its_start() -> None:
 
 def test_nothing_moves_in_no_time() -> None:
     assert np.array_equal(own(moment(1, 8.0, 0.3), moment(1, 8.0, 0.3)), [0.0, 0.0])
+
+
+def test_a_foot_at_the_ends_of_a_periodic_floor_moves_across_them() -> None:
+    before, now = moment(0, 1.0, 0.0, (1.0, 3.99)), moment(0, 2.0, 0.0, (1.02, -3.98))
+    moves = foot_drift._moves(*two_nodes(), before, now, Ends(1, -4.0, 4.0))
+    assert np.allclose([shown for shown, _ in moves.values()], [[0.02, 0.03]] * 2)
+
+
+def test_a_stance_that_lasts_to_the_end_ends_with_the_last_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows, tracks = two_nodes()
+    header = SimpleNamespace(motion=SimpleNamespace(skeleton=None, pool_tracks=tracks), ends=None)
+    recording = SimpleNamespace(header=header, pose_table=None, duration=0.25)
+    monkeypatch.setattr(foot_drift, "planted_rows", lambda *_: rows)
+    monkeypatch.setattr(foot_drift, "_moment", lambda _recording, _rows, time: moment(0, time, 0.0))
+    stances = foot_drift.shown_stances(recording, rate=10)  # type: ignore[arg-type]
+    assert stances.begins.tolist() == [0.0, 0.0]
+    assert stances.ends.tolist() == [0.2, 0.2]

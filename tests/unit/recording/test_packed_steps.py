@@ -11,6 +11,7 @@ from crowdsim.recording import packed_steps
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.packed_steps import column_types, pack_steps, share_out, steps_held
 from crowdsim.recording.reader import Recording
+from crowdsim.recording.recovery import recover
 from crowdsim.recording.writer import RecordingWriter
 from tests.support.small_recording import small_frame, small_header
 
@@ -63,6 +64,22 @@ def test_packed_steps_are_those_of_one_writer(
         assert joined.steps == len(frames)
         for column in (*RecordedFrame._fields, "state_hash"):
             np.testing.assert_array_equal(getattr(joined, column)[:], getattr(one, column)[:], column)
+
+
+def test_paths_before_packed_steps_outlast_a_kill(tmp_path: Path) -> None:
+    header = small_header()
+    columns = {
+        name: np.array([getattr(small_frame(header, 0), name)], dtype) for name, dtype in column_types(header).items()
+    }
+    chunks = pack_steps(columns, 0, header, header.agents.count)
+    with RecordingWriter(tmp_path / "a.h5", header, header.agents.count) as writer:
+        writer.add_path(1, [[0.0, 0.0], [1.0, 2.0]], [2, 2])
+        writer.append_packed(np.zeros(1, np.uint64), chunks)
+        # What a kill would leave.
+        (tmp_path / "killed.h5.part").write_bytes((tmp_path / "a.h5.part").read_bytes())
+        writer.finish({})
+    with recover(tmp_path / "killed.h5.part") as recording:
+        assert [(path.agent, path.step) for path in recording.paths] == [(1, 0)]
 
 
 def test_packed_steps_begin_with_a_chunk(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from crowdsim.errors import RecordingError
 from crowdsim.recording.packed_steps import MOST_STEPS_HELD
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.recovery import recover
+from crowdsim.recording.storage.part_file import PartFile
 from crowdsim.recording.writer import RecordingWriter
 from tests.support.small_recording import small_frame, small_header, write_small_recording
 
@@ -129,6 +130,20 @@ def test_a_kill_amid_a_commit_loses_nothing(path):
             assert recording.steps >= MOST_STEPS_HELD - 1
             np.testing.assert_allclose(recording.x[5], small_frame(header, 5).x, rtol=1e-6)
         path.unlink()
+
+
+@pytest.mark.parametrize(("size", "kept"), [(0, b""), (4096, b"a" * 4096), (5000, b"a" * 5000)])
+def test_bytes_behind_a_cut_are_zeros_if_the_file_grows_again(path, size, kept):
+    with PartFile(path) as file:
+        file.write(b"a" * 8192)
+        file.truncate(size)
+        file.seek(8192)
+        file.write(b"b")
+        expected = kept.ljust(8192, b"\0") + b"b"
+        file.seek(0)
+        assert file.read(8193) == expected
+        file.commit()
+    assert path.read_bytes() == expected
 
 
 def test_what_cannot_be_recovered_is_refused(path, tmp_path):

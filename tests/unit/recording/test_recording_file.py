@@ -242,6 +242,19 @@ def test_a_damaged_file_is_refused(path, part):
         Recording.open(path)
 
 
+@pytest.mark.parametrize(
+    "change", [lambda behaviors: behaviors[:-1], lambda behaviors: behaviors + 9, lambda behaviors: behaviors - 9]
+)
+def test_paths_whose_behaviors_do_not_fit_are_refused(path, change):
+    write_small_recording(path)
+    with h5py.File(path, "r+") as file:
+        changed = change(file["paths/behaviors"][:])
+        del file["paths/behaviors"]
+        file["paths/behaviors"] = changed
+    with Recording.open(path) as recording, pytest.raises(RecordingError, match=r"damaged \(paths/behaviors"):
+        _ = recording.paths
+
+
 def test_unusable_places_are_refused(tmp_path):
     for path, word in (
         (tmp_path / "absent" / "run.h5", "cannot write"),

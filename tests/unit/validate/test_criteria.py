@@ -31,7 +31,6 @@ def made_up(count: int = 3, **changes: Any) -> Observed:
         left=10.0 + numbers,
         speeds=np.ones(count),
         delays=10.0 * numbers,
-        starts=np.zeros((count, 2)),
         crossed={},
         outside=0,
         seconds=1.0,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -251,32 +251,37 @@ class _Ends:
         self._stretches = stretches
         self._units = units
         self._phases = phases
-        self._edge: Ints | None = None
+        # Columns x, y, heading, node of a chunk's last steps, and headings that a decoder finds, each (steps, N).
+        self._before: tuple[NDArray[Any], ...] | None = None
         steps = -(-int(units[RATE]) // TICKS_PER_SECOND) + 1
         self.values = np.zeros((len(stretches.agents), steps, 4), np.int8)
 
     def take(self, rows: _Rows, headings: Ints, low: int, own: range) -> None:
         """Take those of the stretches whose last step is one of ``own``.
 
-        ``rows`` and ``headings`` (N, steps), which a decoder finds, begin at step ``low``. The column of ``headings``
-        before ``own`` is set to what the chunk before ended with.
+        ``rows`` and ``headings`` (N, steps), which a decoder finds, begin at step ``low``.
         """
-        known, turn_step = self._stretches, float(self._units[TURN_STEP])
-        if self._edge is not None:
-            # A decoder takes steps before a chunk from the chunk before.
-            headings[:, own.start - 1] = self._edge
-        self._edge = headings[:, own.stop - 1].copy()
-        some = np.flatnonzero((known.stops > low + own.start) & (known.stops <= low + own.stop))
-        for back in range(self.values.shape[1]):
-            # Stretches that have such a step, which the rows hold.
+        known, turn_step, most = self._stretches, float(self._units[TURN_STEP]), self.values.shape[1]
+        every = rows.x, rows.y, rows.heading, rows.node, headings.T
+        columns: tuple[NDArray[Any], ...] = tuple(each[own.start : own.stop] for each in every)
+        first, stop = low + own.start, low + own.stop
+        if self._before is not None:
+            # Steps before a chunk, which a decoder takes from the chunk before.
+            first -= len(self._before[0])
+            columns = tuple(np.concatenate(each) for each in zip(self._before, columns, strict=True))
+        self._before = tuple(each[-most:].copy() for each in columns)
+        x, y, heading, node, found = columns
+        some = np.flatnonzero((known.stops > low + own.start) & (known.stops <= stop))
+        for back in range(most):
+            # Stretches that have such a step.
             step = known.stops[some] - 1 - back
-            some, step = (part[step >= np.maximum(known.begins[some], low)] for part in (some, step))
-            row, who = step - low, known.agents[some]
+            some, step = (part[step >= known.begins[some]] for part in (some, step))
+            row, who = step - first, known.agents[some]
             # Stretches reach into captured steps, whose tracks a page shows without rounding: nothing to add there.
-            steered = rows.node[row, who] == NONE
-            exact = np.stack([rows.x[row, who], rows.y[row, who]]).astype(np.float64) * float(self._units[PLACE])
+            steered = node[row, who] == NONE
+            exact = np.stack([x[row, who], y[row, who]]).astype(np.float64) * float(self._units[PLACE])
             places = exact - np.floor(exact + 0.5)
-            turns = rows.heading[row, who].astype(np.float64) * TURNS / (2.0 * np.pi) - headings[who, row]
+            turns = heading[row, who].astype(np.float64) * TURNS / (2.0 * np.pi) - found[row, who]
             turns = (turns - TURNS * np.rint(turns / TURNS)) / turn_step
             at = known.starts[some] + step - known.begins[some]
             phases = (known.phases[at] - self._phases[at]) / float(self._units[PHASE_STEP])

@@ -9,6 +9,7 @@ from crowdsim.bench.faults import cases
 from crowdsim.bench.faults.mesh_edits import GROUNDS, edit_at_random
 from crowdsim.bench.faults.mutations import mutated
 from crowdsim.bench.faults.watched import run_cases
+from crowdsim.errors import CrowdSimError
 from tests.support.small_recording import write_small_recording
 
 CASES = "crowdsim.bench.faults.cases:"
@@ -45,6 +46,12 @@ def test_faulty_files_are_read_or_refused(case, count, monkeypatch, tmp_path):
     tally = run_cases(CASES + case, range(50 * count if NIGHTLY else count))
     assert tally.failures == []
     assert tally.outcomes.get(cases.REFUSED, 0) + tally.outcomes.get(cases.ANEW, 0) > 0
+
+
+def test_a_folder_without_recordings_is_refused(monkeypatch, tmp_path):
+    monkeypatch.setenv(cases.RECORDINGS, str(tmp_path))
+    with pytest.raises(CrowdSimError, match=f"{cases.RECORDINGS}: there is no recording"):
+        cases.mutated_recording(0)
 
 
 def test_killed_runs_are_recovered_to_the_last_step():
