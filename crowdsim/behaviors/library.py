@@ -138,8 +138,7 @@ def load_behavior_set(
     Raises
     ------
     BehaviorError
-        If a file is wrong, own behaviors are given with ``captures``, no motion leads to a behavior and back, or no
-        plan can use a behavior and none is an own one.
+        If a file is wrong, own behaviors are given with ``captures``, no motion leads to one and back, or none is used.
     MotionError
         If a clip cannot be read, cut or joined.
 

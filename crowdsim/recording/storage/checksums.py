@@ -118,11 +118,14 @@ def _kept_frame(stream: _Bytes, size: int) -> bytes | None:
 
 
 def _hdf5_size(stream: _Bytes, size: int) -> int:
-    """Return the size of HDF5 that its superblock holds, right or damaged; ``size`` if h5py did not write the file."""
+    """Return the size of HDF5 that its superblock holds, right or damaged; ``size`` if h5py did not write the file.
+
+    h5py never writes a size of 0.
+    """
     head = _read(stream, 0, min(_END_AT + 8, size))
     if not head.startswith(_SIGNATURE) or len(head) < _END_AT + 8:
         return size
-    return int.from_bytes(head[_END_AT:], "little")
+    return int.from_bytes(head[_END_AT:], "little") or size
 
 
 def _checksum_outside(stream: _Bytes, size: int, chunks: Ranges) -> int:
