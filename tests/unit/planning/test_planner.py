@@ -5,6 +5,7 @@ import shapely
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import BehaviorError, PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.planning import planner as planner_module
 from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.behavior_areas import area_polygons
 
@@ -170,6 +171,15 @@ def test_place_within_an_obstacle_is_named(behaviors, start, goal, what):
         PathNotFound, match=rf"{what} blocked: .* is not in free space.*; choose a place with more room"
     ):
         Planner(room, behaviors).plan(start, goal)
+
+
+def test_no_more_reasons_are_kept_than_planned(behaviors, monkeypatch):
+    monkeypatch.setattr(planner_module, "_REASONS", 2)
+    planner = Planner(meshes(ROOM, [gap(4, 6, 0.2)]), behaviors)
+    for x in (20.0, 20.5, 21.0):
+        with pytest.raises(PathNotFound, match="too narrow"):
+            planner.plan((1.0, 0.0), (x, 0.0))
+    assert len(planner._reasons) == 2
 
 
 def test_start_is_goal(behaviors):
