@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,7 +60,7 @@ def plan(
             "planner": assets.planner,
             "length": path.length,
             "cost": path.cost,
-            "gap": path.gap,
+            "gap": path.gap if math.isfinite(path.gap) else None,
             "missing_clearance": list(path.missing),
             "milliseconds": milliseconds,
             "sections": sections,
@@ -70,9 +71,11 @@ def plan(
     labels = {"start": "from m", "end": "to m", "length": "length m", "cost": "cost"}
     rows = [{label: f"{section[key]:.2f}" for key, label in labels.items()} for section in sections]
     print_rows([{"behavior": section["behavior"], **row} for section, row in zip(sections, rows, strict=True)])
+    above = f"no more than {path.gap:.1%} above the cheapest there is"
+    if not math.isfinite(path.gap):
+        above = "the planner proves no bound of the cheapest there is"
     typer.echo(
-        f"\n{path.length:.2f} m, cost {path.cost:.2f}, changes of behavior included; no more than {path.gap:.1%} above"
-        f" the cheapest there is; {milliseconds:.1f} ms"
+        f"\n{path.length:.2f} m, cost {path.cost:.2f}, changes of behavior included; {above}; {milliseconds:.1f} ms"
     )
     for end, missing in zip(("start", "goal"), path.missing, strict=True):
         if missing > 0.0:

@@ -105,7 +105,9 @@ def measure_coverage(
     # One behavior, in an empty place: only the path's clearance limits the body. Turns to the left, straight on, to the
     # right.
     reach = body_reach(graph, motion.poses, np.full(len(facings), clearances[0]))
-    ground = NavMesh(shapely.box(-100.0, -100.0, 100.0, 100.0)).arrays
+    # No path leads farther from the origin than two radii and the straights.
+    side = 2.0 * (max(radii) + max(clearances)) + max(LEADS) + _AFTER
+    ground = NavMesh(shapely.box(-side, -side, side, side)).arrays
     idle = np.flatnonzero(graph.node_idle & (graph.node_behavior == behavior))
     start_node = int(idle[0]) if len(idle) else NONE
     discs = np.full((len(facings), 1), _RADIUS)

@@ -19,7 +19,7 @@ def rotation(degrees: float) -> tuple[float, float]:
 
 
 def wrap_angle(angle: Floats | float) -> Floats:
-    """Return the angle in (-pi, pi] [rad]."""
+    """Return the angle in [-pi, pi] [rad]; -pi itself only by rounding."""
     return np.pi - np.mod(np.pi - np.asarray(angle, dtype=np.float64), 2.0 * np.pi)
 
 

@@ -11,7 +11,7 @@ from crowdsim.jit import kernel
 
 @kernel
 def wrap_angle(angle):
-    """Return the angle in (-pi, pi] [rad]."""
+    """Return the angle in [-pi, pi] [rad]; -pi itself only by rounding."""
     return math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 

@@ -168,8 +168,12 @@ class NavMesh(MeshQueries):
         return self.search.find(sources, targets, sizes, least, optimality, workers, self.clearance)
 
     def __getstate__(self) -> dict[str, object]:
-        """Copy and pickle without what searches share, which is made anew when needed."""
+        """Pickle and copy deeply without what searches share, which is made anew when needed."""
         return {**self.__dict__, "_search": None, "_places": None}
+
+    def __copy__(self) -> NavMesh:
+        """Copy the arrays, too: edits change them in place."""
+        return self.with_points(np.empty((0, 2)))
 
     @property
     def places(self) -> NDArray[np.int64]:
@@ -269,6 +273,8 @@ class NavMesh(MeshQueries):
         ------
         StaleHandle
             If the obstacle is not in the mesh, or no longer.
+        GeometryError
+            If the mesh was built anew and another obstacle cannot be put in again; both are then out of the mesh.
         """
         obstacles = self._edited()
         try:
@@ -291,7 +297,8 @@ class NavMesh(MeshQueries):
         StaleHandle
             If the obstacle is not in the mesh, or no longer.
         GeometryError
-            As for :meth:`insert_obstacle`; the obstacle then stays where it was.
+            As for :meth:`insert_obstacle`, or if the mesh was built anew and another obstacle, then out of the mesh,
+            cannot be put in again. The obstacle itself stays where it was.
         """
         obstacles = self._edited()
         try:

@@ -115,11 +115,12 @@ class Planner:
             x, y [m].
         margin : bool
             True to take a clearance margin if that costs almost nothing, as motions follow paths only approximately.
+            The planner "collision3d" takes none.
 
         Returns
         -------
         AnnotatedPath
-            Points, sections with their behaviors, cost, and a proven lower bound of the cost.
+            Points, sections with their behaviors, cost, and a proven lower bound of the cost (0 for "collision3d").
 
         Raises
         ------
@@ -129,16 +130,18 @@ class Planner:
         query = self.query(start, goal)
         self._require_way(query)
         best = self.cheapest(query)
+        in_3d = self.name == "collision3d"
         if best is None:
-            raise PathNotFound(why_not(query))
-        if margin:
-            best = with_clearance_margin(query, best)
-        if self.name != "collision3d":  # it tests whole bodies itself
+            raise PathNotFound(why_not(query, in_3d))
+        # Whole bodies also pass where discs on layers do not: layers can neither label their paths nor bound the cost.
+        if not in_3d:
+            if margin:
+                best = with_clearance_margin(query, best)
             best = with_turn_room(query, best)
         given = np.array([start, goal], dtype=np.float64)
         missing = missing_at_ends(self.meshes, query.need, best, given)
         joined = joined_to(best, given, query.need.costs)
-        return replace(joined, missing=missing, certificate=partial(lower_bound, query))
+        return replace(joined, missing=missing, certificate=None if in_3d else partial(lower_bound, query))
 
     def query(self, start: ArrayLike, goal: ArrayLike) -> Query:
         """Prepare a query from ``start`` to ``goal``.
@@ -168,7 +171,7 @@ class Planner:
         reasons = self._reasons
         why = reasons[key] if key in reasons else why_not(query)
         kept = {known: said for known, said in reasons.items() if known[0] == mesh.revision}
-        self._reasons = {key: why, **dict(list(kept.items())[:_REASONS])}
+        self._reasons = {key: why, **dict(list(kept.items())[: _REASONS - 1])}
         raise PathNotFound(why)
 
     def cheapest(self, query: Query) -> AnnotatedPath | None:

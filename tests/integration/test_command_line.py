@@ -231,6 +231,12 @@ def test_plan_gives_annotated_sections(crowdsim):
     assert sum(section["length"] for section in path["sections"]) == pytest.approx(path["length"])
 
 
+def test_plan_in_3d_tells_no_gap_to_a_bound(crowdsim):
+    finished = crowdsim("plan", "corridor", "--from", "1,0", "--to", "3,0", "--planner", "collision3d", "--json")
+    assert finished.returncode == 0, finished.stderr
+    assert json.loads(finished.stdout)["gap"] is None
+
+
 def test_plan_without_a_path_exits_with_2(crowdsim):
     finished = crowdsim("plan", "corridor", "--from", "1,0", "--to", "1,500")
     assert finished.returncode == 2

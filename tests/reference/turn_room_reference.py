@@ -68,7 +68,7 @@ def _roomier(query, path, arc, reach, behavior):
     chords = places[2:] - places[:-2]
     across = np.stack([-chords[:, 1], chords[:, 0]], axis=1)
     across /= np.maximum(np.hypot(*across.T), 1e-300)[:, None]
-    lack, left, right = (_lacking(query, inner + aside * across, reach) for aside in (0.0, PROBE, -PROBE))
+    lack, left, right = (_lacking(query, inner + aside * across, reach, behavior) for aside in (0.0, PROBE, -PROBE))
     if lack.max() <= 0.0:
         return None
     aside = np.where(lack > 0.0, lack + CHORD, 0.0)
@@ -81,13 +81,13 @@ def _roomier(query, path, arc, reach, behavior):
     return (places, more) if are_free(layers, query.need.radii[behavior] - CONTACT_TOLERANCE, pieces) else None
 
 
-def _lacking(query, places, reach):
+def _lacking(query, places, reach, behavior):
     """Return how much clearance (n,) ``places`` (n, 2) lack of ``reach`` (m,) over all layers [m]; at most 0 for none.
 
-    Layers in which ``reach`` is no more than the planned radius do not count.
+    Layers in which ``reach`` is no more than the planned radius of ``behavior`` do not count.
     """
     lacking = np.full(len(places), -PROBE)
-    for mesh, radius, planned in zip(query.meshes, reach.tolist(), query.need.radii[-1].tolist(), strict=True):
+    for mesh, radius, planned in zip(query.meshes, reach.tolist(), query.need.radii[behavior].tolist(), strict=True):
         if radius > planned:
             lacking = np.maximum(lacking, radius - mesh.clearances(places, radius + PROBE))
     return lacking

@@ -16,7 +16,7 @@ from crowdsim.behaviors.entries import find_entries, node_phases
 from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import BehaviorSet, load_behavior_set
 from crowdsim.constants import CAPTURE_RATE, NONE, TRACKING_MARGIN
-from crowdsim.environment.layers import ClearanceLayer
+from crowdsim.environment.layers import ClearanceLayer, dropped_solids
 from crowdsim.errors import BehaviorError, MotionError, ScenarioError
 from crowdsim.following.follower.path_follower import Character
 from crowdsim.following.maps.map_file import maps_in_file
@@ -290,7 +290,10 @@ def prepare(
     arrays, maps_folder = behavior_set.graph.arrays, cache_folder() / "maps"
     bodies = None
     if scenario.planner == "collision3d":
-        bodies = make_bodies(CollisionScene(scenario.environment.timetable.fixed), behavior_set.behaviors)
+        # As for the other planners, what meets no layer has no effect: feet would touch each carpet and threshold.
+        bands = [layer.band() for layer in scenario.bands]
+        solids = [solid for solid in scenario.environment.timetable.fixed if not dropped_solids([solid], bands)]
+        bodies = make_bodies(CollisionScene(solids), behavior_set.behaviors)
     return Assets(
         layers=scenario.environment.fixed_layers,
         behaviors=behavior_set.behaviors,

@@ -118,15 +118,17 @@ class Obstacles:
         return Handle(number, self._slots[number].generation)
 
     def remove(self, handle: Handle) -> None:
-        """Remove an obstacle; its handle becomes stale."""
+        """Remove an obstacle; its handle becomes stale, even if GeometryError is raised for another obstacle."""
         number, slot = self._find(handle)
-        self._take(number)
-        slot.generation += 1
-        slot.shape = slot.snapped = NOTHING
-        self._free.append(number)
+        try:
+            self._take(number)
+        finally:
+            slot.generation += 1
+            slot.shape = slot.snapped = NOTHING
+            self._free.append(number)
 
     def move(self, handle: Handle, *place: Any) -> None:
-        """Move an obstacle by (dx, dy) [m], or to a new geometry."""
+        """Move an obstacle by (dx, dy) [m], or to a new geometry; after a GeometryError it stays where it was."""
         number, slot = self._find(handle)
         if len(place) == 2:
             offset = as_numbers(place, "move: dx and dy")
@@ -142,8 +144,8 @@ class Obstacles:
         else:
             raise GeometryError(f"move: expected dx and dy, or a geometry, got {len(place)} values")
         before = slot.shape, slot.snapped
-        self._take(number)
         try:
+            self._take(number)
             self._put(number, shape, snapped)
         except GeometryError:
             self._put(number, *before)
@@ -234,7 +236,7 @@ class Obstacles:
                 )
 
     def _take(self, number: int) -> None:
-        """Remove slot ``number`` from the mesh."""
+        """Remove slot ``number`` from the mesh; GeometryError if another obstacle cannot be put in again."""
         slot = self._slots[number]
         done = self._change(REMOVE, number, slot)
         slot.ids = None

@@ -16,7 +16,7 @@ from crowdsim.geometry.predicates_kernels import orient2d
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, side, triangle_of
-from crowdsim.navmesh.mesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.shortest.shortest_scratch import Stand
 from crowdsim.navmesh.shortest.tangent_graph_kernels import nearest_end, touches, turned_to
 from crowdsim.navmesh.shortest.view_arrays import Viewpoint
@@ -56,6 +56,9 @@ def _free_triangle(m, x, y, least):
             v = vertices[sides[h].org]
             # On a corner: the first free triangle around it. If all are blocked, the loop comes back to where it began.
             if on == 2 and v.x == x and v.y == y:
+                # A corner of the mesh's box: no free triangle touches it, and the sides around it end at the hull.
+                if sides[h].org < BOX_CORNERS:
+                    return NONE, False
                 first = h
                 for _ in range(sides.size):
                     if m.cover[h // 3] == 0:

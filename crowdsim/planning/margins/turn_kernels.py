@@ -66,28 +66,27 @@ def _place_stations(points, arc, middle, places):
 
 
 @helper
-def _lacking(layers, radii, turning, label, back, x, y):
+def _lacking(layers, radii, turning, label, walking, back, x, y):
     """Return the clearance that (x, y) lacks for a turn of behavior ``label`` [m], at least -PROBE.
 
-    Only layers count in which the turn reaches beyond the clearance of the widest behavior, the only one in which a
-    body walks while it turns. ``back`` is 0 for the turn into the behavior, 1 for the turn out of it.
+    Only layers count in which the turn reaches beyond the clearance of ``walking``, the behavior in which a body walks
+    while it turns. ``back`` is 0 for the turn into the behavior, 1 for the turn out of it.
     """
-    top = radii.shape[0] - 1
     lack = -PROBE
     for i in range(len(layers)):
         reach = turning[label, back, i] - SPARED
-        if reach > radii[top, i]:
+        if reach > radii[walking, i]:
             distance, _ = disc_clearance(mesh_at(layers[i]), x, y, reach + PROBE, np.int64(NONE))
             lack = max(lack, reach - max(distance, 0.0))
     return lack
 
 
 @helper
-def _lead_aside(layers, radii, turning, label, back, places):
+def _lead_aside(layers, radii, turning, label, walking, back, places):
     """Move ``places`` (s, 2) [m] aside by the clearance that they lack for the turn; return True if any lacked it.
 
-    They may still lack some. The first and the last place stay. ``label``, ``back`` and others are those of
-    :func:`_lacking`.
+    They may still lack some. The first and the last place stay. ``label``, ``walking``, ``back`` and others are those
+    of :func:`_lacking`.
     """
     bends = False
     x = places[0, 0]
@@ -101,13 +100,13 @@ def _lead_aside(layers, radii, turning, label, back, places):
         ay *= PROBE / size if size > 0.0 else 0.0
         x = places[i, 0]
         y = places[i, 1]
-        lack = _lacking(layers, radii, turning, label, back, x, y)
+        lack = _lacking(layers, radii, turning, label, walking, back, x, y)
         if lack <= 0.0:
             continue
         bends = True
         # Move to the side that lacks less, by what is missing here.
-        left = _lacking(layers, radii, turning, label, back, x + ax, y + ay)
-        right = _lacking(layers, radii, turning, label, back, x - ax, y - ay)
+        left = _lacking(layers, radii, turning, label, walking, back, x + ax, y + ay)
+        right = _lacking(layers, radii, turning, label, walking, back, x - ax, y - ay)
         aside = (lack + CHORD if left <= right else -lack - CHORD) / PROBE
         places[i, 0] += aside * ax
         places[i, 1] += aside * ay
@@ -163,7 +162,7 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
         if not reaches or first <= max(sections[whole, 1], end) or last >= sections[whole, 2]:
             continue
         _place_stations(points, arc, middle, places)
-        if not _lead_aside(layers, radii, turning, label, back, places):
+        if not _lead_aside(layers, radii, turning, label, walking, back, places):
             continue
         # Keep the bend only if it is free and costs little more.
         more = first - last

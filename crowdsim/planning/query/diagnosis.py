@@ -16,8 +16,11 @@ LEAST_WAY = 0.01
 """Clearance below which the search for the narrowest place gives up [m]."""
 
 
-def why_not(query: Query) -> str:
-    """Return the reason why no behavior has a path, as a message for the user."""
+def why_not(query: Query, in_3d: bool = False) -> str:
+    """Return the reason why no behavior has a path, as a message for the user.
+
+    ``in_3d`` is True if whole bodies were tested in 3D instead of the layers.
+    """
     mesh, radius = query.meshes[0], query.need.search_radius
     try:
         path = mesh.find_path(query.ends[0], query.ends[1], radius)
@@ -27,6 +30,12 @@ def why_not(query: Query) -> str:
         radius = float(query.need.radii[0, layer])
         if len(query.meshes[layer].violations(path.points, radius - CONTACT_TOLERANCE)):
             return _narrowest_place(query, layer, path.points, radius)
+    # Bodies reach beyond the heights of the layers, and solids may be wider there.
+    if in_3d:
+        return (
+            "no path: the layers have room, but in 3D the body of every behavior touches a solid on the way, above,"
+            " below or between the layers; move such solids, or choose the planner 'layered'"
+        )
     raise AssertionError("a path that keeps every clearance of some behavior has sections")
 
 

@@ -40,7 +40,8 @@ class Query(NamedTuple):
 
     def fitting(self) -> Fitting:
         """Return the input of the labelling kernels."""
-        return self.need.fitting(layers_of(self.meshes), self.terms)
+        tolerance = self.meshes[0].tolerance(self.need.radii)
+        return self.need.fitting(layers_of(self.meshes), self.terms, tolerance)
 
 
 def with_sections(points: NDArray[np.float64], found: NDArray[np.float64], cost: float) -> AnnotatedPath:

@@ -68,11 +68,15 @@ class Requirements:
             widest=_widest(behaviors, bodies),
         )
 
-    def fitting(self, layers: NDArray[np.int64], terms: NDArray[np.float64]) -> Fitting:
-        """Return the input of the labelling kernels; ``layers`` (m, 5, 2) as of `layers_of`."""
+    def fitting(self, layers: NDArray[np.int64], terms: NDArray[np.float64], tolerance: NDArray[np.float64]) -> Fitting:
+        """Return the input of the labelling kernels.
+
+        layers: (m, 5, 2) as of `layers_of`. tolerance: (n, m) `NavMesh.tolerance` of the radii [m].
+        """
         first = min(1, len(layers) - 1)  # all behaviors need the same clearance on the legs' layer
-        radii = np.ascontiguousarray(self.radii[:, first:] - CONTACT_TOLERANCE)
-        return Fitting(layers[first:], radii, self.costs, self.turned, terms)
+        # Paths are found with the tolerance of the mesh, the larger one in places of more than a hundred meters.
+        radii = self.radii - np.maximum(tolerance, CONTACT_TOLERANCE)
+        return Fitting(layers[first:], np.ascontiguousarray(radii[:, first:]), self.costs, self.turned, terms)
 
     @property
     def count(self) -> int:

@@ -186,7 +186,10 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
                     at_gate = (g < found and _is_beside(corner, gates[g])) or (
                         before >= 0 and _is_beside(corner, gates[before])
                     )
-                    if (inside == 1 or not at_gate) and written < taut.size - 1:
+                    if inside == 1 or not at_gate:
+                        # The last node is for the end of this part.
+                        if written >= taut.size - 1:
+                            return np.int64(-1)
                         set_node(taut[written], corner.x, corner.y, corner.side * corner.reach, corner.vertex)
                         written += 1
                     break

@@ -56,7 +56,7 @@ class Roadmap:
         self._radii = radii
         # Clearance that the legs must keep: theirs less the tolerance of the mesh, as of `NavMesh.tolerance`.
         self._least = float(radii[0, 0] - 1e-6 * radii[0, 0] - 2.0 * self._kept[0].frame["cell"][0])
-        self.fitting = need.fitting(self.layers, terms)
+        self.fitting = need.fitting(self.layers, terms, meshes[0].tolerance(radii))
         self.points, self.spans = build_kernels.place_points(self.layers, radii)
         self.around = build_kernels.corner_radii(self.layers, radii)
         self.ways = build_kernels.join_points(self.layers, radii, self.around, self.points, self.spans)

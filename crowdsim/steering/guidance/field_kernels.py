@@ -288,6 +288,10 @@ def solve(ground, crowding, points, inside, field, state):
     top = ground.costs[-1]
     heap = np.empty(1024, HEAP_ROW)
     heap, count = _seed(ground, crowding, points, inside, field, state, heap, np.int64(0))
+    # What seeding tested, as guesses replace it. No neighbor may lead to the point of a box's own line.
+    seed_cost = field.cost.copy()
+    seed_anchor = field.anchor.copy()
+    seed_state = state.copy()
     final = 0
     while count > 0:
         # pop moves the entry with the smallest key behind the rest.
@@ -300,6 +304,10 @@ def solve(ground, crowding, points, inside, field, state):
         # Lazy evaluation: test the line only now that the guess is the smallest cost in the heap.
         if state[box] == GUESSED:
             cost, anchor, is_pure = _test_box(ground, crowding, points, field, state, box)
+            if seed_cost[box] < np.float32(cost):
+                cost = float(seed_cost[box])
+                anchor = seed_anchor[box]
+                is_pure = seed_state[box] == KNOWN_PURE
             # No line is free after all. The box is pushed again if another neighbor becomes final.
             if cost == math.inf:
                 field.cost[box] = math.inf

@@ -47,14 +47,12 @@ def set_of(graph: GraphArrays) -> SimpleNamespace:
     return SimpleNamespace(arrays=graph, poses=poses)
 
 
-def measure(only_right: bool = False, **options: int):
+def measure(only_right: bool = False, radii: tuple[float, ...] = (2.0, 0.5), **options: int):
     parts = [part for part in pieces() if part.behavior == FRONTAL and part.begin in "CS" and part.end in "CS"]
     graph = graph_of([part for part in parts if not (only_right and part.track[-1, 2] > 0.0)])
     graph = graph._replace(node_behavior=np.zeros_like(graph.node_behavior))
     maps = MotionMaps.build(graph)
-    return measure_coverage(
-        set_of(graph), maps, np.zeros((1, 1)), radii=(2.0, 0.5), clearances=(0.15, 0.3, 0.6), **options
-    )
+    return measure_coverage(set_of(graph), maps, np.zeros((1, 1)), radii=radii, clearances=(0.15, 0.3, 0.6), **options)
 
 
 def test_narrow_ways_are_followed_less_and_bodies_need_their_room() -> None:
@@ -62,6 +60,10 @@ def test_narrow_ways_are_followed_less_and_bodies_need_their_room() -> None:
     assert coverage.curvature.tolist() == [2.0, 0.5, 0.0, -0.5, -2.0]
     assert (coverage.share[:, 0] == 0.0).all()
     assert (coverage.share[:, 2] == 1.0).all()
+
+
+def test_wide_turns_stay_on_the_ground() -> None:
+    assert (measure(radii=(80.0,)).share[:, 2] == 1.0).all()
 
 
 def test_the_table_shows_what_is_missing() -> None:

@@ -5,6 +5,7 @@ import shapely
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import BehaviorError, PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.planning import planner as planner_module
 from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.behavior_areas import area_polygons
 
@@ -157,6 +158,13 @@ def test_gap_too_narrow_says_where_and_by_how_much(behaviors):
         Planner(meshes(ROOM, [gap(4, 6, 0.2)]), behaviors).plan((1, 0), (21, 0))
 
 
+@pytest.mark.parametrize("y", [10.04, 10.07, 10.18])
+def test_a_gap_as_wide_as_the_body_is_passed_in_a_place_of_400_m(behaviors, y):
+    wall = shapely.box(95, 0, 96, 20).difference(shapely.box(94, y - 0.22, 97, y + 0.22))
+    path = Planner(meshes(shapely.box(0, 0, 400, 20), [wall]), behaviors).plan((90, 10), (101, 10))
+    assert 0 in [section.behavior for section in path.sections]
+
+
 def test_walled_off_goal(behaviors):
     polygons = layers(ROOM, [shapely.box(8, -1.2, 9, 1.2)])
     with pytest.raises(PathNotFound, match=r"no way wider than 0\.02 m leads there"):
@@ -170,6 +178,15 @@ def test_place_within_an_obstacle_is_named(behaviors, start, goal, what):
         PathNotFound, match=rf"{what} blocked: .* is not in free space.*; choose a place with more room"
     ):
         Planner(room, behaviors).plan(start, goal)
+
+
+def test_no_more_reasons_are_kept_than_planned(behaviors, monkeypatch):
+    monkeypatch.setattr(planner_module, "_REASONS", 2)
+    planner = Planner(meshes(ROOM, [gap(4, 6, 0.2)]), behaviors)
+    for x in (20.0, 20.5, 21.0):
+        with pytest.raises(PathNotFound, match="too narrow"):
+            planner.plan((1.0, 0.0), (x, 0.0))
+    assert len(planner._reasons) == 2
 
 
 def test_start_is_goal(behaviors):

@@ -9,9 +9,10 @@ import pytest
 import shapely
 
 from crowdsim.errors import GeometryError, PathNotFound, StaleHandle
-from crowdsim.navmesh.editing import outline_kernels, point_kernels
+from crowdsim.navmesh.editing import edit_kernels, outline_kernels, point_kernels
 from crowdsim.navmesh.mesh.mesh_arrays import USE
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.triangulation import segment_kernels
 from crowdsim.navmesh.triangulation.triangulation_kernels import FULL
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 from tests.reference.edits_reference import edit_faults, edited_clearances, free_space
@@ -192,9 +193,6 @@ def test_arrays_grow_with_what_is_in_the_mesh():
 
 
 def test_an_obstacle_that_cannot_go_in_leaves_the_mesh_as_it_was(monkeypatch):
-    from crowdsim.navmesh.editing import edit_kernels
-    from crowdsim.navmesh.triangulation import segment_kernels
-
     mesh = NavMesh(ROOM)
     handle = mesh.insert_obstacle(WALL)
     edit = edit_kernels.edit
@@ -258,6 +256,54 @@ def test_a_deep_copy_is_edited_on_its_own():
     twin.insert_obstacle(shapely.Point(7, 3))
     _check(twin, ROOM, [shapely.Point(7, 3)])
     _check(mesh, ROOM, [shapely.Point(4, 3)])
+
+
+def test_a_copy_is_edited_on_its_own():
+    mesh = NavMesh(ROOM)
+    handle = mesh.insert_obstacle(WALL)
+    twin = copy.copy(mesh)
+    assert twin.revision == mesh.revision
+    twin.remove(handle)
+    _check(twin, ROOM, [])
+    _check(mesh, ROOM, [WALL])
+
+
+def _stuck_without_triangles(monkeypatch):
+    """Let each removal fail and, when the mesh is built anew, each insertion of a triangle."""
+    edit = edit_kernels.edit
+
+    def fail(places, what, points, *rest):
+        stuck = what == point_kernels.REMOVE or len(points) == 3
+        return segment_kernels.STUCK if stuck else edit(places, what, points, *rest)
+
+    monkeypatch.setattr(edit_kernels, "edit", fail)
+
+
+def test_a_removed_obstacle_leaves_its_slot_even_if_another_does_not_go_in_again(monkeypatch):
+    mesh = NavMesh(ROOM)
+    handle = mesh.insert_obstacle(WALL)
+    mesh.insert_obstacle(SHAPES["polygon"])
+    with monkeypatch.context() as patch:
+        _stuck_without_triangles(patch)
+        with pytest.raises(GeometryError, match="obstacle 1 cannot be put into the mesh again"):
+            mesh.remove(handle)
+    _check(mesh, ROOM, [])
+    with pytest.raises(StaleHandle):
+        mesh.remove(handle)
+    assert mesh.insert_obstacle(WALL) == (handle.slot, handle.generation + 1)
+
+
+def test_a_moved_obstacle_stays_where_it_was_if_another_does_not_go_in_again(monkeypatch):
+    mesh = NavMesh(ROOM)
+    handle = mesh.insert_obstacle(WALL)
+    mesh.insert_obstacle(SHAPES["polygon"])
+    with monkeypatch.context() as patch:
+        _stuck_without_triangles(patch)
+        with pytest.raises(GeometryError, match="obstacle 1 cannot be put into the mesh again"):
+            mesh.move(handle, 1.0, 0.0)
+    _check(mesh, ROOM, [WALL])
+    mesh.move(handle, 1.0, 0.0)
+    _check(mesh, ROOM, [shapely.affinity.translate(WALL, 1.0, 0.0)])
 
 
 def test_lists_of_uses_that_nothing_has_are_dropped():

@@ -228,3 +228,12 @@ def test_only_shortest_paths_of_points_stand_on_walls():
     assert not mesh.is_free((4.0, 5.0), 0.0)
     assert not mesh.reachable((4.0, 5.0), (6.0, 5.0), 0.0)
     assert mesh.reachable((3.9, 5.0), (6.1, 5.0), 0.0)
+
+
+@pytest.mark.parametrize("corner", [(-0.5, -0.5), (10.5, -0.5), (10.5, 10.5), (-0.5, 10.5)])
+def test_a_point_on_a_corner_of_the_box_is_blocked(corner):
+    mesh = NavMesh(shapely.box(0, 0, 10, 10).difference(shapely.box(3, 3, 5, 5)))
+    with pytest.raises(PathNotFound, match="start blocked"):
+        mesh.find_path(corner, (6.0, 0.5), 0.0, "best")
+    with pytest.raises(PathNotFound, match="goal blocked"):
+        mesh.find_path((6.0, 0.5), corner, 0.0, "best")

@@ -5,8 +5,11 @@ import pytest
 import shapely
 
 from crowdsim.behaviors.library import load_behavior_set
+from crowdsim.crowd.state.assets import prepare
+from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.environment.layers import LEGS, TORSO, clearance_layers
 from crowdsim.environment.solids import box, cylinder
+from crowdsim.errors import PathNotFound
 from crowdsim.library import library_folder
 from crowdsim.motion.captures.reader import read_clip
 from crowdsim.motion.clips.body_capsules import Capsules, body_capsules
@@ -14,11 +17,26 @@ from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.baselines.collision3d import annotated_in_3d, make_bodies, plan_collision3d
 from crowdsim.planning.baselines.collision_scene import CollisionScene, Stride
 from crowdsim.planning.planner import Planner
+from crowdsim.scenario.check import check_scenario
+from crowdsim.scenario.loader import parse_scenario
 from tests.unit.motion.walker import walk
 
 pytest.importorskip("fcl")
 
 FLOOR = shapely.box(0.0, -3.0, 12.0, 3.0)
+
+OVER_A_THRESHOLD = """\
+crowdsim: 1
+name: over a threshold
+seed: 1
+duration: 10.0
+planner: collision3d
+floor: {rectangle: [0.0, -3.0, 12.0, 3.0]}
+obstacles:
+  - {name: threshold, box: {min: [5.0, -3.0], max: [5.2, 3.0]}, top: 0.05}
+agents:
+  - {name: walkers, count: 1, start: {rectangle: [0.6, -0.6, 1.4, 0.6]}, goal: {rectangle: [10.0, -0.6, 11.4, 0.6]}}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +100,28 @@ def test_nothing_fits_through_a_wall(behaviors):
     query, bodies = plan_through(behaviors, [*wall], ((1.0, 0.0), (3.0, 0.0)))
     assert annotated_in_3d(query, bodies, np.array([[1.0, 0.0], [11.0, 0.0]])).sections == ()
     assert plan_collision3d(query, bodies) is not None
+
+
+def test_plans_keep_the_sections_of_bodies_in_3d_and_prove_no_bound(behaviors):
+    query, bodies = plan_through(behaviors, gap(0.6, 2.0), ((1.0, 1.0), (11.0, -1.0)))
+    planner = Planner(query.meshes, behaviors, planner="collision3d", bodies=bodies)
+    path = planner.plan((1.0, 1.0), (11.0, -1.0))
+    assert path.sections == annotated_in_3d(query, bodies, path.points).sections
+    assert path.bound == 0.0
+
+
+def test_a_solid_below_the_layers_is_named_as_the_reason(behaviors):
+    threshold = box("threshold", (5.0, -3.0), (5.2, 3.0), 0.0, 0.05)
+    query, bodies = plan_through(behaviors, [threshold], ((1.0, 0.0), (11.0, 0.0)))
+    planner = Planner(query.meshes, behaviors, planner="collision3d", bodies=bodies)
+    with pytest.raises(PathNotFound, match="in 3D the body of every behavior touches a solid"):
+        planner.plan((1.0, 0.0), (11.0, 0.0))
+
+
+def test_a_threshold_below_the_layers_has_no_effect(behaviors):
+    scenario = parse_scenario(OVER_A_THRESHOLD)
+    assert ["'threshold' (0 to 0.05 m) meets no layer" in warning for warning in check_scenario(scenario)] == [True]
+    assert EnvironmentState(prepare(scenario)).route((1.0, 0.0), (11.0, 0.0)).length == pytest.approx(10.0)
 
 
 def test_strides_are_cycles_of_the_library(behaviors):

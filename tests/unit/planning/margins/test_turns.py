@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from crowdsim.errors import BehaviorError, PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.labels.annotated_path import AnnotatedPath, arc_lengths
+from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.margins.turn_kernels import SPARED, WORTH
 from crowdsim.planning.margins.turns import with_turn_room
 from crowdsim.planning.planner import Planner
@@ -50,6 +50,14 @@ def test_a_turn_gets_the_room_that_it_reaches(behaviors):
     assert turn_clearances(query, roomy).min() > REACH - SPARED - 1e-3
     assert path.cost < roomy.cost <= path.cost * (1.0 + WORTH)
     np.testing.assert_array_equal(roomy.points[[0, -1]], ENDS)
+
+
+def test_a_turn_beside_held_arms_gets_the_room_that_it_reaches(behaviors):
+    """0.36 m is more than held arms have, 0.31 m, though less than walking has, 0.37 m."""
+    query = query_in(turning(behaviors, 0.36), shapely.box(2.85, -3.0, 3.0, -0.33))
+    path = replace(query.annotated(ENDS), sections=(Section(0, 0.0, 2.0), Section(1, 2.0, 7.0)))
+    assert turn_clearances(query, path).min() < 0.34
+    assert turn_clearances(query, with_turn_room(query, path)).min() > 0.36 - SPARED - 1e-3
 
 
 @pytest.mark.parametrize("back", [None, 0.0, 0.37])

@@ -7,8 +7,9 @@ from crowdsim.jit import kernel
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.planner import Planner
 from crowdsim.steering.guidance.field import SIDEWAYS, asked_of, guide, solve_field, way_end, ways
-from crowdsim.steering.guidance.field_kernels import eighth_of
-from crowdsim.steering.guidance.ground_kernels import PACE
+from crowdsim.steering.guidance.field_kernels import SEEDS, eighth_of
+from crowdsim.steering.guidance.ground import NOBODY
+from crowdsim.steering.guidance.ground_kernels import BOX, PACE, line_cost, pin_of
 from crowdsim.steering.guidance.guidance import solve_fields
 from crowdsim.steering.guidance.sample_kernels import CLEAR, is_clear
 from tests.reference import guidance_reference, weighted_region
@@ -283,6 +284,28 @@ def test_who_is_pushed_to_the_side_of_a_neck_goes_on_along_it(half):
     for x in (5.6, 6.3, 7.0):
         told = ways(ground, solve_field(ground, [13.0, 0.0]), np.column_stack([np.full(len(y), x), y]))
         assert (told.direction[:, 0] > 0.9).all()
+
+
+@kernel
+def line_costs(ground, crowding, points, out):
+    for box in range(len(ground.widest)):
+        if ground.widest[box] >= 0:
+            px, py = pin_of(ground, box)
+            for n in range(len(points)):
+                x, y = points[n, 0], points[n, 1]
+                if max(abs(px - x), abs(py - y)) < (SEEDS - 0.5) * BOX:
+                    out[box] = min(out[box], line_cost(ground, crowding, px, py, x, y, np.inf))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_no_way_beside_a_point_of_the_goal_costs_more_than_the_line_to_it(seed):
+    areas = scene(seed)
+    ground = ground_of(areas)
+    field = solve_field(ground, free_places(areas, 300, seed, 0.16))
+    lines = np.full(len(field.cost), np.inf)
+    line_costs(ground, NOBODY, field.points, lines)
+    assert np.isfinite(lines).sum() > 100
+    assert (field.cost <= lines.astype(np.float32)).all()
 
 
 @kernel
