@@ -41,7 +41,7 @@ TIMES = {
     "apartment": 7.2,
     "bottleneck": 14.0,
     "clutter": 12.0,
-    "corridor": 54.0,
+    "corridor": 43.0,
     "counterflow": 30.0,
     "crossing": 12.0,
     "plaza": 22.0,
@@ -55,7 +55,7 @@ RADIUS = 0.25
 NECK = ROOT / "tools" / "studies" / "neck.yaml"
 NECK_WIDTH = "obstacles.0.wall.openings.0.width"
 
-WALKING_TIMES, WALKING_RATE, WALKING_SIZE = (46.0, 53.8), 15, (800, 450)
+WALKING_TIMES, WALKING_RATE, WALKING_SIZE = (46.5, 54.3), 15, (800, 450)
 """Start and end [s], pictures per second, and pixels of the moving picture."""
 
 STREET = """\
@@ -144,7 +144,7 @@ def thumbnail(name: str) -> Callable[[Path, Recordings], None]:
 
 def corridor_lateral(file: Path, recordings: Recordings) -> None:
     """Draw an agent in the narrowest gap."""
-    shot(recordings.of("corridor"), file, 49.0, "follow", agent=6)
+    shot(recordings.of("corridor"), file, 50.0, "follow", agent=8)
 
 
 def walking(file: Path, recordings: Recordings) -> None:
@@ -158,7 +158,7 @@ def walking(file: Path, recordings: Recordings) -> None:
             start=WALKING_TIMES[0],
             end=WALKING_TIMES[1],
             view="follow",
-            agent=6,
+            agent=8,
         )
         with av.open(str(shown)) as container:
             first, *others = [frame.to_image() for frame in container.decode(video=0)]
