@@ -75,7 +75,7 @@ class Recording(RecordedEvents):
     --------
     >>> with Simulation(load_scenario("doorway")).run("doorway.h5") as recording:
     ...     print(recording.steps, "steps of", recording.agent_count, "agents, arrived:", recording.summary["arrived"])
-    123 steps of 4 agents, arrived: 4
+    122 steps of 4 agents, arrived: 4
     >>> with Recording.open("doorway.h5") as recording:
     ...     joints, rotations = recording.poses_at(2.25)
     ...     joints.shape

@@ -44,7 +44,7 @@ def test_json_is_all_that_it_prints(run, tmp_path):
         (("--line", "door=1,2"), "expected name=x0,y0,x1,y1"),
         (("--area", "middle=0,0,1,1"), "there is a place 'middle' already"),
         (("--rate", "7"), "7"),
-        (("--voronoi-rate", "0"), "is not positive"),
+        (("--voronoi-rate", "0"), "is below 0.001"),
     ],
 )
 def test_what_it_cannot_measure_is_refused_with_nothing_written(run, tmp_path, arguments, told):
