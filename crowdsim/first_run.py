@@ -40,7 +40,7 @@ _Signature: TypeAlias = tuple[Any, ...]
 class FirstKernel(NamedTuple):
     """A kernel that a first run compiles: dotted path of its function, CPU time [s], numba types of its arguments.
 
-    A kernel that only other kernels call is compiled with them: its ``arguments`` are None.
+    If it is compiled with a kernel that calls it, ``arguments`` are None. One that Python calls, too, is listed twice.
     """
 
     function: str
@@ -55,7 +55,10 @@ class FirstKernel(NamedTuple):
 
 def read_seconds() -> dict[str, float]:
     """Return the CPU time [s] of each kernel that a first run compiles, by its name in the cache, in their order."""
-    return {_name_of(function): seconds for function, seconds, _ in _content()["kernels"]}
+    taken: dict[str, float] = {}
+    for function, seconds, _ in _content()["kernels"]:
+        taken[_name_of(function)] = taken.get(_name_of(function), 0.0) + seconds
+    return taken
 
 
 def read_kernels() -> list[FirstKernel]:
@@ -174,8 +177,8 @@ class CompilingAhead:
 def compile_last_first(part: int, parts: int) -> None:
     """Compile a part of the kernels, from the last one on, but for those in the cache.
 
-    Counted from the last one as 0, the part is number ``part`` and every ``parts``-th one from there. Kernels that only
-    others call are not counted.
+    Counted from the last one as 0, the part is number ``part`` and every ``parts``-th one from there. Kernels that
+    are compiled with others are not counted.
     """
     kernels = [each for each in reversed(read_kernels()) if each.arguments is not None]
     for each in kernels[part::parts]:
