@@ -156,10 +156,10 @@ def killed_run(number: int) -> str:
         if file.exists() == part.exists():
             return f"{FAKE}: {'both files' if part.exists() else 'no file'} after step {last}"
         with Recording.open(file) if file.exists() else recover(part) as recording:
-            # One that is killed after its last step may have said so or not.
+            # A run that ended is complete. One that was killed is not, unless that was after its last step.
+            ended = child.returncode == 0
             at_end = recording.steps == _SECONDS * recording.steps_per_second
-            says_so = at_end or recording.complete == (child.returncode == 0)
-            whole = recording.steps >= last and says_so
+            whole = recording.steps >= last and (recording.complete == ended or (not ended and at_end))
             lost = last - recording.steps
             read_all(file)
     finally:
@@ -209,7 +209,10 @@ def _recorded(number: int) -> dict[str, tuple[Any, ...]]:
 
 @cache
 def _recordings() -> list[bytes]:
-    """Return the recordings in the folder RECORDINGS, or short real ones: of all levels, and of a changing place."""
+    """Return the recordings in the folder RECORDINGS, or short real ones.
+
+    These are of all levels, of two groups with a measured area, and of a changing place.
+    """
     given = os.environ.get(RECORDINGS)
     if given:
         found = [path.read_bytes() for path in sorted(Path(given).glob("*.h5"))]

@@ -110,11 +110,11 @@ class Jump(NamedTuple):
 
 def jumps(recording: Recording, roots: NDArray[np.float32]) -> list[Jump]:
     """Return the crossings of the ends of a periodic floor by an agent with positions ``roots`` (k, 3) [m]."""
-    beyond, crosses = going_on(recording.header.ends, roots[:-1], roots[1:])
+    beyond, crosses = unwrapped(recording.header.ends, roots[:-1], roots[1:])
     return [Jump(row + 1, beyond[row]) for row in np.flatnonzero(crosses).tolist()]
 
 
-def going_on(
+def unwrapped(
     ends: Ends | None, before: NDArray[np.float32], after: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return positions ``after`` (k, 2 or 3) [m] without wrapping, and which (k,) wrapped since ``before``.

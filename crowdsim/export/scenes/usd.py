@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import CrowdSimError
 from crowdsim.export.choice import Choice
 from crowdsim.export.options import ExportOptions
-from crowdsim.export.scenes.bodies import BodyMotion, body_motions, going_on, jumps
+from crowdsim.export.scenes.bodies import BodyMotion, body_motions, jumps, unwrapped
 from crowdsim.export.scenes.looks import VARIETY, body_of, bound_points, build_of, paints, tissue_triangles
 from crowdsim.export.scenes.place import Paint, place_parts
 from crowdsim.motion.clips.skeleton import Skeleton
@@ -255,7 +255,7 @@ class _Stage:
                 were, there, faced = last
                 stays, to = np.isin(were, agents), np.isin(agents, were)
                 there, faced = there.copy(), faced.copy()
-                there[stays], wraps = going_on(self._recording.header.ends, there[stays], at[to])
+                there[stays], wraps = unwrapped(self._recording.header.ends, there[stays], at[to])
                 faced[stays] = turned[to]
                 if number and not (stays.all() and to.all() and not wraps.any()):
                     put(number - before, there, faced)

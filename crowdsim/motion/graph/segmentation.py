@@ -35,8 +35,8 @@ def segment_clip(clip: Clip, detectors: Sequence[str]) -> list[Segment]:
     """Return the segments between consecutive cuts of all ``detectors``; neighbors share a frame.
 
     A cut in movement is dropped if a standing cut is within 0.3 s: a foot that comes to rest beside the other, or
-    leaves it, does not pass it. What lies before the first and after the last cut is dropped, as it neither begins nor
-    ends in a pose that another clip shows.
+    leaves it, does not pass it. What lies before the first and after the last cut is dropped, as only one of its
+    ends is a pose that another clip shows, too.
     """
     standing_at: dict[int, bool] = {}
     for detector in map(find_detector, detectors):

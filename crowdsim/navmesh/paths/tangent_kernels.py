@@ -28,7 +28,7 @@ If that is still too much, the bulge shrinks on, down to a quarter of the tolera
 """
 
 PINCH = 1e-2
-"""Overlap of two circles, as a share of the sum of their radii, up to which they still have a tangent.
+"""Overlap of two circles, as a share of the distance of their centers, up to which they still have a tangent.
 
 At the smallest radii the tolerance is so large a share. An exact sweep decides if the string is free.
 """

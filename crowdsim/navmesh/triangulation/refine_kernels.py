@@ -189,8 +189,8 @@ def find_bottleneck(m, v, qx, qy, w):
                 ay = a.y - py
                 bx = b.x - px
                 by = b.y - py
-                # The part of the side where a foot may be, or in front of one beyond an open side: in view, and far
-                # enough along q; of an open side only the foot must be so far, so that its part is only not behind v.
+                # The part of the side where a foot may be: in view, and at least ``least`` along q. An open side may be
+                # nearer than the foot beyond it: only what lies behind v is cut off.
                 enough = 0.0 if sides[h].constraints == 0 else least
                 lo, hi = _cut(0.0, 1.0, enough - ax * qx - ay * qy, enough - bx * qx - by * qy)
                 lo, hi = _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1)

@@ -118,14 +118,14 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
         if k > 0:
             turn = sides[channel[k - 1]].twin
             turn = h if nxt(turn) == h else turn
-        for end_of in range(2):
-            v = sides[nxt(h) if end_of == 1 else h].org
+        for on_left in range(2):
+            v = sides[nxt(h) if on_left == 1 else h].org
             # A vertex ends several sides in a row, all on the same side of the way; list it once.
-            known = left if end_of == 1 else right
+            known = left if on_left == 1 else right
             if known == NONE or corners[known].vertex != v:
                 known = np.int64(filled)
                 filled += 1
-                if end_of == 1:
+                if on_left == 1:
                     left = known
                 else:
                     right = known
@@ -134,7 +134,7 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
                 corner.first = k
                 corner.x = vertices[v].x
                 corner.y = vertices[v].y
-                corner.side = 1.0 if end_of == 1 else -1.0
+                corner.side = 1.0 if on_left == 1 else -1.0
                 corner.most = around[v, top]
                 # The circle may touch the start and the goal, but not enclose them.
                 for end in range(2):

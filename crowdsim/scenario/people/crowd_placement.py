@@ -10,7 +10,6 @@ import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
 
-from crowdsim.constants import NONE
 from crowdsim.environment.spots import arrange_spots, gathered, meets, scatter_parties, scatter_spots
 from crowdsim.geometry.elementary import atan2
 from crowdsim.scenario.environment import Environment
@@ -336,10 +335,6 @@ def captured_placement(cast: CrowdPlacement) -> Placement:
     # Groups that are never steered walk at the speed of their clips, unless the file gives a speed.
     own = np.array(cast.paced) | (np.array(cast.locomotions) != "captured")
     itineraries = [cast.itineraries[number] for number in cast.group.tolist()]
-    only = [
-        int(it.goals[0]) if len(it.goals) == 1 and it.rounds == 1 and len(it.exits) < 2 else NONE
-        for it in cast.itineraries
-    ]
     return Placement(
         starts=cast.starts,
         goals=tuple(spots[: len(it.goals)] for spots, it in zip(cast.spots, itineraries, strict=True)),
@@ -351,6 +346,6 @@ def captured_placement(cast: CrowdPlacement) -> Placement:
         stand_within=np.array([it.stand_within for it in itineraries], np.float64),
         groups=tuple(cast.names[number] for number in cast.group.tolist()),
         speeds=np.where(own[cast.group], cast.walkers.speeds, np.nan),
-        only_goals=np.array(only, np.int64)[cast.group],
+        only_goals=np.array([it.only_goal for it in itineraries], np.int64),
         regions=cast.goals,
     )

@@ -66,6 +66,11 @@ class Itinerary(NamedTuple):
     exits: NDArray[np.int32]
     choice: str
 
+    @property
+    def only_goal(self) -> int:
+        """Return the index of the goal if there is only one, to which agents go once; else NONE."""
+        return int(self.goals[0]) if len(self.goals) == 1 and self.rounds == 1 and len(self.exits) < 2 else NONE
+
 
 class Destinations:
     """Numbers the regions that groups go to, without duplicates.

@@ -12,11 +12,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
 
-from crowdsim.constants import NONE
 from crowdsim.environment.layers import dropped_solids, polygons_only
 from crowdsim.environment.spots import Spots, draw_spots, meets, room_in
 from crowdsim.scenario.environment import Environment
 from crowdsim.scenario.people.arrivals import start_steps
+from crowdsim.scenario.people.destinations import Destinations
 from crowdsim.scenario.people.walkers import draw_walkers
 from crowdsim.scenario.schema.agents import MAX_COUNT, Goal
 from crowdsim.scenario.schema.schema import ScenarioFields
@@ -61,8 +61,8 @@ class Placement(NamedTuple):
     only_goals : (n,) int64
         Index in ``regions`` of the only goal of each agent; NONE if it goes to several in turn, or to one of several
         exits.
-    regions : tuple of geometry
-        Regions of these goals [m].
+    regions : tuple of Polygon
+        Regions of all goals [m].
     """
 
     starts: NDArray[np.float64]
@@ -76,7 +76,7 @@ class Placement(NamedTuple):
     groups: tuple[str, ...]
     speeds: NDArray[np.float64]
     only_goals: NDArray[np.int64]
-    regions: tuple[Polygon | Point, ...]
+    regions: tuple[Polygon, ...]
 
     def goal(self, agent: int, reached: int) -> NDArray[np.float64]:
         """Return the place (2,) that an agent goes to after it has reached ``reached`` places [m]."""
@@ -118,7 +118,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
     starts: list[tuple[float, float]] = []
     goals: list[NDArray[np.float64]] = []
     only_goals: list[int] = []
-    shapes: list[Polygon | Point] = []
+    destinations = Destinations(keys, environment)
     steps: list[int] = []
     counts: list[int] = []
     complaints: list[Complaint] = []
@@ -154,12 +154,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
             if complaint is not None:
                 complaints.append((path, complaint))
         goals += list(places)
-        only = NONE
-        if len(regions) == 1 and group.rounds == 1:
-            shape = regions[0][1].shape()
-            only = next((k for k, other in enumerate(shapes) if other.equals(shape)), len(shapes))
-            shapes[only:] = shapes[only:] or [shape]
-        only_goals += [only] * count
+        only_goals += [destinations.itinerary(number).only_goal] * count
         steps += group_steps
         counts.append(count)
     # A group without an agent, or with too many, is left out above; its complaint means that nobody uses the placement.
@@ -181,7 +176,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
         groups=tuple(group.name for group in groups),
         speeds=np.concatenate([np.empty(0), *_speeds(keys, counts)]),
         only_goals=np.array(only_goals, np.int64),
-        regions=tuple(shapes),
+        regions=destinations.goals,
     )
     return placement, complaints
 
