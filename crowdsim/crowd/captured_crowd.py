@@ -114,7 +114,10 @@ class CapturedCrowd:
         start, within = self.cast.starts[strictest], float(self.cast.stand_within[strictest])
         for goal in self.cast.goals[strictest]:
             if distance(goal, start) > AT_GOAL:
-                MotionSearch(self.assets, self.environment, Request(start, goal, stays=True, within=within)).advance()
+                request = Request(start, goal, stays=True, within=within)
+                search = MotionSearch(self.assets, self.environment, request)
+                search.advance()
+                search.close()
                 return
 
     @cached_property

@@ -15,7 +15,7 @@ from crowdsim.motion.planted.follow_feet import FollowedFeet
 from crowdsim.recording.header import COLUMN_TYPES, RecordedFrame, RecordingHeader
 from crowdsim.recording.levels import Level, LevelColumn
 from crowdsim.recording.shown.bodies import ShownBodies
-from crowdsim.recording.shown.planted_feet import feet_of_nodes, played_in, pose_table_of, spans_of
+from crowdsim.recording.shown.planted_feet import feet_of_nodes, played_in, pose_table_of
 from crowdsim.recording.shown.steered_poses import GaitClips
 
 KEPT = 6.5
@@ -91,7 +91,7 @@ class LivePoses:
         # There is no table if no agent can be captured.
         if self._foot_table is not None:
             self._followed = FollowedFeet(
-                self._table, self._foot_table, header.agents.count, header.steps_per_second, spans_of(header)
+                self._table, self._foot_table, header.agents.count, header.steps_per_second, header.spans
             )
         # How all feet are corrected in each of the steps kept.
         self._feet: deque[NDArray[np.float64]] = deque(maxlen=kept)

@@ -6,7 +6,16 @@ A pose is x, y [m] and heading [rad]. Pose 0 is (x0, y0, h0), pose 1 is (x1, y1,
 import math
 
 from crowdsim.geometry.elementary_kernels import cos_sin
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
+
+
+@helper
+def shorter_way(way, span):
+    """Return a way along one axis [m], taken across the ends of a periodic floor if that is shorter.
+
+    span: length of the floor along this axis [m], 0 if it is not periodic.
+    """
+    return way - span * math.floor(way / span + 0.5) if span > 0.0 else way
 
 
 @kernel

@@ -10,7 +10,7 @@ from crowdsim.crowd.simulation import Simulation
 from crowdsim.export.page.packed_bodies import LEVELS, pack_bodies, pack_looks
 from crowdsim.export.page.packed_feet import pack_no_feet
 from crowdsim.export.page.packed_place import density_cells, pack_scenery
-from crowdsim.export.page.packed_poses import pack_gaits, pack_nodes, pack_stretches, skeleton_facts
+from crowdsim.export.page.packed_poses import pack_gaits, pack_node_tracks, pack_nodes, pack_stretches, skeleton_facts
 from crowdsim.export.page.packing import Block
 from crowdsim.export.page.page import agent_facts, page_units
 from crowdsim.export.page.tracks.track_chunks import PLACES, Events, pack_events
@@ -57,6 +57,7 @@ def pack_opening(simulation: Simulation) -> bytes:
         "kept": LONGEST_KEPT,
         **agent_facts(header.agents, agents),
     }
+    pack_node_tracks(block, motion, np.arange(len(motion.node_names)))
     none = np.zeros(0, np.int64)
     # The viewer of recordings reads tracks from arrays; here they are empty, and the socket brings all.
     pack_events(block, Events(np.zeros(count, np.int64), *[none] * 5))

@@ -1,22 +1,26 @@
-"""Interpolate between two recorded steps."""
+"""What is shown between two recorded steps."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.constants import CAPTURE_RATE
-from crowdsim.geometry.planar import wrap_angle
-from crowdsim.recording.header import AgentState, Ends, RecordedFrame
+from crowdsim.constants import CAPTURE_RATE, NONE
+from crowdsim.recording.header import AgentState, RecordedFrame
+
+if TYPE_CHECKING:
+    from crowdsim.motion.planted.between_kernels import NodeTracks
 
 
 def frame_between(
     old: RecordedFrame,
     new: RecordedFrame,
     share: float,
-    node_frames: NDArray[np.int32],
+    nodes: NodeTracks,
     steps_per_second: int,
-    ends: Ends | None = None,
+    spans: NDArray[np.float64],
 ) -> RecordedFrame:
     """Return the frame at ``share``, in (0, 1), of the way from ``old`` to ``new``; states are those of ``old``.
 
@@ -26,17 +30,17 @@ def frame_between(
         Frames of two consecutive steps.
     share : float
         Elapsed part of the step.
-    node_frames : (nodes,) int32
-        Last frame of each node; the first one is 0.
+    nodes : NodeTracks
+        Tracks of all nodes, along which captured agents go; without rows, as in older recordings, they go straight.
     steps_per_second : int
         Steps per second of the recording.
-    ends : Ends or None
-        Ends of a periodic floor; agents that cross them are interpolated across.
+    spans : (2,) float64
+        Lengths of a periodic floor along x and y [m], 0 without ends; agents that cross them are shown across.
     """
     # Frames that a step takes at the natural rate.
     natural = CAPTURE_RATE // steps_per_second
     # Agents without a node have the index NONE (-1), which finds the 0 at the end.
-    last = np.append(node_frames, 0)[old.node]
+    last = np.append(nodes.frames, 0)[old.node]
     # Frames played during the step, at whatever rate the node is played: at most 1.15 times the natural one. An agent
     # that leaves an idle node skips the rest of it: if the sum is then beyond 1.5 times, the natural rate is used.
     same = (new.node == old.node) & (new.frame >= old.frame)
@@ -47,13 +51,17 @@ def frame_between(
     moving = (old.state == AgentState.MOVING) | (old.state == AgentState.WAITING)
     both = moving & (new.state != AgentState.ABSENT)
 
-    turn = wrap_angle(new.heading - old.heading)
-    ways = [new.x - old.x, new.y - old.y]
-    if ends is not None:
-        ways[ends.axis] = ends.shorter(ways[ends.axis])
-    x = np.where(both, old.x + share * ways[0], old.x)
-    y = np.where(both, old.y + share * ways[1], old.y)
-    heading = np.where(both, old.heading + share * turn, old.heading)
+    # Captured agents go along the tracks of their nodes, others straight.
+    from crowdsim.motion.planted.between_kernels import tracks_between
+
+    pose, goal = (np.stack([each.x, each.y, each.heading], axis=1)[both].astype(np.float64) for each in (old, new))
+    told = len(nodes.rows) > 0
+    played = [np.where(each.steered | (not told), NONE, each.node)[both].astype(np.int32) for each in (old, new)]
+    at, later = (np.asarray(each.frame[both], np.float64) for each in (old, new))
+    track = np.empty_like(pose)
+    tracks_between(nodes, float(natural), spans, played[0], at, pose, played[1], later, goal, share, track)
+    x, y, heading = (np.array(values, np.float64) for values in (old.x, old.y, old.heading))
+    x[both], y[both], heading[both] = track.T
     phase = np.where(both & np.isfinite(new.phase), old.phase + share * (new.phase - old.phase), old.phase)
 
     # Either still in the old node, or already in the new one: count back from its frame at the end of the step.

@@ -268,6 +268,14 @@ class RecordingHeader:
     lines: Sequence[ShapeRecord] = ()
     scenario_keys: str = ""
 
+    @property
+    def spans(self) -> NDArray[np.float64]:
+        """Return the lengths (2,) of a periodic floor along x and y [m], 0 without ends."""
+        spans = np.zeros(2)
+        if self.ends is not None:
+            spans[self.ends.axis] = self.ends.high - self.ends.low
+        return spans
+
 
 class RecordedFrame(NamedTuple):
     """One step of all N agents, each field (N,).

@@ -22,8 +22,9 @@ LATER = 0.5
 """Time after a switch over which it is measured [s]."""
 
 MOST_JUMP, MOST_SLIP, MOST_SPEED = 0.03, 0.01, 0.1
-"""Bars: motion of a joint in FRAME beyond that of both levels [m], slip of a planted foot [m], change of the root's
-velocity from one FRAME to the next beyond that of both levels [m/s]."""
+"""Bars: motion of a joint in FRAME beyond that of both levels [m], slip of a planted foot [m], change of the track's
+velocity from one FRAME to the next beyond that of both levels [m/s]. The vertical velocity has no bar, but is counted
+by that of the track."""
 
 FRAME = 1.0 / 30.0
 """Time between two pictures [s]."""
@@ -39,10 +40,10 @@ Floats = NDArray[np.float64]
 
 
 def switch_rows(recording: Recording) -> list[dict[str, float]]:
-    """Return the figures of each switch that the same agent does not follow by another one within LATER.
+    """Return the figures of each switch that is seen, and that the same agent does not follow by another within LATER.
 
-    ``jump`` [m] and ``speed`` [m/s] are those of :func:`beyond_levels`, ``slip`` [m] is the way of a foot that the new
-    level has planted, ``own`` [m] that of the same foot on the new level alone.
+    ``jump`` [m], ``speed`` and ``lift`` [m/s] are those of :func:`beyond_levels`, ``slip`` [m] is the way of a foot
+    that the new level has planted, ``own`` [m] that of the same foot on the new level alone.
     """
     found, rate, roles = recording.switches, recording.steps_per_second, recording.header.motion.skeleton.roles
     toes, rows = [roles["left_toe"], roles["right_toe"]], []
@@ -50,6 +51,8 @@ def switch_rows(recording: Recording) -> list[dict[str, float]]:
         zip(found.agents.tolist(), found.shown.tolist(), found.steered.tolist(), strict=True)
     ):
         time = shown / rate
+        if number and found.agents[number - 1] == agent and found.shown[number - 1] == shown:
+            continue  # It takes back the one before it at the same moment: the level that is shown stays as it is.
         followed = number + 1 < len(found.agents) and found.agents[number + 1] == agent
         # The agent must be there from shortly before to shortly after what is measured.
         first, last = shown - 2, shown + round((LATER + 0.1) * rate)
@@ -61,12 +64,13 @@ def switch_rows(recording: Recording) -> list[dict[str, float]]:
         bodies, plain = (_joints(recording, times, agent, blended) for blended in (True, False))
         after, alone = bodies[_BEFORE:, toes], plain[_BEFORE:, toes]
         planted = planted_feet(alone)
-        jump, speed = beyond_levels(bodies, plain)
+        jump, speed, lift = beyond_levels(bodies, plain)
         rows.append(
             {
                 "steered": float(steered),
                 "jump": jump,
                 "speed": speed,
+                "lift": lift,
                 "slip": largest_slip(after, planted),
                 "own": largest_slip(alone, planted),
             }
@@ -79,20 +83,24 @@ def _joints(recording: Recording, times: Floats, agent: int, blended: bool) -> F
     return np.array([recording.poses_at(float(time), [agent], blended)[0][0] for time in times], np.float64)
 
 
-def beyond_levels(shown: Floats, plain: Floats) -> tuple[float, float]:
-    """Return how far a joint moves in a FRAME [m], and by how much the root's velocity changes to the next one [m/s].
+def beyond_levels(shown: Floats, plain: Floats) -> tuple[float, float, float]:
+    """Return how far a joint moves in a FRAME [m], and how much the velocity of the root changes to the next one [m/s].
 
-    Both are what goes beyond the joint's own: that of the old level just before the switch, that of the new level at
-    the time, or anything between the two. ``shown`` and ``plain`` (T, J, 3) are joints with and without the blend, the
-    root first, the switch at row _BEFORE.
+    The change is given along the floor, as that of the track, and along the vertical. All three are what goes beyond
+    the joint's own: that of the old level just before the switch, that of the new level at the time, or anything
+    between the two. ``shown`` and ``plain`` (T, J, 3) are joints with and without the blend, the root first, the switch
+    at row _BEFORE.
     """
     moved, own = np.diff(shown, axis=0), np.diff(plain, axis=0)
     jump = _beyond(moved[_BEFORE - 1], moved[_BEFORE:], own[_BEFORE:])
     changed, alone = np.diff(moved[:, 0], axis=0), np.diff(own[:, 0], axis=0)
     # The first change that the new level knows is that after its first motion.
     alone[_BEFORE - 1] = alone[_BEFORE]
-    speed = _beyond(changed[_BEFORE - 2], changed[_BEFORE - 1 :], alone[_BEFORE - 1 :])
-    return float(jump.max()), float(speed.max()) / FRAME
+    track, vertical = (
+        _beyond(changed[_BEFORE - 2, axes], changed[_BEFORE - 1 :, axes], alone[_BEFORE - 1 :, axes]).max() / FRAME
+        for axes in (slice(2), slice(2, 3))
+    )
+    return float(jump.max()), float(track), float(vertical)
 
 
 def _beyond(old: Floats, values: Floats, new: Floats) -> Floats:
@@ -137,7 +145,13 @@ def run_rows(name: str, seed: int) -> list[dict[str, Any]]:
     for steered, to in ((1.0, "steered"), (0.0, "captured")):
         mine = [switch for switch in switches if switch["steered"] == steered]
         row: dict[str, Any] = {"scenario": name, "seed": seed, "to": to, "switches": len(mine)}
-        for key, bar in (("jump", MOST_JUMP), ("speed", MOST_SPEED), ("slip", MOST_SLIP), ("own", MOST_SLIP)):
+        for key, bar in (
+            ("jump", MOST_JUMP),
+            ("speed", MOST_SPEED),
+            ("lift", MOST_SPEED),
+            ("slip", MOST_SLIP),
+            ("own", MOST_SLIP),
+        ):
             values = np.array([switch[key] for switch in mine] or [np.nan])
             parts = (("median", 0.5), ("p90", 0.9), ("worst", 1.0))
             row.update({f"{key}_{part}": round(float(np.quantile(values, share)), 4) for part, share in parts})

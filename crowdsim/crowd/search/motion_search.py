@@ -122,6 +122,14 @@ class MotionSearch:
             found: MotionPlan | PathNotFound = end.value
             return found
 
+    def close(self) -> None:
+        """Let go what the search holds, as it is no longer wanted; no slice of it may be running.
+
+        Its generator refers to it, and it to its generator: both would stay, with arrays of megabytes, until Python
+        looks for such cycles.
+        """
+        self._steps.close()
+
     @property
     def is_way_around(self) -> bool:
         """Return True if it looks for a way around others first."""

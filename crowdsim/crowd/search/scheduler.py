@@ -52,6 +52,8 @@ class Ongoing:
     first: int = 0
     revision: int = 0
     """Revision of the environment when its last slice began."""
+    running: bool = False
+    """True from the beginning of a slice until its result is collected."""
     ready: float | None = None
     """Time from the request until there were nodes to play [s]."""
     counts: tuple[int, int, int] = (0, 0, 0)
@@ -121,6 +123,9 @@ class Searches:
             self.counts["recovered"] += recoveries
             if dropped.ready is not None:
                 self.waits.append(dropped.ready)
+            # Else it is closed as its slice is collected.
+            if not dropped.running:
+                dropped.search.close()
 
     def is_under_way(self, agent: int) -> bool:
         """Return True if an agent has a search."""
@@ -157,14 +162,16 @@ class Searches:
                 self.drop(agent)
                 continue
             self._left -= search.work
-            search.revision = revision
+            search.revision, search.running = revision, True
             self.pool.submit(step, agent, partial(search.advance, played))
 
     def collect(self, step: int) -> list[tuple[int, Ongoing, MotionPlan | PathNotFound]]:
         """Return (agent, search, result) of all slices that are due and still wanted; drop searches that have ended."""
         results = []
         for agent, (search, found) in self.pool.collect(step):
+            search.running = False
             if self._ongoing.get(agent) is not search:
+                search.search.close()
                 continue
             # Few searches need another slice, and most of those need many: make it longer.
             search.branches = min(2 * search.branches, self.longest_slice)

@@ -22,7 +22,7 @@ from crowdsim.motion.planted.pin_kernels import COLUMNS, FADES, MODE, SINCE, STA
 from crowdsim.motion.planted.planted_rows import FootTable
 from crowdsim.recording.header import RecordedFrame
 from crowdsim.recording.reader import Recording
-from crowdsim.recording.shown.planted_feet import played_in, spans_of
+from crowdsim.recording.shown.planted_feet import played_in
 
 PLACES = 10_000
 """Integer units per meter and radian of feet in nodes."""
@@ -104,7 +104,7 @@ def _moved(recording: Recording, table: FootTable, now: Played, states: Floats) 
         left = rotate(rotations[:, ankle].astype(np.float64), table.across[foot])
         posed = np.column_stack([positions[:, ball, :2], atan2(-left[:, 0], left[:, 1])])
         moved[:, foot] = compose(own[:, X : YAW + 1], compose(invert(begins), ends)) - posed
-    for axis, span in enumerate(spans_of(recording.header).tolist()):
+    for axis, span in enumerate(recording.header.spans.tolist()):
         moved[..., axis] = shorter_ways(moved[..., axis], span)
     moved[..., 2] = wrap_angle(moved[..., 2])
     return moved.reshape(-1, 3)

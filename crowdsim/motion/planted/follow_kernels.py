@@ -7,9 +7,10 @@ that of the node. ``mode``, ``since``, ``until`` and ``pose`` (x, y [m], heading
 state that :mod:`crowdsim.motion.planted.pin_kernels` names.
 """
 
-from crowdsim.geometry.planar_kernels import wrap_angle
+from crowdsim.geometry.planar_kernels import shorter_way, wrap_angle
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.pose_kernels import pose_body
+from crowdsim.motion.planted.between_kernels import split_step, track_between
 from crowdsim.motion.planted.pin_kernels import (
     COLUMNS,
     FADES,
@@ -24,7 +25,6 @@ from crowdsim.motion.planted.pin_kernels import (
     Y,
     correction,
     place_of_foot,
-    shorter_way,
 )
 
 LONGEST_FADE = 24.0
@@ -34,14 +34,18 @@ LONGEST_FADE = 24.0
 @helper
 def _track_at(work, a, share):
     """Return the track pose of body ``a`` (x, y [m], heading [rad]) at a share of the step."""
-    # ``work.spans``: lengths of a periodic floor, across whose ends the way from old to new may be shorter.
-    old, new = work.old_track[a], work.new_track[a]
-    # At the end of the step, the new pose to the bit, and on this side of the ends of a periodic floor.
-    if share >= 1.0:
-        return new[0], new[1], new[2]
-    x = old[0] + share * shorter_way(new[0] - old[0], work.spans[0])
-    y = old[1] + share * shorter_way(new[1] - old[1], work.spans[1])
-    return x, y, old[2] + share * wrap_angle(new[2] - old[2])
+    return track_between(
+        work.feet.tracks,
+        work.natural,
+        work.spans,
+        work.old_node[a],
+        work.old_frame[a],
+        work.old_track[a],
+        work.new_node[a],
+        work.new_frame[a],
+        work.new_track[a],
+        share,
+    )
 
 
 @helper
@@ -183,18 +187,8 @@ def follow_feet(work):
         if old == node and frame >= since:
             count = _play(work, a, node, previous, since, frame, 0.0, 1.0, count)
             continue
-        # The last node ends within the step. An agent that leaves an idle node skips the rest of it: the frames played
-        # would then be too many (over 1.5 times the usual), so it plays as many as usual: of the idle node at most up
-        # to its end, then the last ones of the next node before ``frame``. It enters that at the end of the step if the
-        # idle node fills the step.
-        last = float(table.node_frames[old])
-        advance = last - since + frame
-        begin, share, end = 0.0, 1.0, last
-        if 2.0 * advance <= 3.0 * work.natural:
-            share = (last - since) / advance if advance > 0.0 else 1.0
-        else:
-            left = max(since + work.natural - last, 0.0)
-            begin, share, end = frame - left, 1.0 - left / work.natural, min(since + work.natural, last)
+        # The last node ends within the step.
+        share, end, begin = split_step(float(table.node_frames[old]), since, frame, work.natural)
         count = _play(work, a, old, before, since, end, 0.0, share, count)
         _pose(work, a, old, before, end, share)
         shown = (_shown(work, a, old, end, 0), _shown(work, a, old, end, 1))

@@ -15,7 +15,7 @@ is moved x, y [m] and turned [rad].
 import math
 
 from crowdsim.geometry.elementary_kernels import acos, atan2, cos_sin
-from crowdsim.geometry.planar_kernels import compose, to_local, wrap_angle
+from crowdsim.geometry.planar_kernels import compose, shorter_way, to_local, wrap_angle
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.deformed.body_kernels import REACH, ease, multiply, quaternion, rotate
 
@@ -32,15 +32,6 @@ _LOWEST = 0.1
 _BENT = 0.05
 """Sine of a bend below which the bones alone do not give the hinge of the knee."""
 _NOTHING = 1e-9
-
-
-@helper
-def shorter_way(way, span):
-    """Return a way along one axis [m], taken across the ends of a periodic floor if that is shorter.
-
-    span: length of the floor along this axis [m], 0 if it is not periodic.
-    """
-    return way - span * math.floor(way / span + 0.5) if span > 0.0 else way
 
 
 @helper

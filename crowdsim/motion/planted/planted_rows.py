@@ -15,6 +15,7 @@ from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.graph.foot_contacts import Feet, feet_of, foot_direction, planted_steps, runs
 from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.motion.graph.pose_table import PoseTable
+from crowdsim.motion.planted.between_kernels import NodeTracks
 
 SHORTEST_SWING = 0.15
 """Duration below which a foot between two stances has not lifted [s]: it rolls, or its clip is noisy."""
@@ -63,7 +64,7 @@ class FootTable(NamedTuple):
     landings: (T, 2) int32, frame of its node in which the foot lands next, after the row; NO_LANDING if it does not.
     legs: (2, 4) int32, joints of hip, knee, ankle and ball. across: (2, 3) float64, axis of the ankle joint that
     points to the left of its foot. bones: (J,) int32, 3 * foot + 0, 1, 2 for joints that follow its thigh, shank or
-    foot; -1 for others.
+    foot; -1 for others. tracks: those of all nodes, along which bodies go between steps.
     """
 
     places: Floats
@@ -72,6 +73,7 @@ class FootTable(NamedTuple):
     legs: NDArray[np.int32]
     across: Floats
     bones: NDArray[np.int32]
+    tracks: NodeTracks
 
 
 def planted_rows(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> PlantedRows:
@@ -107,7 +109,8 @@ def foot_table(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> FootTabl
             _join(mine)
             for begin, _ in reversed(runs(mine)):
                 landings[first : first + begin, foot] = np.minimum(landings[first : first + begin, foot], begin)
-    return FootTable(places, stands, landings, legs, across, _bones(skeleton, legs))
+    nodes = NodeTracks(table.node_first, table.node_frames, np.ascontiguousarray(tracks, np.float64))
+    return FootTable(places, stands, landings, legs, across, _bones(skeleton, legs), nodes)
 
 
 def _spans(table: PoseTable) -> list[tuple[int, int]]:

@@ -19,6 +19,7 @@ from crowdsim.recording.shown.switches import Switches
 
 if TYPE_CHECKING:
     from crowdsim.motion.graph.pose_table import PoseTable
+    from crowdsim.motion.planted.between_kernels import NodeTracks
     from crowdsim.motion.planted.planted_rows import FootTable
     from crowdsim.recording.shown.planted_feet import PlantedFeet
     from crowdsim.recording.shown.steered_poses import GaitClips, SteeredPoses
@@ -98,8 +99,8 @@ class ShownBodies(ABC):
     def at_time(self, time: float) -> RecordedFrame:
         """Return the state of all agents at a time, also between steps.
 
-        Track poses are interpolated. (node, previous, frame) are those that the simulation passed through, as
-        :func:`~crowdsim.recording.between.frame_between` finds them.
+        Captured agents go along the tracks of their nodes, steered ones straight. (node, previous, frame) are those
+        that the simulation passed through, as :func:`~crowdsim.recording.between.frame_between` finds them.
 
         Parameters
         ----------
@@ -124,9 +125,8 @@ class ShownBodies(ABC):
         now = self.at_step(step)
         if share < 1e-6:
             return now
-        header = self.header
         then = self.at_step(step + 1)
-        return frame_between(now, then, share, header.motion.node_frames, self.steps_per_second, header.ends)
+        return frame_between(now, then, share, self._node_tracks, self.steps_per_second, self.header.spans)
 
     def shown_step(self, time: float) -> int:
         """Return the step that is shown from its time until the next one.
@@ -271,12 +271,9 @@ class ShownBodies(ABC):
         pose_joints(self.pose_table, nodes, before, frames, pose, positions, rotations)
         if self.foot_table is not None:
             from crowdsim.motion.planted.pin_kernels import pin_feet
-            from crowdsim.recording.shown.planted_feet import spans_of
 
             states = self.foot_states(time, agents, nodes, frames)
-            pin_feet(
-                self.pose_table, self.foot_table, states, nodes, frames, spans_of(self.header), positions, rotations
-            )
+            pin_feet(self.pose_table, self.foot_table, states, nodes, frames, self.header.spans, positions, rotations)
         return positions, rotations
 
     def foot_states(
@@ -301,6 +298,12 @@ class ShownBodies(ABC):
             The columns that :mod:`crowdsim.motion.planted.pin_kernels` names, left foot first.
         """
         return self.planted_feet.states_at(time, agents, node, frame)
+
+    @cached_property
+    def _node_tracks(self) -> NodeTracks:
+        from crowdsim.recording.shown.planted_feet import tracks_of
+
+        return tracks_of(self.header.motion)
 
     @cached_property
     def foot_table(self) -> FootTable | None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.motion.graph.pose_table import PoseTable
+from crowdsim.motion.planted.between_kernels import NodeTracks
 from crowdsim.motion.planted.follow_feet import FollowedFeet, Played
 from crowdsim.motion.planted.pin_kernels import COLUMNS, NODE, SINCE
 from crowdsim.motion.planted.planted_rows import FootTable, foot_table
@@ -36,20 +37,18 @@ def pose_table_of(motion: MotionRecord) -> PoseTable:
     )
 
 
+def tracks_of(motion: MotionRecord) -> NodeTracks:
+    """Return the tracks of all nodes, without rows if a recording is too old to tell them."""
+    first, frames = (np.ascontiguousarray(values, np.int32) for values in (motion.node_first, motion.node_frames))
+    return NodeTracks(first, frames, np.ascontiguousarray(motion.pool_tracks, np.float64))
+
+
 def feet_of_nodes(header: RecordingHeader, table: PoseTable) -> FootTable | None:
     """Return places and stances of the feet in all nodes; None if there are none, or a recording is too old to tell."""
     motion = header.motion
     if not len(motion.pool_tracks):
         return None
     return foot_table(table, motion.skeleton, motion.pool_tracks.astype(np.float64))
-
-
-def spans_of(header: RecordingHeader) -> Floats:
-    """Return the lengths (2,) of a periodic floor along x and y [m], 0 without ends."""
-    spans = np.zeros(2)
-    if header.ends is not None:
-        spans[header.ends.axis] = header.ends.high - header.ends.low
-    return spans
 
 
 def played_in(frame: RecordedFrame) -> Played:
@@ -72,7 +71,7 @@ class PlantedFeet:
     def __init__(self, recording: RecordedPoses, feet: FootTable) -> None:
         self._recording = recording
         followed = FollowedFeet(
-            recording.pose_table, feet, recording.agent_count, recording.steps_per_second, spans_of(recording.header)
+            recording.pose_table, feet, recording.agent_count, recording.steps_per_second, recording.header.spans
         )
         rows, ticks, events = [], [], []
         for step, frame in enumerate(_frames(recording)):

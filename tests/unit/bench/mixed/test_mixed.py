@@ -135,10 +135,10 @@ def test_a_kick_of_a_joint_is_told_from_its_own_motion():
     plain = np.zeros((8, 2, 3))
     plain[:, :, 0] = 0.04 * np.arange(8)[:, None]
     plain[3:, 1, 0] += 0.3
-    assert switch_poses.beyond_levels(plain, plain) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert switch_poses.beyond_levels(plain, plain) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
     shown = plain.copy()
     shown[5:, 1, 1] += 0.05
-    assert switch_poses.beyond_levels(shown, plain) == pytest.approx((0.05, 0.0), abs=1e-12)
+    assert switch_poses.beyond_levels(shown, plain) == pytest.approx((0.05, 0.0, 0.0), abs=1e-12)
 
 
 def test_a_change_of_speed_is_told_from_those_of_both_levels():
@@ -147,9 +147,11 @@ def test_a_change_of_speed_is_told_from_those_of_both_levels():
     plain[:, 0, 0] = np.cumsum([0.04, 0.04, 0.04, 0.04, 0.03, 0.02, 0.01, 0.0])
     assert switch_poses.beyond_levels(plain, plain)[1] == pytest.approx(0.0, abs=1e-12)
     shown = plain.copy()
-    shown[4:, 0, 2] += 0.01 * np.arange(1, 5)
-    jump, speed = switch_poses.beyond_levels(shown, plain)
-    assert (jump, speed) == pytest.approx((0.01, 0.3))
+    shown[4:, 0, 1] += 0.01 * np.arange(1, 5)
+    assert switch_poses.beyond_levels(shown, plain) == pytest.approx((0.01, 0.3, 0.0))
+    shown[4:, 0, 2] += 0.02 * np.arange(1, 5)
+    _, track, vertical = switch_poses.beyond_levels(shown, plain)
+    assert (track, vertical) == pytest.approx((0.3, 0.6)), "along the floor and along the vertical apart"
 
 
 def test_a_foot_slips_only_while_it_is_planted():
@@ -175,9 +177,10 @@ def test_switches_of_a_run_are_measured_as_shown(tmp_path):
     assert {row["to"] for row in measured.rows} == {"steered", "captured"}
     assert rows
     for row in rows:
-        for key, most in (("jump", 0.05), ("speed", 0.3), ("slip", 0.03)):
+        for key, most in (("jump", 0.05), ("speed", 0.3), ("lift", 0.3), ("slip", 0.03)):
             assert 0.0 <= row[f"{key}_median"] <= row[f"{key}_p90"] <= row[f"{key}_worst"] < most
-            assert (row[f"{key}_over"] > 0) == (row[f"{key}_worst"] > getattr(switch_poses, f"MOST_{key.upper()}"))
+            bar = getattr(switch_poses, f"MOST_{key.upper().replace('LIFT', 'SPEED')}")
+            assert (row[f"{key}_over"] > 0) == (row[f"{key}_worst"] > bar)
         assert row["jump_worst"] > 0.0
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +55,24 @@ def check_chain(assets: Assets, plan: MotionPlan) -> None:
     gaps = compose(starts, assets.graph.node_motion[nodes]) - plan.origins - plan.blend_offsets
     gaps[:, 2] = (gaps[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
     np.testing.assert_allclose(gaps, 0.0, atol=1e-9)
+
+
+def test_a_search_that_is_given_up_is_let_go_without_a_search_for_cycles(
+    assets: Assets, environment: EnvironmentState
+) -> None:
+    def given_up() -> weakref.ref[MotionSearch]:
+        search = MotionSearch(assets, environment, TO_THE_OTHER_ROOM)
+        search.advance(0, TINY)
+        search.close()
+        return weakref.ref(search)
+
+    gc.collect()
+    gc.disable()
+    try:
+        left = given_up()()
+    finally:
+        gc.enable()
+    assert left is None
 
 
 def test_slices_come_to_what_one_search_finds_and_only_grow_what_is_played(

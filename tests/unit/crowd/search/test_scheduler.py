@@ -23,6 +23,10 @@ class Counted:
         self.backtracks = self.recoveries = 0
         self.kept: list[int] = []
         self.looks: list[int] = []
+        self.closed = 0
+
+    def close(self) -> None:
+        self.closed += 1
 
     def advance(self, kept: int, looks: int) -> Any:
         self.slices += 1
@@ -97,6 +101,20 @@ def test_a_search_that_is_replaced_or_of_no_use_is_heard_of_no_more(searches: Se
     assert run(searches, 2, lambda agent, search: None) == [7]
     assert not searches.is_under_way(7)
     assert (first.slices, second.slices) == (1, 1)
+    assert (first.closed, second.closed) == (1, 1)
+
+
+def test_a_search_that_is_dropped_is_closed_as_soon_as_no_slice_of_it_runs(searches: Searches) -> None:
+    waits, runs = Counted(2), Counted(2)
+    searches.begin(1, waits)
+    searches.drop(1)
+    assert waits.closed == 1
+    searches.begin(2, runs)
+    searches.submit(0, 0, lambda agent, search: 0)
+    searches.drop(2)
+    assert runs.closed == 0, "its slice may be running on a thread"
+    assert searches.collect(1) == []
+    assert runs.closed == 1
 
 
 def test_a_slice_that_runs_does_not_count_before_it_is_collected(searches: Searches) -> None:

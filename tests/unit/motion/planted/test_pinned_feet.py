@@ -222,7 +222,7 @@ def test_feet_enter_a_node_when_it_is_shown_however_much_of_the_old_one_is_skipp
     enters = np.flatnonzero(events[:, NODE] == new)[:2]
     steps = [frame_of(node, previous, at) for node, previous, at in ((0, -1, since), (new, 0, frame))]
     for share in np.linspace(0.01, 0.99, 99):
-        shown = frame_between(*steps, share, frames, 10)
+        shown = frame_between(*steps, share, feet.tracks, 10, NOWHERE)
         assert (shown.node[0] == new) == (share > shares[enters[0]] + 1e-9) or abs(share - shares[enters[0]]) < 1e-9
         if shown.node[0] == new:
             assert shown.frame[0] >= events[enters, SINCE].max() - 1e-9

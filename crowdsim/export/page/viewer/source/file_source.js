@@ -1,14 +1,13 @@
 // Tracks out of the page itself. A track source has: facts `rate`, `steps`, `agents`, and what others call here:
 // `frameAt(time, frame)`, `valueAt(agent, step)`, `eventAt(agent, step)`, `stretches`. A server can be another one.
 
-import { NodeTracks, nodeRows } from "./node_tracks.js";
+import { NodeTracks } from "./node_tracks.js";
+import { StepTracks, splitStep } from "./step_tracks.js";
 import { TrackDecoder } from "./track_decoder.js";
 import { varints } from "./unpack.js";
-import { wrapAngle } from "./quaternions.js";
 
 export const ABSENT = 0, MOVING = 1, WAITING = 2, ARRIVED = 3;
 const STEERED = 4; // added to a state
-const CAPTURE_RATE = 60;
 const CHUNKS_KEPT = 8; // of at most a million samples: 130 MB
 
 /** What all agents do at one time, in arrays. */
@@ -30,8 +29,9 @@ export class FileSource {
     this.rate = facts.rate;
     this.steps = facts.steps;
     this.count = facts.agents.length;
-    this.nodeFrames = nodeRows(block).frames;
-    this.nodeTracks = null; // of chunks: live pages have none
+    this.nodeTracks = new NodeTracks(block);
+    this.nodeFrames = this.nodeTracks.frames;
+    this.stepTracks = new StepTracks(this.nodeTracks, this.rate, facts.ends);
     this.chunks = new Map();
     this.readEvents();
     this.stretches = readStretches(block, this.count);
@@ -101,7 +101,6 @@ export class FileSource {
     const high = Math.min((number + 1) * length + margin, this.steps);
     const span = high - low, size = this.count * span;
     const [x, y, heading, frame] = [0, 1, 2, 3].map((k) => new Float32Array(size).fill(k < 3 ? NaN : 0));
-    this.nodeTracks ??= new NodeTracks(this.block);
     const decoder = new TrackDecoder(this.block.array(`chunk_${number}`), coding, span, this.nodeTracks);
     const node = new Int32Array(span), turn = (2 * Math.PI) / units.turn;
     for (let agent = 0; agent < this.count; agent++) {
@@ -191,32 +190,28 @@ export class FileSource {
     if (!walks) return;
     const next = this.nextEvent(agent, e, step);
     if (!(this.eventState[next] & 3)) return;
-    let dx = chunk.x[i + 1] - chunk.x[i], dy = chunk.y[i + 1] - chunk.y[i];
-    const { ends } = this.facts;
-    if (ends) {
-      if (ends[0] === 0) dx = shorterWay(dx, ends[2] - ends[1]);
-      else dy = shorterWay(dy, ends[2] - ends[1]);
-    }
+    const tracks = this.stepTracks, newNode = this.eventNode[next];
+    const old = { node, frame: from, track: [chunk.x[i], chunk.y[i], chunk.heading[i]] };
+    const now = { node: newNode, frame: chunk.frame[i + 1], track: [chunk.x[i + 1], chunk.y[i + 1], chunk.heading[i + 1]] };
+    const dx = tracks.shorter(now.track[0] - old.track[0], 0), dy = tracks.shorter(now.track[1] - old.track[1], 1);
     out.speed[agent] = Math.hypot(dx, dy) * this.rate;
     if (share === 0) return;
-    out.x[agent] += share * dx;
-    out.y[agent] += share * dy;
-    out.heading[agent] += share * wrapAngle(chunk.heading[i + 1] - chunk.heading[i]);
+    [out.x[agent], out.y[agent], out.heading[agent]] = tracks.between(old, now, share);
     if (node < 0) return;
-    // Nodes may be played slower or faster. Who leaves an idle node skips what is left of it.
-    const natural = CAPTURE_RATE / this.rate, newNode = this.eventNode[next];
-    const to = newNode < 0 ? 0 : chunk.frame[i + 1], last = this.nodeFrames[node];
-    const same = newNode === node && to >= from;
-    let advance = same ? to - from : last - from + to;
-    if (!same && 2 * advance > 3 * natural) advance = natural;
-    const reached = from + share * advance, left = to - (advance - share * advance);
-    if (!same && newNode >= 0 && reached > last && left >= 0) {
+    // Nodes may be played slower or faster.
+    const to = newNode < 0 ? 0 : now.frame, last = this.nodeFrames[node];
+    if (newNode === node && to >= from) {
+      out.frame[agent] = Math.min(from + share * (to - from), to);
+      return;
+    }
+    const { part, end, begin } = splitStep(last, from, to, tracks.natural);
+    if (newNode >= 0 && share > part) {
       out.node[agent] = newNode;
       out.previous[agent] = this.eventPrevious[next];
       out.behavior[agent] = this.eventBehavior[next];
-      out.frame[agent] = left;
+      out.frame[agent] = begin + ((to - begin) * (share - part)) / (1 - part);
     } else {
-      out.frame[agent] = Math.min(reached, same ? to : last);
+      out.frame[agent] = part > 0 ? from + ((end - from) * Math.min(share, part)) / part : from;
     }
   }
 
@@ -230,11 +225,6 @@ export class FileSource {
     }
     return steps / this.rate;
   }
-}
-
-/** The way as it is, or across the ends of a floor where that is shorter. */
-export function shorterWay(way, span) {
-  return way - span * Math.round(way / span);
 }
 
 /** Stretches of steps in which agents steer, by agent. Their phases are known where their chunks are unpacked. */

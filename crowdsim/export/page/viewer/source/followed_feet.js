@@ -2,13 +2,13 @@
 // feet in the first step of each chunk. A foot that lands stands where it is posed, whatever was before: what moved it
 // has faded by then, if it began to a frame earlier.
 
+import { splitStep } from "./step_tracks.js";
 import { Varints } from "./unpack.js";
 import { wrapAngle } from "./quaternions.js";
 
 export const FREE = 0, STANDS = 1, FADES = 2; // modes
 const LONGEST_FADE = 24; // frames
 const FOLLOWED_ON = 64; // steps ahead up to which feet are followed on from where they were asked for last
-const CAPTURE_RATE = 60;
 const NOTHING = 1e-9;
 // In the order of packed_feet.py.
 const COLUMNS = ["modes", "since", "fading", "x", "y", "yaws"];
@@ -67,18 +67,8 @@ export class FollowedFeet {
       found.parts = [partOf(old, old.frame, now.frame, 0, 1)];
       return found;
     }
-    const natural = CAPTURE_RATE / source.rate, last = nodes.frames[old.node], advance = last - old.frame + now.frame;
-    let begin = 0, share = 1, end = last;
-    // An agent that leaves an idle node skips the rest of it, and plays as many frames as usual: of the idle node at most
-    // up to its end, then the last ones of the next node.
-    if (2 * advance <= 3 * natural) share = advance > 0 ? (last - old.frame) / advance : 1;
-    else {
-      const left = Math.max(old.frame + natural - last, 0);
-      begin = now.frame - left;
-      share = 1 - left / natural;
-      end = Math.min(old.frame + natural, last);
-    }
-    found.parts = [partOf(old, old.frame, end, 0, share), partOf(now, begin, now.frame, share, 1)];
+    const { part, end, begin } = splitStep(nodes.frames[old.node], old.frame, now.frame, source.stepTracks.natural);
+    found.parts = [partOf(old, old.frame, end, 0, part), partOf(now, begin, now.frame, part, 1)];
     return found;
   }
 
@@ -147,7 +137,7 @@ export class FollowedFeet {
     if (step + 1 >= source.steps) return changes;
     const { old, now, parts } = this.partsFrom(agent, step);
     if (!parts) return changes;
-    const trackAt = (share) => this.trackAt(old.track, now.track, share);
+    const trackAt = (share) => source.stepTracks.between(old, now, share);
     this.play(parts[0], trackAt, changes);
     if (parts.length > 1) {
       const [{ node, end, late }, second] = parts;
@@ -172,7 +162,7 @@ export class FollowedFeet {
         changes[foot].push({ share: early, mode: STANDS, node, since: begin, until: 0, pose: shown[foot] });
         continue;
       }
-      const place = this.feet.placeOf(foot), [x, y] = [0, 1].map((k) => this.feet.shorter(shown[foot][k] - place[k], k));
+      const place = this.feet.placeOf(foot), [x, y] = [0, 1].map((k) => this.bodies.source.stepTracks.shorter(shown[foot][k] - place[k], k));
       changes[foot].push(this.released(node, begin, foot, [x, y, wrapAngle(shown[foot][2] - place[2])], early));
     }
   }
@@ -212,12 +202,6 @@ export class FollowedFeet {
       const mode = (this.stands[row] >> foot) & 1 ? STANDS : FREE;
       return { mode, node: now.node, since: now.frame, until: 0, pose: this.feet.placeOf(foot) };
     });
-  }
-
-  trackAt(old, now, share) {
-    if (share >= 1) return now;
-    const [x, y] = [0, 1].map((k) => old[k] + share * this.feet.shorter(now[k] - old[k], k));
-    return [x, y, old[2] + share * wrapAngle(now[2] - old[2])];
   }
 
   /** Pose a body in a frame of its node; its feet are then those of `feet.placeOf`. */

@@ -3,7 +3,6 @@
 import { conjugate, product, rotate, wrapAngle } from "./quaternions.js";
 import { REACH } from "./body_parts.js";
 import { bendLeg } from "./switch_blends.js";
-import { shorterWay } from "./file_source.js";
 import { FADES, FREE, FollowedFeet } from "./followed_feet.js";
 import { Varints } from "./unpack.js";
 
@@ -22,8 +21,6 @@ export class PlantedFeet {
     this.balls = SIDES.map((side, k) => roles[`${side}_toe`] ?? this.legs[k][2]);
     this.across = block.array("feet_across");
     this.any = this.across.length > 0;
-    const { ends } = block.facts;
-    this.spans = [0, 1].map((axis) => (ends && ends[0] === axis ? ends[2] - ends[1] : 0));
     this.bones = bodies.parents.map(() => -1);
     bodies.parents.forEach((parent, joint) => {
       const own = this.legs.flat().indexOf(joint);
@@ -78,12 +75,6 @@ export class PlantedFeet {
     return [this.positions[3 * ball], this.positions[3 * ball + 1], Math.atan2(-x, y)];
   }
 
-  /** A way along an axis, across the ends of a periodic floor if that is shorter. */
-  shorter(way, axis) {
-    const span = this.spans[axis];
-    return span ? shorterWay(way, span) : way;
-  }
-
   /** How far a foot is moved and turned. */
   correction(one, foot, node, frame, place) {
     if (one === null || one.mode === FREE || one.node !== node) return [0, 0, 0];
@@ -96,7 +87,7 @@ export class PlantedFeet {
     const [dx, dy, turn] = inFrame(a, b), [x, y, h] = one.pose;
     const c = Math.cos(h), s = Math.sin(h);
     const way = [x + c * dx - s * dy - place[0], y + s * dx + c * dy - place[1]];
-    way.forEach((value, axis) => (way[axis] = this.shorter(value, axis)));
+    way.forEach((value, axis) => (way[axis] = this.bodies.source.stepTracks.shorter(value, axis)));
     const far = Math.hypot(way[0], way[1]), share = far > FARTHEST ? FARTHEST / far : 1;
     return [share * way[0], share * way[1], wrapAngle(h + turn - place[2])];
   }

@@ -2,7 +2,7 @@
 
 import { poseBody, poseUpper } from "./deformed.js";
 import { planSteps } from "./footsteps.js";
-import { shorterWay } from "./file_source.js";
+import { shorterWay } from "./step_tracks.js";
 import { wrapAngle } from "./quaternions.js";
 
 const TICKS = 10; // samples a second
