@@ -90,7 +90,10 @@ def turned_by(x, y, z):
 
 @helper
 def ease(u):
-    """Return 0 for u <= 0, 1 for u >= 1, and a curve between without speed or acceleration at the ends."""
+    """Return 0 for u <= 0, 1 for u >= 1, and a curve between without speed or acceleration at the ends.
+
+    ``u`` is a share of any range here, not a phase.
+    """
     u = min(max(u, 0.0), 1.0)
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 

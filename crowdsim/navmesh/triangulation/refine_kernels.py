@@ -301,8 +301,9 @@ def add_foot(m, h, x, y, w):
     v = split_edge(m, h, x, y, w)
     if v < 0:
         return v
-    # All triangles that changed are around the new vertex: note that there (`settle` measures them), and queue the
-    # walls of v and of its neighbors, as what they see has changed.
+    # All triangles that changed are around the new vertex, but for those that `restore_delaunay` has flipped and noted
+    # itself: note that there (`settle` measures them), and queue the walls of v and of its neighbors, as what they see
+    # has changed.
     touch(w, v)
     w.to_do[v].mark |= CHANGED
     enqueue(w, v)
