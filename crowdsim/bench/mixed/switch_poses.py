@@ -23,8 +23,8 @@ LATER = 0.5
 
 MOST_JUMP, MOST_SLIP, MOST_SPEED = 0.03, 0.01, 0.1
 """Bars: motion of a joint in FRAME beyond that of both levels [m], slip of a planted foot [m], change of the track's
-velocity from one FRAME to the next beyond that of both levels [m/s]. The vertical velocity has no bar, but is counted
-by that of the track."""
+velocity from one FRAME to the next beyond that of both levels [m/s]. The vertical velocity has no bar of
+its own: switches beyond that of the track are counted."""
 
 FRAME = 1.0 / 30.0
 """Time between two pictures [s]."""

@@ -123,7 +123,7 @@ class Searches:
             self.counts["recovered"] += recoveries
             if dropped.ready is not None:
                 self.waits.append(dropped.ready)
-            # Else it is closed as its slice is collected.
+            # A search whose slice may be running on a thread is closed as that is collected.
             if not dropped.running:
                 dropped.search.close()
 
