@@ -10,11 +10,14 @@ import hashlib
 import os
 import pickle
 import warnings
+from collections import Counter
 from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from llvmlite import ir as llvm
 from numba import njit, types
 from numba.core import cgutils, ir
 from numba.core.caching import IndexDataCacheFile
@@ -23,7 +26,11 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering
-from numba.extending import intrinsic
+from numba.core.datamodel.models import DataModel, TupleModel, UniTupleModel
+from numba.core.boxing import unbox_tuple
+from numba.core.datamodel.packer import _flatten
+from numba.core.runtime.context import NRTContext
+from numba.extending import NativeValue, intrinsic, register_model, unbox
 from numba.np.arrayobj import populate_array
 
 from crowdsim.errors import CacheWarning
@@ -39,35 +46,231 @@ _OVERRIDDEN = (
 
 
 class _BorrowingLower(Lower):
-    """Lowering that does not count references to arguments which the function never reassigns.
+    """Lowering that does not count references to arguments which the function never reassigns, nor to their fields.
 
     numba increments the reference count of every array argument at the start of a function and decrements it at the
-    end, both atomically. The caller holds a reference during the call, so both are unnecessary.
+    end, both atomically. The caller holds a reference during the call, so both are unnecessary. Fields of arguments
+    that are NamedTuples are read once, as the function begins.
     """
 
     def pre_lower(self) -> None:
-        """Collect the variables that are assigned once, from an argument of the same type."""
+        """Find the variables that are borrowed: assigned once, from an argument or a field of one."""
         super().pre_lower()
         assigned = [each for block in self.func_ir.blocks.values() for each in block.find_insts(ir.Assign)]
-        names = [each.target.name for each in assigned]
-        self._borrowed = {
-            each.target.name
-            for each in assigned
-            if isinstance(each.value, ir.Arg)
-            and names.count(each.target.name) == 1
-            and self.typeof("arg." + each.value.name) == self.typeof(each.target.name)
-        }
+        times = Counter(each.target.name for each in assigned)
+        self._once = {each.target.name: each.value for each in assigned if times[each.target.name] == 1}
+        self._paths: dict[str, tuple[int, ...] | None] = {}
+        self._read: dict[tuple[int, ...], Any] = {}
+        self._first_block = self.builder.basic_block  # the arguments are unpacked up to here
+
+    def _path(self, name: str) -> tuple[int, ...] | None:
+        """Return the argument's number and the numbers of fields that lead to a variable's value; None if none do."""
+        if name not in self._paths:
+            value, path = self._once.get(name), None
+            if isinstance(value, ir.Arg):
+                if self.typeof("arg." + value.name) == self.typeof(name):
+                    path = (value.index,)
+            elif isinstance(value, ir.Var):
+                if self.typeof(value.name) == self.typeof(name):
+                    path = self._path(value.name)
+            elif isinstance(value, ir.Expr) and value.op == "getattr":
+                owner = self.typeof(value.value.name)
+                above = self._path(value.value.name) if isinstance(owner, types.BaseNamedTuple) else None
+                if above is not None:
+                    field = owner.fields.index(value.attr)
+                    if owner.types[field] == self.typeof(name):
+                        path = (*above, field)
+            self._paths[name] = path
+        return self._paths[name]
+
+    def _value_at(self, path: tuple[int, ...]) -> Any:
+        """Return the value of an argument or of a field of one, read in the first block of the function."""
+        argument = self.fnargs[path[0]]
+        if len(path) == 1:
+            return argument
+        if path not in self._read:
+            with self.builder.goto_block(self._first_block):
+                place = getattr(argument, "place", None)
+                self._read[path] = (
+                    self.builder.extract_value(argument, path[1:])
+                    if place is None
+                    else _value_at(self.builder, cgutils.gep_inbounds(self.builder, place, 0, *path[1:]))
+                )
+        return self._read[path]
+
+    def _alloca_var(self, name: str, fetype: Any) -> None:
+        """Give a variable a place on the stack; a borrowed one needs none."""
+        if self._path(name) is None:
+            super()._alloca_var(name, fetype)
 
     def lower_assign(self, ty: Any, inst: Any) -> Any:
-        """Assign a borrowed argument without incrementing its reference count."""
-        if inst.target.name in self._borrowed:
-            return self.fnargs[inst.value.index]
-        return super().lower_assign(ty, inst)
+        """Assign a borrowed value without incrementing its reference count."""
+        path = self._path(inst.target.name)
+        return super().lower_assign(ty, inst) if path is None else self._value_at(path)
+
+    def storevar(self, value: Any, name: str, argidx: int | None = None) -> None:
+        """Store a value in a variable; a borrowed one is not stored."""
+        if self._path(name) is None:
+            super().storevar(value, name, argidx)
+
+    def loadvar(self, name: str) -> Any:
+        """Return the value of a variable."""
+        path = self._path(name)
+        return super().loadvar(name) if path is None else self._value_at(path)
 
     def delvar(self, name: str) -> None:
         """Delete a variable; a borrowed one stays, because its count was not incremented."""
-        if name not in self._borrowed:
+        if self._path(name) is None:
             super().delvar(name)
+
+
+_FEW = 8
+"""Most numbers and pointers of a NamedTuple that is handed to a function one by one."""
+
+
+def _value_at(builder: Any, place: Any) -> Any:
+    """Read a value from a place in memory that does not change while the function runs; keep the place with it."""
+    value = builder.load(place)
+    value.place = place
+    return value
+
+
+class _ReferredTuple(DataModel):
+    """How a NamedTuple of this package is handed to functions: by its address, if it is large.
+
+    numba hands over each number and pointer of it as an argument of its own: hundreds of them from kernel to kernel,
+    each taken out of the tuple for the call, and put into it again in the function.
+    """
+
+    def is_referred(self) -> bool:
+        """Return whether functions get the address of the tuple."""
+        is_own = self.fe_type.instance_class.__module__.partition(".")[0] == __package__
+        return is_own and len(list(_flatten([super().get_argument_type()]))) > _FEW
+
+    def get_argument_type(self) -> Any:
+        """Return the LLVM type of the argument, a nested tuple of types if there are several."""
+        return self.get_value_type().as_pointer() if self.is_referred() else super().get_argument_type()
+
+    def as_argument(self, builder: Any, value: Any) -> Any:
+        """Return the argument for a tuple: the place that it was read from, else a new one on the stack."""
+        if not self.is_referred():
+            return super().as_argument(builder, value)
+        place = getattr(value, "place", None)
+        if place is None:
+            with builder.goto_entry_block():
+                place = builder.alloca(value.type)
+            builder.store(value, place)
+        return place
+
+    def from_argument(self, builder: Any, value: Any) -> Any:
+        """Return the tuple of an argument."""
+        return _value_at(builder, value) if self.is_referred() else super().from_argument(builder, value)
+
+    def traverse(self, builder: Any) -> list[tuple[Any, Callable[[Any], Any]]]:
+        """Return the type of each field, and a function that returns the field of a tuple."""
+
+        def field_of(value: Any, field: int) -> Any:
+            if not hasattr(value, "place"):
+                return builder.extract_value(value, field)
+            return _value_at(builder, cgutils.gep_inbounds(builder, value.place, 0, field))
+
+        return [(kind, partial(field_of, field=field)) for field, kind in enumerate(self.fe_type)]
+
+
+@register_model(types.NamedTuple)
+class _ReferredNamedTuple(_ReferredTuple, TupleModel):
+    """A NamedTuple whose fields have several types."""
+
+
+@register_model(types.NamedUniTuple)
+class _ReferredNamedUniTuple(_ReferredTuple, UniTupleModel):
+    """A NamedTuple whose fields have one type."""
+
+
+@unbox(types.BaseNamedTuple)
+def _unbox_named_tuple(kind: Any, given: Any, c: Any) -> NativeValue:
+    """Take a NamedTuple from Python: one call an array, not dozens of instructions, if it is handed on by address."""
+    if not c.context.data_model_manager[kind].is_referred():
+        return unbox_tuple(kind, given, c)
+    with c.builder.goto_entry_block():
+        place = c.builder.alloca(c.context.get_value_type(kind))
+    failed = _fill_tuple(kind, given, place, c)
+    return NativeValue(_value_at(c.builder, place), is_error=failed)
+
+
+def _fill_tuple(kind: Any, given: Any, place: Any, c: Any) -> Any:
+    """Generate code that fills a tuple at a place from one of Python, and return whether it fails, with an error set.
+
+    numba has compared the types of both before. Fields are arrays, tuples and numbers, which need no cleaning up.
+    """
+    failed = cgutils.false_bit
+    for field, part in enumerate(kind):
+        to = cgutils.gep_inbounds(c.builder, place, 0, field)
+        if isinstance(part, types.Array):
+            itemsize = c.context.get_abi_sizeof(c.context.get_data_type(part.dtype))
+            numbers = (ir_number(field), c.builder.bitcast(to, cgutils.voidptr_t), ir_number(itemsize))
+            wrong = c.builder.call(_array_from_python(c), (given, *numbers))
+        elif isinstance(part, types.BaseTuple):
+            wrong = _fill_tuple(part, c.pyapi.tuple_getitem(given, field), to, c)
+        else:
+            native = c.unbox(part, c.pyapi.tuple_getitem(given, field))
+            c.builder.store(native.value, to)
+            wrong = native.is_error
+        failed = c.builder.or_(failed, wrong)
+    return failed
+
+
+def ir_number(value: int) -> Any:
+    return cgutils.intp_t(value)
+
+
+def _array_from_python(c: Any) -> Any:
+    """Return a function of LLVM that fills an array at a place from an item of a tuple, and returns whether it fails.
+
+    Its arguments are the tuple, the number of the item, the place, and the size of an element [byte].
+    """
+    name = "crowdsim.array_from_python"
+    found = c.builder.module.globals.get(name)
+    if found is not None:
+        return found
+    kinds = (c.pyapi.pyobj, cgutils.intp_t, cgutils.voidptr_t, cgutils.intp_t)
+    function = llvm.Function(c.builder.module, llvm.FunctionType(cgutils.bool_t, kinds), name)
+    function.linkage = "internal"
+    given, field, place, itemsize = function.args
+    builder = llvm.IRBuilder(function.append_basic_block("entry"))
+    api = c.context.get_python_api(builder)
+    item = builder.call(api._get_function(llvm.FunctionType(api.pyobj, (api.pyobj, api.py_ssize_t)), "PyTuple_GetItem"), (given, field))
+    is_none = builder.icmp_signed("!=", api.nrt_adapt_ndarray_from_python(item, place), cgutils.int32_t(0))
+    # An array at a place begins with the addresses of its memory block and its parent, then the counts of items and of bytes in each.
+    held = builder.load(builder.gep(builder.bitcast(place, cgutils.intp_t.as_pointer()), [cgutils.intp_t(3)]))
+    failed = builder.or_(is_none, builder.icmp_signed("!=", held, itemsize))
+    with builder.if_then(failed, likely=False):
+        api.err_set_string("PyExc_TypeError", "a field of a NamedTuple is no array of the expected type")
+    builder.ret(failed)
+    return function
+
+
+@cache
+def _is_counted(model: Any) -> bool:
+    """Return whether values of a data model hold memory whose references are counted."""
+    return model.contains_nrt_meminfo()
+
+
+def _meminfos(self: NRTContext, builder: Any, kind: Any, value: Any) -> list[tuple[Any, Any]]:
+    """Return the memory blocks in a value, with the type of each, as NRTContext does.
+
+    It takes out of a value only what holds some. numba takes out each number, too, which is most of the code
+    generated for a tuple of arrays.
+    """
+    model = self._context.data_model_manager[kind]
+    found = [(kind, model.get_nrt_meminfo(builder, value))] if model.has_nrt_meminfo() else []
+    for part, part_of in model.traverse(builder):
+        if _is_counted(self._context.data_model_manager[part]):
+            found += self.get_meminfos(builder, part, part_of(value))
+    return found
+
+
+NRTContext.get_meminfos = _meminfos
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
