@@ -155,7 +155,7 @@ class Choosing:
             number += 1
 
     def _note_changes(self, view: View) -> None:
-        """Update digests of rows that reserved in a kernel and searches of rows that entered a node; empty the lists."""
+        """Update digests of rows that reserved in a kernel, searches of rows that entered a node; empty the lists."""
         scratch = self._scratch
         for row in scratch.extended[: scratch.counts[EXTENDED]].tolist():
             view.timeline_digest[row] = timeline_digest(view.timeline[row])
@@ -183,7 +183,7 @@ class Choosing:
             self._rests(view, row)
 
     def _goes_on(self, view: View, row: int) -> bool:
-        """Choose for a row that the kernel leaves to Python; return False if its plan goes on but cannot be reserved."""
+        """Choose for a row that the kernel leaves to Python; return False if the rest of its plan is refused."""
         agent, cursor = int(view.agent[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
         walker = self._walker(row)
