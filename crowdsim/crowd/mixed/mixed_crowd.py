@@ -118,7 +118,8 @@ class MixedCrowd:
     def finished(self) -> bool:
         """Return True if all agents that can arrive have arrived."""
         lost = 0
-        # As long as something may move, a goal may become reachable.
+        # As long as something may move, a goal may become reachable. After that, agents are lost that have steered
+        # without a path for long, or that have not entered and have no way.
         if self.captured.events.over:
             since = self.steered.world.column("lost_since")
             lost = int(((since != NONE) & (self.step_count - since > LOST_SECONDS * STEERING_RATE)).sum())

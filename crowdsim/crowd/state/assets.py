@@ -290,7 +290,7 @@ def prepare(
     arrays, maps_folder = behavior_set.graph.arrays, cache_folder() / "maps"
     bodies = None
     if scenario.planner == "collision3d":
-        # As for the other planners, what meets no layer has no effect: feet would touch each carpet and threshold.
+        # As for the other planners, solids that meet no layer have no effect: feet would touch carpets and thresholds.
         bands = [layer.band() for layer in scenario.bands]
         solids = [solid for solid in scenario.environment.timetable.fixed if not dropped_solids([solid], bands)]
         bodies = make_bodies(CollisionScene(solids), behavior_set.behaviors)

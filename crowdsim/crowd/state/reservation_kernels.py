@@ -72,6 +72,7 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
     are in the world, False if one has yet to enter it. If both are present and too near already at ``first_slot``, they
     may come to rest as near, and overlap as much, as they do then; otherwise they could never part.
     """
+    # One of them is gone by then.
     if first_slot >= a_gone or first_slot >= b_gone:
         return False
     # Samples at the first slot; before its begin and past its end a timeline stays at its first and last sample.
@@ -106,6 +107,7 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
         if gap >= bend + max(a[ia, RADIUS], a[ja, RADIUS]) + max(b[ib, RADIUS], b[jb, RADIUS]):
             continue
         if gap < bend + beside_discs(a, ia, ja, 1) + beside_discs(b, ib, jb, 1):
+            # Least gap allowed: as above, by the closer look.
             allowed = 0.0
             if present:
                 allowed = min(sure_gap(a, first_a, first_a, b, first_b, first_b) - ROUNDING, 0.0)

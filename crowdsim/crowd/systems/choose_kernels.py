@@ -148,7 +148,8 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
                 scratch.refused[scratch.counts[REFUSED]] = row
                 scratch.counts[REFUSED] += 1
                 continue
-            # Reserved. It moves now, so it cannot be asked to give way; a row that stands in its way ahead can.
+            # Reserved. It moves now, so it cannot be asked to give way; a row that stands in its way ahead, nearer than
+            # two radii, can.
             scratch.extended[scratch.counts[EXTENDED]] = row
             scratch.counts[EXTENDED] += 1
             note_standing(graph, rows, scratch)
