@@ -53,10 +53,11 @@ HELD_UP = 1.0
 """Distance within which a waiting member notices stuck agents [m]."""
 
 STUCK = 0.5
-"""Time stuck above which they count [s]."""
+"""Time stuck above which such agents count [s]."""
 
 URGENCY = 8
-"""Factor by which its patience runs out faster meanwhile: the members it waits for may be behind the stuck ones."""
+"""Factor by which the patience of a member runs out faster while it notices a stuck agent: the members for which it
+waits may be behind that one."""
 
 Floats = NDArray[np.float64]
 """Array of float64."""
@@ -70,7 +71,7 @@ class Parties:
     Parameters
     ----------
     first : (n,) int64
-        First member of the party of each agent.
+        First member of the party of each agent; the agent itself if it walks alone.
     free : MultiPolygon
         Free floor of bodies; members do not turn towards others behind an obstacle.
     span : (float, float)
@@ -135,8 +136,9 @@ class Parties:
     def _company(self, view: View, rows: Ints, k: int) -> tuple[Floats, Floats, Floats]:
         """Return the lead of member ``k`` over the last member [m], and the vector to the middle of the others [m].
 
-        ``rows`` (p, size) are the rows of parties whose member ``k`` walks. The lead is negative for the last member.
-        The middle is that of all others nearer than OUT_OF_SIGHT.
+        ``rows`` (p, size) are the rows of parties whose member ``k`` walks; results are (p,). For the last member, the
+        lead is minus its lag behind the next one. The middle is that of all others nearer than OUT_OF_SIGHT; without
+        any, the vector is (0, 0).
         """
         state, mine = view.row, rows[:, k]
         lead = np.full(len(rows), -np.inf)
@@ -151,8 +153,8 @@ class Parties:
             )
             distance = hypot(dx, dy)
             passed = view.reached[mine] - view.reached[at]
-            # Lead over this member: by the ways left. A member that walks to a later place already is ahead by the
-            # distance between both. A floor is periodic along one axis at most, and ways left jump by its period.
+            # Lead over the other member: by the ways left. If one of both walks to a later place already, it leads by
+            # the distance between both. A floor is periodic along one axis at most, and ways left jump by its period.
             behind = shorter_ways(state["togo"][at] - state["togo"][mine], max(self._span))
             over = np.where(passed == 0, behind, np.sign(passed) * distance)
             lead = np.where(there, np.maximum(lead, over), lead)
@@ -168,8 +170,8 @@ class Parties:
         agents = view.agent[rows]
         # Slow down linearly with the lead.
         share = 1.0 - np.clip((lead - SLOWS_AT) / (WAITS_AT - SLOWS_AT), 0.0, 1.0)
-        # At less than half its speed it counts as waiting. Count the time waited, faster if a stuck agent is beside; it
-        # counts down while walking, and is 0 again without a lead.
+        # At less than half of its speed, a member counts as waiting. Count the steps waited, faster if a stuck agent is
+        # beside it. The count goes down while the member walks, and is 0 again without a lead.
         waits = (share < 0.5) & ~self._goes_on[agents]
         holds_up = waits.copy()
         holds_up[waits] = self._hold_up(view, rows[waits])

@@ -153,8 +153,8 @@ def ask(ground, points, field, state, asks, slots):
             if length == 0.0:
                 break
             asks[box] = min(asks[box], _passage(ground, x, y, dx / length, dy / length))
-            # Advance by one pace, past as many anchors as lie within it. The path ends at a point of the goal, or at a pin
-            # that is its own anchor.
+            # Advance by one pace, past as many anchors as lie within it. The path ends at a point of the goal, or at a
+            # pin that is its own anchor.
             rest = pace
             while n + 1 < paces and length <= rest and anchor < boxes and field.anchor[anchor] != anchor:
                 rest -= length
