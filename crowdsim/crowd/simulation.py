@@ -138,7 +138,7 @@ class Simulation(Commandable, Extensible):
 
     @cached_property
     def header(self) -> RecordingHeader:
-        """Return what does not change from step to step, as a recording holds it."""
+        """Return the header of a recording: what does not change from step to step."""
         return self.crowd.header(self.scenario)
 
     @property
@@ -333,11 +333,13 @@ class Simulation(Commandable, Extensible):
         return self.step_count + bool(self._systems.running)
 
     def _require_open(self) -> None:
+        """Raise CrowdSimError if the simulation takes no more steps: an own system has failed, or it is closed."""
         self._systems.require_sound()
         if self._closed:
             raise CrowdSimError(f"{self.scenario.name}: the simulation was run or closed; make a new Simulation")
 
     def _writer(self, output: Path) -> RecordingWriter:
+        """Return a writer of the recording ``output``; file names in its scenario start from its folder."""
         keys = self.scenario.to_yaml(output.resolve().parent)
         return RecordingWriter(output, replace(self.header, scenario_keys=keys))
 
@@ -351,7 +353,7 @@ class Simulation(Commandable, Extensible):
         writer.append(frame, self.crowd.hash)
 
     def _record_movables(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
-        """Record the movables whose placing differs from ``before``, and update that."""
+        """Record new movables, and those whose placing differs from ``before``; update ``before``."""
         movables = self.movables()
         for movable, _ in movables[len(before) :]:  # commands have inserted these
             before.append(None)
@@ -364,7 +366,7 @@ class Simulation(Commandable, Extensible):
 def _crowd_of(
     scenario: Scenario, workers: int, preparing: Callable[[int, int], None] | None, behavior_set: BehaviorSet
 ) -> Crowd:
-    """Return the crowd of a scenario: of one level if all its groups are, else of both."""
+    """Return the crowd of a scenario: of one level if all its groups are of that one, else of both levels."""
     if scenario.locomotions() == {"captured"}:
         return CapturedCrowd(scenario, workers, preparing, behavior_set=behavior_set)
     if scenario.locomotions() == {"steered"}:
