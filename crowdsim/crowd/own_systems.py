@@ -283,7 +283,7 @@ def name_of(system: System) -> str:
 
 
 def _holds(kind: np.dtype[Any], fill: NDArray[Any]) -> bool:
-    """Return True if a column of ``kind`` can hold ``fill``: floats rounded, but not to infinity, others as they are."""
+    """Return True if a column of ``kind`` can hold ``fill``: floats rounded, not to infinity; others as they are."""
     if kind.kind == "f":
         with np.errstate(over="ignore"):
             return bool(np.array_equal(np.isfinite(fill.astype(kind)), np.isfinite(fill)))

@@ -31,7 +31,8 @@ from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
 from crowdsim.steering.way_kernels import gap_to_way
 
 CROSSING = 1e-9
-"""Distance between two cores, or a core and a segment, below which they cross: rounding leaves some 1e-16 [m]."""
+"""Distance between two cores, or a core and a segment, below which they count as crossing [m]: rounding leaves some
+1e-16."""
 
 MARGIN = 1e-6
 """Part of each gap that no step uses [m]: above the rounding error of a step, below what is visible.

@@ -29,9 +29,10 @@ _LEAST = 1e-9
 
 @helper
 def reach_of_turn(hx, hy, ex, ey, nx, ny):
-    """Return the largest |u . n| of the core's unit vector u while the heading turns from h to e, less than 90 degrees.
+    """Return the largest |u . n| of the core's unit vector u while the heading turns from h to e.
 
-    u is perpendicular to the heading, so |u . n| is 1 if the heading becomes perpendicular to n during the turn.
+    The turn is by less than 90 degrees. u is perpendicular to the heading, so |u . n| is 1 if the heading becomes
+    perpendicular to n during the turn.
     """
     if (hx * nx + hy * ny) * (ex * nx + ey * ny) <= 0.0:
         return 1.0

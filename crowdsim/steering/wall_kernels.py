@@ -244,7 +244,7 @@ def free_ahead(walls, x, y, ux, uy, width, farthest):
         way = SPACING
         ahead = distance_at(walls, x + way * ux, y + way * uy)
         # Moving nearer to the wall is blocked. Distances are rounded down, so a way parallel to a wall may seem to lead
-        # nearer by one unit. Afterwards the present distance is the one to keep.
+        # nearer by one unit. From there on, keep the present distance if it is less than ``width``, less the tolerance.
         if ahead < before - UNIT:
             return 0.0
         width = min(before, width) - _TOLERANCE

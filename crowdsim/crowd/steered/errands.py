@@ -146,7 +146,7 @@ class Errands:
         view.row["speed"][goes] = view.pace[goes]
 
     def drop(self, agents: NDArray[np.int64]) -> None:
-        """Let go of the goals that commands gave to agents (k,), who leave or have left, for :meth:`free_goal`."""
+        """Release the goals that commands gave to agents (k,) that leave or have left, for :meth:`free_goal`."""
         self._itinerary[agents] = self._cast.group[agents]
 
     def goal(self, agents: NDArray[np.int64], reached: NDArray[np.int64]) -> NDArray[np.int32]:

@@ -151,7 +151,8 @@ class ExitChoice:
         self._follow_the_first(view)
 
     def _ways(self, view: View) -> tuple[Floats, Ints]:
-        """Return the lengths of the ways [m] and the goals of all agents that may wait at an exit."""
+        """Return the lengths of the ways (k,) [m] and the goals (k,) of all agents that may wait at an exit."""
+        # One process has all agents; and without a group that takes the quickest exit, queues do not count.
         if self._ranks.size == 1 or not self._quickest.any():
             return view.row["togo"], view.row["goal"]
         ways, _ = self._ranks.together(np.column_stack((view.row["togo"], view.row["goal"])))

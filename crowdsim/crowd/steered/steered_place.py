@@ -118,6 +118,7 @@ class SteeredPlace:
         waiting, happening = [], []
         for number in agenda.waiting:
             event = agenda.timetable.events[number]
+            # An event that removes a movable (no placing) never has to wait.
             taken = None if event.placing is None else self._footprints(event.movable, event.placing)
             if taken is not None and self._ranks.any(self.is_taken(taken, state)):
                 waiting.append(number)
