@@ -218,7 +218,7 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
 
 @helper
 def look_around(ground, nobody, field, box, x, y):
-    """Find the target to head for from (x, y) in ``box``, and the cost over it, as :func:`cheapest_around` returns them.
+    """Find the target to head for from (x, y) in ``box``, and the cost over it, in the form of :func:`cheapest_around`.
 
     A reached pin is the target only if no other one is free and nearer to the goal than that pin, by cost.
     """
