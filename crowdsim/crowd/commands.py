@@ -33,7 +33,7 @@ class Commands:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self.given = sorted(scenario.commands, key=lambda command: command.at)
-        """All commands, whether their time has come or not."""
+        """All commands in order of time, whether their time has come or not."""
         self.called = Called(scenario)
         """Which agents are on call after all these commands."""
         for command in self.given:

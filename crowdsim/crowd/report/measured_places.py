@@ -83,6 +83,7 @@ class MeasuredPlaces:
         else:
             pace = np.full(len(places), np.nan)  # the window is not full: no speed is known yet
         for speed, here in zip(self._speeds, inside, strict=True):
+            # The mean is over the agents of all processes; counts are summed up by `join`.
             paces, _ = self._share.ranks.together(pace[here & ~np.isnan(pace)])
             speed.append(float(paces.mean()) if len(paces) else np.nan)
         self._step += 1

@@ -103,7 +103,7 @@ class Parties:
         self._alone[agents] = True
 
     def keep_together(self, view: View) -> None:
-        """Write wanted speeds and directions of members of parties to their rows."""
+        """Write the wanted speeds and directions of walking members of parties to their rows, after guidance."""
         if not self:
             return
         rows = self._rows(view)
@@ -112,10 +112,10 @@ class Parties:
         for k in range(self._most):
             mine = rows[:, k]
             here = mine != NONE
-            behind, aside_x, aside_y = self._company(view, rows[here], k)
+            lead, middle_x, middle_y = self._company(view, rows[here], k)
             at = mine[here]
-            state["speed"][at] = self._pace(view, at, behind)
-            self._head_for(state, at, aside_x, aside_y)
+            state["speed"][at] = self._pace(view, at, lead)
+            self._head_for(state, at, middle_x, middle_y)
 
     def _rows(self, view: View) -> Ints:
         """Return the rows (p, k) of walking members, NONE for others; only parties of which two or more walk.
@@ -166,7 +166,10 @@ class Parties:
         return lead, middle_x / many, middle_y / many
 
     def _pace(self, view: View, rows: Ints, lead: Floats) -> Floats:
-        """Return the speeds of rows with the given leads [m/s], and note which of them wait."""
+        """Return the speeds (k,) of ``rows`` (k,) with the leads ``lead`` (k,) [m] over the last member of their party.
+
+        Speeds are in m/s. Count the steps that each row waits.
+        """
         agents = view.agent[rows]
         # Slow down linearly with the lead.
         share = 1.0 - np.clip((lead - SLOWS_AT) / (WAITS_AT - SLOWS_AT), 0.0, 1.0)
@@ -191,12 +194,13 @@ class Parties:
         return stuck_beside(places, self.first[view.agent], rows, np.flatnonzero(view.row["stuck"] > STUCK))
 
     def _head_for(self, state: NDArray[Any], rows: Ints, dx: Floats, dy: Floats) -> None:
-        """Turn the directions of rows towards the middle of the others, if it is to the side and in sight.
+        """Turn the directions of ``rows`` (k,) towards the middle of the others, if it is to the side and in sight.
 
         ``(dx, dy)`` (k,) lead from each row to that middle [m].
         """
         gx, gy = state["gx"][rows], state["gy"][rows]
         side = gx * dy - gy * dx  # distance to the left of the way [m]
+        # Tangent of the angle to turn by. Near its goal, a member heads for that only.
         turn = np.clip(COMES_CLOSER * (np.abs(side) - ABREAST), 0.0, TURNS_MOST)
         turns = np.flatnonzero((turn > 0.0) & (state["togo"][rows] > STRAIGHT))
         if not len(turns):

@@ -210,8 +210,8 @@ class Guidance:
     def refresh(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
         """Solve a field of one goal in the present crowd, and let agents change to it.
 
-        Call this every few simulated seconds for each goal, in turn. Without a crowd none is solved, and all follow the
-        first field again.
+        Call this every few simulated seconds for each goal, in turn. Without a crowd no field is solved, and all agents
+        of the goal follow its first field again.
 
         Parameters
         ----------

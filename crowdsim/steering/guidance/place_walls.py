@@ -72,7 +72,7 @@ class PlaceWalls:
     Raises
     ------
     GeometryError
-        If there are no areas, or all are empty.
+        If there are no areas, all are empty, or outlines are not given for as many layers.
     """
 
     def __init__(self, areas: Sequence[BaseGeometry], things: Mapping[int, Outlines] | None = None) -> None:
@@ -107,6 +107,11 @@ class PlaceWalls:
         -------
         Bounds or None
             Bounds of the old and the new outlines together [m]; None if both are empty.
+
+        Raises
+        ------
+        GeometryError
+            If outlines are not given for as many layers as the place has.
         """
         after = () if outlines is None else self._of(outlines)
         before = self._things.pop(thing, ())
