@@ -81,18 +81,22 @@ class Commandable(ABC):
 
         Parameters
         ----------
-        group : its name
-        count : how many come
-        start : (x, y) [m], a polygon of shapely, or the keys of a region; where the group starts if it is None
+        group : str
+            Name of the group.
+        count : int
+            How many agents come.
+        start : (x, y), Polygon or mapping, optional
+            A point [m], a polygon of shapely, or the keys of a region; by default, agents start where their group does.
 
         Returns
         -------
-        Their numbers (count,).
+        (count,) int64
+            Numbers of the agents.
 
         Raises
         ------
         ScenarioError
-            If the group has not so many left, or nobody can stand there.
+            If there is no such group on call, it has not so many agents left, or no agent can stand in ``start``.
         """
         agents = self._commands.next_on_call(group, count)
         self._give(add={"agents": agents} if start is None else {"agents": agents, "start": _region(start)})

@@ -118,9 +118,9 @@ class Simulation(Commandable, Extensible):
         """Return the bodies of all agents in the world, as the last step left them.
 
         They stand where :attr:`agents` has them. Captured bodies are those of a recording at the same time. Footsteps
-        of steered bodies, and the half second around a switch of level, follow in a recording from the way that
-        agents go on; here they follow from the way until now, as if agents went on so. So feet may be some
-        centimeters away, and a planted foot may slide when its agent turns.
+        of steered bodies, and bodies in the half second around a switch of level, depend in a recording on how the
+        agents walk afterwards. Here they depend on the way until now, as if agents went on like that. So feet may be
+        some centimeters away, and a planted foot may slide when its agent turns.
 
         Returns
         -------
@@ -216,8 +216,8 @@ class Simulation(Commandable, Extensible):
         progress : callable, optional
             Called as ``progress(step, step_limit, simulation)`` after every step.
         until : callable, optional
-            Called as ``until(simulation)`` before every step, and may give commands; the run ends if it returns True,
-            and no longer when :attr:`finished` is True: return that if arrivals and ``duration`` are to count.
+            Called as ``until(simulation)`` before every step, and may give commands. The run ends only if it returns
+            True, whatever :attr:`finished` is: return that, too, if arrivals and ``duration`` are to end the run.
 
         Returns
         -------

@@ -126,7 +126,8 @@ class Parties:
         # Members without a path are not waited for.
         walks = np.flatnonzero((view.errand == Errand.WALKS) & (view.row["togo"] < LOST) & ~self._alone[view.agent])
         row_of[view.agent[walks]] = walks
-        # Members of a party have consecutive numbers from its first one on; smaller parties leave places over.
+        # Members of a party have consecutive numbers from its first one on. In smaller parties, the last columns do not
+        # belong to it.
         members = self._firsts[:, None] + np.arange(self._most)
         inside = np.minimum(members, len(self.first) - 1)
         belongs = (members == inside) & (self.first[inside] == self._firsts[:, None])

@@ -225,8 +225,8 @@ class SteeredCrowd:
         """Guide all rows, remove those that leave, and let the rest take a step that keeps clear of ``others``."""
         world, place = self.world, self.place
         view = world.view()
-        # Renew a field, let agents whose wait is over go on, and reconsider exits; then write the guidance of all, which
-        # errands, parties and movables that wait to appear change after that.
+        # Renew a field, let agents whose wait is over go on, and reconsider exits. Then write the guidance of all rows;
+        # after that, errands, parties and movables that wait to appear change it.
         place.refresh(self._step, view.row, view.following)
         self.errands.set_out(view, self._step)
         self.exits.consider(view, self._step)

@@ -157,7 +157,7 @@ def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, c
     Both paths are priced in the present crowd: the old path as it leads, the new one as its field has it. An agent
     changes if the new path costs less than ``weighing.share`` of the old one; or less than ``weighing.around`` of it,
     if the crowd's part of the new cost is below ``weighing.jam`` of the crowd's part of the old cost; or if only the
-    new field has a path.
+    new field has a path. Narrow places count to the crowd's part.
 
     Parameters
     ----------

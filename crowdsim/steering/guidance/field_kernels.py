@@ -105,7 +105,8 @@ def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
     between the lines of these two boxes, so the line in between need not be tested. All lines must be free for the
     widest behavior. In a goal, the two boxes may see an adjacent pin of the goal instead, on their own side.
     """
-    # The two boxes next to the box in the directions k and k + 1 on both sides of the line.
+    # One of the two boxes lies in the direction ``first``, to the right of the line, the other one in the next
+    # direction, to its left.
     dx = sx - px
     dy = sy - py
     first = eighth_of(dx, dy)
@@ -272,7 +273,7 @@ def solve(ground, crowding, points, inside, field, state):
     ground, crowding : Ground, Crowding
         The place and its crowd.
     points : (k, 2) float64
-        Points of the goal beside the pins in it [m].
+        Points of the goal that are anchors, in addition to the pins in it [m].
     inside : (j,) int64
         Boxes whose pins are in the goal.
     field : Field

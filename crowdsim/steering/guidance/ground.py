@@ -169,8 +169,8 @@ def build_ground(
 def squeezed_ground(ground: Ground, clearance: float) -> Ground:
     """Return a ground on which the narrowest behavior needs no more than ``clearance`` [m], from walls of any class.
 
-    Its ways lead through gaps, and out of pockets, that no behavior is planned for, but people are pushed into. Walls
-    and boxes are shared with the ground given.
+    Its ways lead through gaps and out of pockets for which no behavior is planned, but into which agents are pushed.
+    Walls and boxes are shared with the ground given.
     """
     boxes = ground.columns * ground.rows
     radii, prescribed = ground.radii.copy(), ground.prescribed.copy()
