@@ -66,12 +66,12 @@ def hear_opposing(rows, mine, near, count, walls, rules):
             aside = abs(mine.gx * seen.py - mine.gy * seen.px)
             if aside < 1.5 and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
                 return 1.0
-        # An agent that walks the same way (less than 73 degrees off) hands on what it knows, a share and a little less
+        # An agent that walks the same way (less than 73 degrees off) hands on its awareness, a share of it less a little
         # with each agent: the news runs back through a queue, and ends.
         elif along > 0.3:
-            told = rules.news * other.opposed - 0.02
-            if told > news and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
-                news = told
+            heard = rules.news * other.opposed - 0.02
+            if heard > news and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
+                news = heard
     return news
 
 

@@ -188,7 +188,7 @@ def _test_box(ground, crowding, points, field, state, box):
         if value < best:
             best = value
             anchor = tried
-            # Dearer than its length by more than rounding: a narrower behavior or a crowd is on the line.
+            # If it is dearer than its length by more than rounding, a narrower behavior or a crowd is on the line.
             is_pure = value <= paid + top * length * (1.0 + 1e-9) + 1e-12
         else:
             dropped = tried
