@@ -66,8 +66,8 @@ def hear_opposing(rows, mine, near, count, walls, rules):
             aside = abs(mine.gx * seen.py - mine.gy * seen.px)
             if aside < 1.5 and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
                 return 1.0
-        # An agent that walks the same way (less than 73 degrees off) hands on its awareness, a share of it less a little
-        # with each agent: the news runs back through a queue, and ends.
+        # An agent that walks the same way (less than 73 degrees off) hands on a share of its awareness, less a little:
+        # so the news runs back through a queue from agent to agent, and ends.
         elif along > 0.3:
             heard = rules.news * other.opposed - 0.02
             if heard > news and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):

@@ -138,7 +138,7 @@ def bound_distances(segments, starts, lists, reach, frame, far):
             known = bound[row, column]
             # A box without listed segments is at least ``reach`` away. Let c be the center of the box in which the
             # nearest point of a wall is, at most CORNER from c, and d the distance from c to the center of this box. At
-            # most d plus CORNER was handed on from there; the wall is at least d less CORNER away. 1 cm is for rounding.
+            # most d plus CORNER was handed on; the wall is at least d less CORNER away. 1 cm is for rounding.
             if starts[box] == starts[box + 1]:
                 known = max(known - 2.0 * CORNER - 0.01, reach)
             far[row, column] = min(int(known / FAR_UNIT), 255)
