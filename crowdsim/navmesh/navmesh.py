@@ -248,7 +248,7 @@ class NavMesh(MeshQueries):
         Returns
         -------
         Handle
-            What :meth:`remove` and :meth:`move` know the obstacle by.
+            The name of the obstacle for :meth:`remove` and :meth:`move`.
 
         Raises
         ------
@@ -330,7 +330,7 @@ class NavMesh(MeshQueries):
         return self._obstacles
 
     def _update(self, obstacles: Obstacles) -> None:
-        """Take the arrays of the editor after an edit."""
+        """Take the arrays of the editor after an edit, count the edit, and drop searches on the arrays before it."""
         self.arrays = obstacles.mesh
         self.revision += 1
         self._search = None

@@ -71,7 +71,7 @@ class Workspaces:
 
     @contextmanager
     def lent(self, triangles: int) -> Iterator[Workspace]:
-        """Lend a workspace to one thread, for the mesh while it has ``triangles``."""
+        """Yield a workspace for a mesh of ``triangles`` to one thread; keep it then, but drop it after an error."""
         with self._lock:
             fit = next((k for k, idle in enumerate(self._idle) if len(idle.waypoints) >= triangles), None)
             found = None if fit is None else self._idle.pop(fit)
@@ -79,7 +79,7 @@ class Workspaces:
                 # Drop the others: they are too small for the mesh as it is now.
                 self._idle.clear()
         if found is None:
-            # Up to a power of two, so that a mesh that grows a little still fits.
+            # Room for a power of two, so that a mesh that grows a little still fits.
             found = empty_workspace(1 << max(triangles - 1, 1).bit_length())
         yield found
         with self._lock:
