@@ -87,10 +87,10 @@ def _push(w, a, b):
 def _flip_spokes(m, w, v):
     """Flip spokes of vertex v away until four are left or none can be: (a spoke, number of spokes, of fixed ones).
 
-    Four are few enough: the caller joins two opposite ones to one side, which leaves two triangles. Exact: a spoke is
-    flipped if both new triangles have an area. If none is constrained, there is one among five or more: spokes whose
-    neighbors are half a turn or more apart, and corners of the outline that do not bend outward, are too few to block
-    all.
+    Four are few enough: the caller joins two opposite ones to one side, which leaves two triangles. A spoke is flipped
+    if both new triangles have an area, by exact tests. If none is constrained, at least one of five or more can be
+    flipped: only those are blocked whose neighbors are half a turn or more apart, or whose end is a corner of the
+    outline that does not bend outward, and these are too few to block all.
     """
     sides = m.sides
     vertices = m.vertices

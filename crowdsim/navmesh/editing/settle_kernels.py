@@ -37,7 +37,7 @@ _SEEN = -(1 << 40)
 
 @helper
 def _seen_from_gone(m, t, w):
-    """Return True if the circle of triangle t meets a removed side, of those in ``gone``."""
+    """Return True if the circumcircle of triangle t meets one of the removed sides in ``gone``."""
     for i in range(w.progress[0].gone):
         side = w.gone[i]
         least, most = inside_circle(m, t, side.ax, side.ay, side.bx, side.by, 0.0, 1.0)
@@ -189,6 +189,7 @@ def settle(m, w):
         v = w.to_do[i].touched
         if vertices[v].vhe < 0 or v < BOX_CORNERS:
             continue
+        # A removed side may have stood between v and a wall.
         if removal:
             w.to_do[v].mark |= LOOKING
         if w.to_do[v].mark & CHANGED == 0:
@@ -196,7 +197,7 @@ def settle(m, w):
         first = vertices[v].vhe
         h = first
         for _ in range(sides.size):
-            # Each side once: from its origin.
+            # Each side once: from its origin. Behind an open one, changed triangles are looked at by themselves.
             if is_dirty(sides, h // 3) and m.cover[h // 3] == 0:
                 if sides[h].constraints != 0:
                     enqueue(w, v)

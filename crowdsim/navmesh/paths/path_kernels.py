@@ -146,9 +146,9 @@ def append_path(points, filled, path):
 
 @kernel
 def plan_paths(m, regions, work, batch):
-    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2), path after path.
+    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2) [m], path after path.
 
-    Fill the batch's ``status``, ``lengths`` (nan if there is no path) and ``counts``.
+    Fill the batch's ``status``, ``lengths`` [m] (nan if there is no path) and ``counts``.
     """
     starts, goals, radii, least = batch.starts, batch.goals, batch.radii, batch.least
     status, lengths, counts = batch.status, batch.lengths, batch.counts

@@ -102,7 +102,7 @@ def _swallowed(one, other):
 
 @helper
 def funnel(m, channel, count, reach, sx, sy, gx, gy):
-    """Pull a string taut through the first ``count`` sides of the channel, from (sx, sy) to (gx, gy).
+    """Pull a string taut through the first ``count`` sides of the channel, from (sx, sy) to (gx, gy) [m].
 
     ``channel`` holds the half-edges that are crossed, in order. Return the string's nodes (STRING_NODE), in an array
     with room for more, and their number.

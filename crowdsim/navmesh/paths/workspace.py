@@ -59,7 +59,7 @@ def empty_workspace(triangles: int) -> Workspace:
 
 
 class Workspaces:
-    """Workspaces of searches on one mesh. Each is lent to one thread at a time and then kept for the next search."""
+    """Workspaces of searches on a mesh and its copies; each serves one thread at a time and is kept for the next one."""
 
     def __init__(self) -> None:
         self._idle: list[Workspace] = []

@@ -205,6 +205,7 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
                 cosine = (radius * radius + distance2 - least * least) / (2.0 * radius * math.sqrt(distance2))
                 half = acos(min(max(cosine, -1.0), 1.0))
                 taken = _block(spans, taken, nx, ny, extent, dx, dy, half)
+        # The end of the wedge, or all around.
         if h in (last, begin):
             return spans, taken
     raise BoundExceeded

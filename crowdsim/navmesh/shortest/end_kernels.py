@@ -2,8 +2,8 @@
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``graph`` (TangentGraph), ``scratch`` and
 ``disc`` are those of :mod:`crowdsim.navmesh.shortest.shortest_scratch`; ``least`` is the clearance that counts as
-enough [m]; ``found`` is the number of tangents in the view so far; p0 = (x0, y0), the end 0 of a line, is where one
-looks from.
+enough [m]; ``found`` is the number of tangents in the view so far; (x, y) is a place, p0 = (x0, y0) the place from
+which a line of sight leads to (x1, y1) [m].
 """
 
 import math
@@ -115,6 +115,7 @@ def sees(m, t, x0, y0, x1, y1):
             return False
         came = sides[out].twin
         t = came // 3
+    # A straight line enters each triangle at most once, so the walk has ended before.
     return False
 
 

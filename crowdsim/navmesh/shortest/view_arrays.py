@@ -59,7 +59,7 @@ class Viewpoint(NamedTuple):
     q: float
     radius: float
     tolerance: float
-    """Vertices hide only what is behind them by more than this [m]."""
+    """How far views see past vertices, to the side [m], as corners may be off their places."""
     margin: float
     """How far headings may be off what other vertices leave [rad], at least ``TOLERANCE`` of visibility_kernels."""
     ax: float

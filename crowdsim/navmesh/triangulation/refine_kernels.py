@@ -127,7 +127,7 @@ def find_bottleneck(m, v, qx, qy, w):
     Return (half-edge, foot x, foot y) [m], not relative to v, with -1 for the half-edge if there is none. As the disc
     between v and the foot holds no vertex, the foot is not farther along any seen vertex u than u itself, which bounds
     the search. Only discs that hold (qx, qy) [m] count: their feet are at least as far along q as q itself. If q is at
-    v all count. If ``sights`` has no room for a view, no loop turn is left for the edit.
+    v all count. If ``sights`` has no room for a view, the loop turns left become 0, so that the edit counts as stuck.
     """
     sights = w.sights
     sides = m.sides
@@ -229,7 +229,8 @@ def _find_foot(m, s, w):
     that touches nothing else holds no corner of the triangles it crosses. So at each side that it crosses on the way to
     the vertex, its part before the side lies within the circumcircle of the triangle behind the side. The foot is thus
     in all these circles, which bounds the search. It is also in front of each of these sides; without this bound the
-    search would circle around a vertex next to s. If ``sights`` has no room, no loop turn is left for the edit.
+    search would circle around a vertex next to s. If ``sights`` has no room, the loop turns left become 0, so that the
+    edit counts as stuck.
     """
     sights = w.sights
     sides = m.sides

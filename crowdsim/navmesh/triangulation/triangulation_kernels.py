@@ -38,7 +38,7 @@ def link(sides, h, g):
 def take(sides, h, source):
     """Give half-edge h the twin, constraint, winding and use of half-edge ``source``: it takes the place of this side.
 
-    Of the twin, only its own twin changes: its constraints, winding and use stay.
+    The new twin of h gets h as its twin; its constraints, winding and use stay.
     """
     target = sides[h]
     target.constraints = sides[source].constraints
@@ -182,7 +182,7 @@ def restore_delaunay(m, w, top):
 
 @helper
 def _new_vertex(m, x, y):
-    """Reserve a vertex at (x, y) that no triangle has yet, and two triangles without corners.
+    """Reserve a vertex at (x, y) [m] that no triangle has yet, and two triangles without corners.
 
     Return the vertex or FULL.
     """
