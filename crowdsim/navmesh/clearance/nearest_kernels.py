@@ -78,7 +78,7 @@ def _nearest_of(one, px, py, radius):
 def _try_meetings(m, t, px, py, one, other, radius, tolerance, best):
     """Try the points where two outlines meet; arguments as of :func:`_try`.
 
-    An outline is that of an obstacle's corner or side, grown by the radius: a circle, or a line beside the side.
+    An outline lies ``radius`` from a corner of an obstacle, a circle, or from a side, a line beside it.
     """
     # A segment first, if there is one.
     if one.length == 0.0:

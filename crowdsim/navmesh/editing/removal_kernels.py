@@ -185,7 +185,7 @@ def _join_four(m, w, h0):
     b = sides[nxt(h1)].org
     c = sides[nxt(h2)].org
     d = sides[nxt(h3)].org
-    # Triangle (a, b, c) in place of that of h0, then (c, d, a) in place of that of h2. Spoke h becomes the side from
+    # Triangle (a, b, c) replaces the triangle of h0, then (c, d, a) the triangle of h2. Spoke h becomes the side from
     # the end to the start and keeps its constraint; the side after it stays; the third takes over the outer side of the
     # next spoke.
     for h, source, start, middle, end in ((h0, nxt(h1), a, b, c), (h2, nxt(h3), c, d, a)):

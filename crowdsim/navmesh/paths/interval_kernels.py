@@ -175,6 +175,7 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
     h = np.int64(label.h)
     rx = label.rx
     ry = label.ry
+    # The ends of the label's interval, relative to the root.
     dlx = label.lx - rx
     dly = label.ly - ry
     dpx = label.px - rx

@@ -20,7 +20,7 @@ REGION = np.dtype([(name, np.int32) for name in ("top", "up", "depth", "root")],
 """The region of a free triangle.
 
 top: the triangle of its region nearest to the root of the tree; it identifies the region. up: half-edge towards the
-root, -1 at the root; that of a top triangle is a bridge. depth: for a top triangle, the number of bridges to the root.
+root, -1 at the root; of a top triangle it is a bridge. depth: for a top triangle, the number of bridges to the root.
 root: the same for all triangles that free space joins, -1 for blocked ones.
 """
 

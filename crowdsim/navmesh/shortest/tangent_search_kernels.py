@@ -54,8 +54,8 @@ def _is_shorter(back, radius, one, other):
 def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kept_turned, kept_straight):
     """Return a lower bound of the lengths of strings that are lost with an arrival at node n [m]; infinite if none is.
 
-    ``cost`` and ``turned`` are those of the lost arrival; kept_cost, kept_turned and kept_straight (length of its
-    tangent) are those of the cheaper one that is kept. Lost are the strings to which only the lost arrival leads.
+    ``cost`` and ``turned`` belong to the lost arrival; kept_cost, kept_turned and kept_straight (length of its tangent)
+    belong to the cheaper arrival, which is kept. Lost are the strings to which only the lost arrival leads.
     """
     radius = disc.radius
     # Tangents that leave between ``turned`` and ``until`` are cheaper than with the other arrival, which would go back.
@@ -230,7 +230,7 @@ def string_through(graph, ways, count, start, goal, radius):
 
 @helper
 def string_of(graph, labels, last, start, goal, radius):
-    """Return the string from the start to the goal whose last arc is that of node ``last``."""
+    """Return the string (k,) STRING_NODE from start to goal that passes the arc of node ``last`` at the end."""
     # Follow the labels back to the start.
     count = 0
     n = last

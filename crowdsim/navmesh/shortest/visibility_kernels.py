@@ -252,7 +252,8 @@ def _split(sight, other, zx, zy, aim, tolerance, reach):
     other.by = sight.by
     other.a_from = sight.a_from
     other.b_from = sight.b_from
-    # The left part begins slightly right of the vertex, but not outside of the old view; the right part ends alike.
+    # The left part begins slightly right of the vertex, but not outside of the old view. The right part ends slightly
+    # left of it.
     other.rx = zx + tolerance * aim.dy
     other.ry = zy - tolerance * aim.dx
     if sight.rx * other.ry - sight.ry * other.rx < 0.0:

@@ -168,7 +168,8 @@ def find_bottleneck(m, v, qx, qy, w):
             zx = apex.x - px
             zy = apex.y - py
             for h in (nxt(g), prv(g)):
-                # The half right of z keeps the left ray or z, whichever is farther right; the other half alike.
+                # The half right of z ends at the left ray or z, whichever is farther right; the half left of z begins
+                # at the right ray or z, whichever is farther left.
                 r0 = rx
                 r1 = ry
                 l0 = lx
@@ -302,9 +303,9 @@ def add_foot(m, h, x, y, w):
     v = split_edge(m, h, x, y, w)
     if v < 0:
         return v
-    # All triangles that changed are around the new vertex, but for those that `restore_delaunay` has flipped and noted
-    # itself: note that there (`settle` measures them), and queue the walls of v and of its neighbors, as what they see
-    # has changed.
+    # All triangles that changed are around the new vertex, except for triangles that `restore_delaunay` has flipped and
+    # noted itself. Mark v as changed, so that `settle` measures the triangles around it. Queue v and its neighbors, as
+    # what their walls see has changed.
     touch(w, v)
     w.to_do[v].mark |= CHANGED
     enqueue(w, v)
