@@ -74,7 +74,7 @@ class NavMesh(MeshQueries):
     arrays: MeshArrays
     """The mesh argument of kernels; replaced by an edit."""
     revision: int
-    """Number of edits so far. All that was computed from the mesh is valid as long as this number stays the same."""
+    """Number of edits so far, also of failed ones. What was computed from the mesh is valid while it stays the same."""
     workspaces: Workspaces
     """Scratch memory of path searches, shared with copies of the mesh."""
     _search: PathSearch | None = None

@@ -46,10 +46,10 @@ SIDE = np.dtype(
 org: origin vertex. twin: opposite half-edge, -1 on the hull. constraints: number of obstacle edges that run along the
 side, the same on both halves. winding: signed number of obstacle boundaries along the half-edge, positive with the
 obstacle on its left. corner_clearance: diameter [m] of the largest disc that can turn around the corner at ``org``
-inside the triangle; 0 if that is blocked or a side of the corner is closed. On the first half-edge of a triangle a
-negative value says that the triangle changed since it was measured. use: head of the list of :data:`USE` records of
-inserted obstacles that run along the half-edge in this direction, -1 for none; obstacles the mesh was built with are
-counted in constraints and winding only.
+inside the triangle; 0 if the triangle is blocked or a side of the corner is closed. On the first half-edge of a
+triangle a negative value says that the triangle changed since it was measured. use: head of the list of :data:`USE`
+records of inserted obstacles that run along the half-edge in this direction, -1 for none; obstacles the mesh was built
+with are counted in constraints and winding only.
 """
 
 VERTEX = np.dtype([("x", np.float64), ("y", np.float64), ("vhe", np.int64), ("vref", np.int64)], align=True)

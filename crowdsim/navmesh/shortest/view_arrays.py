@@ -43,7 +43,8 @@ AIM = np.dtype(
 )
 """A vertex seen from an eye: its distance [m], its direction d, and the tangents with the vertex on the left and right.
 
-s, c: sine and cosine of the angle from d to the heading; x, y: the heading.
+s, c: sine and cosine of the angle from d clockwise to the heading; x, y: the heading. Directions and headings are unit
+vectors.
 """
 
 
