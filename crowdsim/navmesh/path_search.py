@@ -83,7 +83,7 @@ class PathSearch:
             return self._regions
 
     def graph(self, radius: float, least: float) -> RadiusGraph:
-        """Return the tangent graph for ``radius``, made at the first call.
+        """Return the tangent graph for ``radius`` [m], made if it is not among those kept, of the radii used last.
 
         A clearance of ``least`` counts as enough [m].
         """

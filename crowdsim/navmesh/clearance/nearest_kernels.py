@@ -42,8 +42,8 @@ A bare record would not keep its memory alive.
 def _try(m, t, px, py, x, y, radius, tolerance, best):
     """Make (x, y), a place near triangle t, the best place if it is free and nearer to p than the best so far.
 
-    It is free if its clearance is at least ``radius`` less ``tolerance`` [m]: candidates lie just ``radius`` from an
-    obstacle, up to rounding. best: (1,) record _BEST, updated.
+    It is free if its clearance is at least ``radius`` less ``tolerance`` [m]: candidates lie exactly ``radius`` from an
+    obstacle, but for rounding. best: (1,) record _BEST, updated.
     """
     distance = hypot(x - px, y - py)
     if distance < best[0].distance:

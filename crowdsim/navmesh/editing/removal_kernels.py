@@ -146,9 +146,10 @@ def _flip_spokes(m, w, v):
 
 @helper
 def _spoke_to_join(m, h, fixed):
-    """Return spoke h of four, or the one after it, if it and the one opposite can become one side; -1 if neither can.
+    """Return one of four spokes, h or the next, that can become one side with the opposite spoke; -1 if neither can.
 
-    They can if both new triangles have an area, and if these two are constrained or none of the four is (``fixed`` 0).
+    Two opposite spokes can if both new triangles have an area, and if both are constrained or none of the four is
+    (``fixed`` 0).
     """
     sides = m.sides
     vertices = m.vertices

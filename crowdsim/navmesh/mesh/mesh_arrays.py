@@ -110,7 +110,7 @@ SIGHT = np.dtype(
 
 lo, hi: in a search from a wall, the part of the wall on which a foot may be, from 0 at its origin to 1 at its end. rx,
 ry, lx, ly: in a search from a vertex, the right and the left ray of its view through this half-edge, relative to the
-vertex [m]. Each search leaves the fields of the other one as they are.
+vertex [m]. Each search sets only its own fields.
 """
 
 SEGMENT = np.dtype([(name, np.float64) for name in ("ax", "ay", "bx", "by")], align=True)

@@ -168,8 +168,9 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
     Those outside of the ellipse of the view may be missing.
 
     They are not checked for obstacles that cut them. A disc may stand closer to an obstacle than its ``radius``, down
-    to ``least``. Its tangents may then miss the begin or the end of an arc by an angle and lead to that place instead:
-    a tangent that is off by this angle dips into a circle by the difference of ``radius`` and ``least``.
+    to ``least``. Its tangents may then miss the begin or the end of an arc by a small angle; they lead to the begin or
+    the end instead. At the largest such angle, a tangent dips into a circle by the difference of ``radius`` and
+    ``least``.
     """
     sides = m.sides
     vertices = m.vertices

@@ -106,9 +106,10 @@ def _foot_at(m, s, part, x, y, near):
 def _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1):
     """Return the part of lo..hi of side ab (0 at a, 1 at b) where the origin may see a foot; lo > hi if there is none.
 
-    The foot is on ab, or beyond it if ab is open. It is in view between ray r = (r0, r1) on the right and ray l. For
-    each vertex w of x, y (ends of the first side that the view crosses), a and b, w . foot <= w . w, as the disc on the
-    origin and the foot would hold w otherwise; so the place on ab in front of the foot keeps this bound, too.
+    The foot is on ab, or beyond it if ab is open. It is in view between ray r = (r0, r1) on the right and ray l. Let w
+    be a, b or one of x and y, the ends of the first side that the view crosses. The disc with the origin and the foot
+    as opposite points must not hold w: so w . foot <= w . w. The place on ab in front of the foot has the same
+    direction and is nearer, so it keeps this bound, too.
     """
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, xx, xy)
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, yx, yy)

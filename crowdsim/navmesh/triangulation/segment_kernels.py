@@ -265,7 +265,7 @@ def _look_ahead(m, cur, goal, near):
 def _load(m, w, along, way):
     """Add the load of a way to half-edge ``along`` and its twin; the way then starts at the end of ``along``.
 
-    Return 0 or FULL.
+    Mark both triangles as changed, and touch the start. Return 0 or FULL.
     """
     sides = m.sides
     forth = sides[along]

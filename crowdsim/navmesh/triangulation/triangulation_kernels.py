@@ -208,7 +208,7 @@ def _new_vertex(m, x, y):
 def split_edge(m, h, x, y, w):
     """Put a new vertex at (x, y) [m] on side h and split both triangles at it; return the vertex, FULL or STUCK.
 
-    h must have a twin.
+    h must have a twin. The sides around are made Delaunay again.
     """
     sides = m.sides
     vertices = m.vertices
@@ -265,7 +265,7 @@ def split_edge(m, h, x, y, w):
 def insert_point(m, x, y, hint, w):
     """Return the vertex at the grid point (x, y) [m], which must be inside the box; insert one if there is none.
 
-    Return FULL or STUCK if that fails.
+    The sides around a new vertex are made Delaunay again. Return FULL or STUCK if that fails.
     """
     sides = m.sides
     vertices = m.vertices
