@@ -232,9 +232,9 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
     The way passes widths of at least ``width`` [m], the diameter less the tolerance. A way that crosses a bridge of
     regions and comes back over it, to turn around behind it, is not found, nor one for which the workspace has no room.
     ``guide`` is None, or a guide to this goal, with ``regions`` None. ``farther`` is None, or (factor, meters): go on
-    until all keys exceed the limit, the length [m] of the shortest way found times the factor plus the meters; there is
-    no last label then. (In that length, meters behind the last label count GREED times.) The limit is infinite if there
-    is no such way, or no ``farther``. ``longest`` is None, or a length [m] beyond which no way is followed.
+    until all keys exceed the limit, the estimate [m] of the shortest way found times the factor plus the meters, with
+    no last label then. The limit is infinite if there is no such way, or no ``farther``. ``longest`` is None, or a
+    length [m] beyond which no way is followed.
     """
     labels = work.labels
     heap = work.heap
@@ -269,8 +269,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
         following = NONE
         label = labels[i]
         spent = label.spent
-        # Too long even if it goes straight on to the goal (without the weight GREED). The key is no bound: it estimates
-        # the way behind bridges.
+        # Too long even if straight from here, without GREED. The key is no bound, as it estimates ways behind bridges.
         if longest is not None and spent + (_estimate(label, gx, gy) - spent) / GREED > longest:
             continue
         # Its root was reached on a shorter way since.
