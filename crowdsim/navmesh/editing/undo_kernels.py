@@ -27,7 +27,7 @@ def _copy_twins(m, source, target, t):
 
 @helper
 def _number(w, k, first):
-    """Return the k-th triangle to copy: first those listed as changed, then those from ``first`` on."""
+    """Return the k-th triangle to copy: k counts the triangles listed as changed, then those from ``first`` on."""
     listed = w.progress[0].changed
     return w.to_do[k].changed if k < listed else first + k - listed
 
