@@ -30,10 +30,11 @@ _GRAPHS = 8
 
 
 FAR = 1.05
-"""Fast paths longer than this multiple of the straight line, which none is shorter than, are looked for backwards, too.
+"""Fast paths longer than this multiple of the straight line are looked for from the goal back, too.
 
-Where the search takes a wrong turn one way it hardly ever does so the other way as well. No path that is 5 % too long
-is left out, and in the open few are looked for twice."""
+A search that takes a wrong turn one way hardly ever does so the other way as well. No path is shorter than the straight
+line, so none that is 5 % too long is left out; in the open few are looked for twice.
+"""
 
 GAIN = 0.99
 """The path found backwards is taken if it is shorter than this multiple of the other one."""
@@ -82,7 +83,7 @@ class PathSearch:
             return self._regions
 
     def graph(self, radius: float, least: float) -> RadiusGraph:
-        """Return the tangent graph for ``radius``, made at the first call.
+        """Return the tangent graph for ``radius`` [m], made if it is not among those kept, of the radii used last.
 
         A clearance of ``least`` counts as enough [m].
         """
@@ -106,10 +107,11 @@ class PathSearch:
     ) -> Paths:
         """Find paths from ``starts`` to ``goals`` (n, 2) [m] for ``radii`` (n,) [m].
 
-        ``least`` (n,) is the clearance that counts as enough: the radius less the tolerance, alike for like radii [m].
+        ``least`` (n,) is the clearance that counts as enough: the radius less the tolerance, the same for equal radii
+        [m].
 
-        All arrays are C-contiguous. ``optimality`` is "best" or "fast". ``clearance`` gives that of a point for error
-        messages.
+        All arrays are C-contiguous. ``optimality`` is "best" or "fast", ``workers`` the number of threads, None for as
+        many as pay. ``clearance`` returns the clearance [m] of a point (x, y), for error messages.
         """
         count = len(starts)
         status, lengths = np.empty(count, np.int8), np.empty(count)

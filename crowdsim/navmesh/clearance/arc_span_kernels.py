@@ -7,7 +7,7 @@ entirely too close or entirely clear; the caller tests the middle to see which.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``arc`` is a record :data:`ARC`; ``lo`` and
 ``hi`` bound the roots that count [rad]; ``roots`` holds the first ``count`` of them in ascending order; n = (nx, ny) is
-the unit normal of a line, v, a and b are points [m].
+the unit normal of a line, p, q, v, a and b are points [m]; ``radius`` is that of the disc [m].
 """
 
 import math
@@ -52,7 +52,7 @@ def set_arc(arc, px, py, qx, qy, bulge):
 
 @helper
 def arc_point(arc, u):
-    """Return the place (x, y) of the arc at angle u."""
+    """Return the place (x, y) [m] of the arc at angle u [rad] from its start."""
     bearing = arc.start + math.copysign(u, arc.turn)
     c, s = cos_sin(bearing)
     return arc.x + arc.radius * c, arc.y + arc.radius * s
@@ -98,8 +98,8 @@ def _add_circle_roots(arc, vx, vy, radius, lo, hi, roots, count):
 
 @helper
 def add_line_roots(arc, nx, ny, at, lo, hi, roots, count):
-    """Insert the roots where the arc meets the line n . x = ``at``, n of unit length; return the new count."""
-    # Signed distance from the arc's center to the line.
+    """Insert the roots where the arc meets the line n . x = ``at`` [m]; return the new count."""
+    # Signed distance from the arc's center to the line, which may miss the circle.
     away = at - (nx * arc.x + ny * arc.y)
     if abs(away) >= arc.radius:
         return count

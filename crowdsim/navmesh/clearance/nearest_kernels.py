@@ -40,10 +40,10 @@ A bare record would not keep its memory alive.
 
 @helper
 def _try(m, t, px, py, x, y, radius, tolerance, best):
-    """Make (x, y), a place near triangle t, the best place if it is nearer to p than that and free.
+    """Make (x, y), a place near triangle t, the best place if it is free and nearer to p than the best so far.
 
-    It counts as free with ``tolerance`` [m] less clearance than ``radius`` [m], as candidates lie at just that distance
-    from an obstacle, up to rounding. best: (1,) record of x, y and distance from p [m]; updated.
+    It is free if its clearance is at least ``radius`` less ``tolerance`` [m]: candidates lie exactly ``radius`` from an
+    obstacle, but for rounding. best: (1,) record _BEST, updated.
     """
     distance = hypot(x - px, y - py)
     if distance < best[0].distance:
@@ -78,7 +78,7 @@ def _nearest_of(one, px, py, radius):
 def _try_meetings(m, t, px, py, one, other, radius, tolerance, best):
     """Try the points where two outlines meet; arguments as of :func:`_try`.
 
-    An outline is that of an obstacle's corner or side, grown by the radius: a circle, or a line beside the side.
+    An outline lies ``radius`` from a corner of an obstacle, a circle, or from a side, a line beside it.
     """
     # A segment first, if there is one.
     if one.length == 0.0:
@@ -135,9 +135,10 @@ def _side_to_triangle2(m, h, t):
 
 @helper
 def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, vertex_marks):
-    """Collect the outlines of the obstacles within ``near`` [m] of the free triangle ``root`` that open sides lead to.
+    """Collect the outlines of obstacles within ``near`` [m] of the free triangle ``root``.
 
-    Circles of some vertices farther off are among them. Return (outlines, count, stack), as the arrays grow if they are
+    Only obstacles that open sides lead to count: those behind walls are left out. Circles of some vertices farther off
+    are among the outlines. Return (outlines, count, stack), as the arrays grow if they are
     full; ``stack`` is scratch. The marks hold ``root`` + 1 for what was visited.
     """
     sides = m.sides
@@ -152,9 +153,9 @@ def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, verte
         t = stack[top]
         if top + 3 > stack.size:
             stack = longer(stack)
+        # A triangle adds at most six outlines: three circles and three segments.
         if count + 6 > outlines.size:
             outlines = longer(outlines)
-        # A triangle adds at most six outlines: three circles and three segments.
         for h in range(3 * t, 3 * t + 3):
             v = sides[h].org
             a = vertices[v]

@@ -2,7 +2,7 @@
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``work`` is the
 :class:`crowdsim.navmesh.paths.workspace.Workspace`; ``least`` is the clearance that counts as enough, the radius less
-the tolerance [m].
+the tolerance; all lengths and coordinates are in meters.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ DONE = 0
 NO_ROOM = 1
 """Status: the arrays of the mesh are too small; make them larger."""
 LOST = 2
-"""Status: an edit at one point failed, or changed more than can be undone; the mesh is useless, make it anew."""
+"""Status: the edit failed, or changed more than can be undone; the mesh is useless, make it anew."""
 NOT_TRACED = 3
 """Status: there is a way, but the repair found no path along it; a search without a guide may find one."""
 
@@ -65,9 +65,10 @@ def begin_guide(m, guide):
 def aim_guide(m, labels, work, sx, sy, gx, gy, radius, least, farther, guide):
     """Fill ``guide`` for ways of a disc of ``radius`` from (sx, sy) to (gx, gy), both free.
 
-    The guide knows ways up to a limit: ``farther`` is a factor and a length [m] by which they may exceed a short way.
-    What it knew before is forgotten. The mesh must be as it was when the guide was begun. ``labels`` are those of
-    `label_sides` for the disc; if they put the two places in different components, the guide stays empty.
+    The guide knows ways up to a limit: the length of a short way times the first of ``farther``, plus the second [m];
+    see :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide`. What it knew before is forgotten. The mesh must be as
+    it was when the guide was begun. ``labels`` are those of `label_sides` for the disc; if they put the two places in
+    different components, the guide stays empty.
     """
     clear_guide(guide)
     goal = triangle_of(m, gx, gy, NONE)

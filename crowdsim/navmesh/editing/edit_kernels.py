@@ -26,8 +26,8 @@ from crowdsim.navmesh.triangulation.work_kernels import VISITED, bound_turns, to
 def _collect(m, owner, ids, w):
     """List the half-edges of ``owner`` in the first column of ``pairs``: (number of half-edges, number of vertices).
 
-    The vertices are put at the start of ``stack``: those of ``ids`` and all that half-edges of ``owner`` join them to.
-    (These are more than the corners, as vertices on the way split an edge.)
+    The vertices are put at the start of ``stack``: the corners ``ids``, and all vertices that half-edges of ``owner``
+    join to these. (They are more than the corners, as vertices on the way split an edge.)
     """
     sides = m.sides
     vertices = m.vertices

@@ -236,7 +236,7 @@ class Obstacles:
                 )
 
     def _take(self, number: int) -> None:
-        """Remove slot ``number`` from the mesh; GeometryError if another obstacle cannot be put in again."""
+        """Remove slot ``number`` from the mesh; raise GeometryError if another obstacle cannot be put in again."""
         slot = self._slots[number]
         done = self._change(REMOVE, number, slot)
         slot.ids = None

@@ -11,7 +11,7 @@ OK, BACKWARD, UNSURE, OUTSIDE, NOT_FINITE = range(5)
 """Results of the checks: counter-clockwise, clockwise, not known, beyond the box, NaN or infinite."""
 
 _MOST_CORNERS = 64
-"""Longer outlines are left to shapely: the test here takes the square of their number of corners."""
+"""Outlines of more corners are left to shapely: the time of the test here grows with the square of their number."""
 
 
 @helper

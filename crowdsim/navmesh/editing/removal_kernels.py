@@ -87,10 +87,10 @@ def _push(w, a, b):
 def _flip_spokes(m, w, v):
     """Flip spokes of vertex v away until four are left or none can be: (a spoke, number of spokes, of fixed ones).
 
-    Four are few enough: the caller joins two opposite ones to one side, which leaves two triangles. Exact: a spoke is
-    flipped if both new triangles have an area. If none is constrained, there is one among five or more: spokes whose
-    neighbors are half a turn or more apart, and corners of the outline that do not bend outward, are too few to block
-    all.
+    Four are few enough: the caller joins two opposite ones to one side, which leaves two triangles. A spoke is flipped
+    if both new triangles have an area, by exact tests. If none is constrained, at least one of five or more can be
+    flipped: only those are blocked whose neighbors are half a turn or more apart, or whose end is a corner of the
+    outline that does not bend outward, and these are too few to block all.
     """
     sides = m.sides
     vertices = m.vertices
@@ -146,9 +146,10 @@ def _flip_spokes(m, w, v):
 
 @helper
 def _spoke_to_join(m, h, fixed):
-    """Return spoke h of four, or the one after it, if it and the one opposite can become one side; -1 if neither can.
+    """Return one of four spokes, h or the next, that can become one side with the opposite spoke; -1 if neither can.
 
-    They can if both new triangles have an area, and if these two are constrained or none of the four is (``fixed`` 0).
+    Two opposite spokes can if both new triangles have an area, and if both are constrained or none of the four is
+    (``fixed`` 0).
     """
     sides = m.sides
     vertices = m.vertices
@@ -185,7 +186,7 @@ def _join_four(m, w, h0):
     b = sides[nxt(h1)].org
     c = sides[nxt(h2)].org
     d = sides[nxt(h3)].org
-    # Triangle (a, b, c) in place of that of h0, then (c, d, a) in place of that of h2. Spoke h becomes the side from
+    # Triangle (a, b, c) replaces the triangle of h0, then (c, d, a) the triangle of h2. Spoke h becomes the side from
     # the end to the start and keeps its constraint; the side after it stays; the third takes over the outer side of the
     # next spoke.
     for h, source, start, middle, end in ((h0, nxt(h1), a, b, c), (h2, nxt(h3), c, d, a)):

@@ -37,7 +37,7 @@ _SEEN = -(1 << 40)
 
 @helper
 def _seen_from_gone(m, t, w):
-    """Return True if the circle of triangle t meets a removed side, of those in ``gone``."""
+    """Return True if the circumcircle of triangle t meets one of the removed sides in ``gone``."""
     for i in range(w.progress[0].gone):
         side = w.gone[i]
         least, most = inside_circle(m, t, side.ax, side.ay, side.bx, side.by, 0.0, 1.0)
@@ -50,9 +50,10 @@ def _seen_from_gone(m, t, w):
 def _look_out(m, w, h):
     """Let vertices beyond the open side h of a changed triangle look for bottlenecks that removed sides prevented.
 
-    A disc between such a vertex and its foot is free now, crosses a removed side and holds neither of its ends. The
-    circles of all triangles from side h to the vertex then meet the removed side, see `_find_foot`. Each triangle is
-    visited once in an edit: those in the first column of ``pairs`` have the cover _SEEN until `_forget_seen`.
+    A disc between such a vertex and its foot is free now, crosses a removed side and holds neither end of that side.
+    The circumcircles of all triangles from side h to the vertex then meet the removed side, see `_find_foot`. Each
+    triangle is visited once in an edit: it is listed in the first column of ``pairs`` and has the cover _SEEN until
+    `_forget_seen`.
     """
     sides = m.sides
     stack = w.stack
@@ -174,9 +175,9 @@ def _touch_corners(m, w):
 def settle(m, w):
     """Bring refinement and corner clearances up to date around touched vertices; return 0, STUCK or FULL.
 
-    A bottleneck is new only if the triangle at its wall is, or its vertex, or if something between them was removed. So
-    it is seen from a wall of a changed triangle, from a new vertex, or from a vertex next to or across what was
-    removed. After FULL, which asks for larger arrays, what is left to do is in the workshop.
+    A bottleneck is new only if the triangle at its wall is new, or its vertex, or if something between the two was
+    removed. So it is seen from a wall of a changed triangle, from a new vertex, or from a vertex that lies next to what
+    was removed or beyond it. After FULL, which asks for larger arrays, what is left to do is in the workshop.
     """
     sides = m.sides
     vertices = m.vertices
@@ -189,6 +190,7 @@ def settle(m, w):
         v = w.to_do[i].touched
         if vertices[v].vhe < 0 or v < BOX_CORNERS:
             continue
+        # A removed side may have stood between v and a wall.
         if removal:
             w.to_do[v].mark |= LOOKING
         if w.to_do[v].mark & CHANGED == 0:
@@ -196,7 +198,7 @@ def settle(m, w):
         first = vertices[v].vhe
         h = first
         for _ in range(sides.size):
-            # Each side once: from its origin.
+            # Each side once: from its origin. Behind an open one, changed triangles are looked at by themselves.
             if is_dirty(sides, h // 3) and m.cover[h // 3] == 0:
                 if sides[h].constraints != 0:
                     enqueue(w, v)

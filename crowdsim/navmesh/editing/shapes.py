@@ -61,7 +61,7 @@ def chains(parts: list[Floats], winding: int) -> Shape:
 
 
 def rings_of(geometry: shapely.Polygon | shapely.MultiPolygon) -> Shape:
-    """Return the shape of polygons; for errors see :func:`shape_of`."""
+    """Return the shape of polygons, repaired if they are invalid; for errors see :func:`shape_of`."""
     if not geometry.is_valid and np.isfinite(shapely.get_coordinates(geometry)).all():
         # A part that the ring surrounds twice, such as the middle of a pentagram, is blocked as well.
         repaired = shapely.make_valid(geometry, method="structure", keep_collapsed=False)

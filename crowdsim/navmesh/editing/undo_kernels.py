@@ -10,7 +10,7 @@ from crowdsim.navmesh.mesh.address_kernels import mesh_at, workshop_at
 
 @helper
 def _copy_corners(m, source, target, t):
-    """Copy the corners of triangle t of mesh ``m`` from ``source`` to ``target``."""
+    """Copy the records of the vertices that triangle t has in mesh ``m`` from mesh ``source`` to mesh ``target``."""
     for h in range(3 * t, 3 * t + 3):
         v = m.sides[h].org
         target.vertices[v] = source.vertices[v]
@@ -18,7 +18,7 @@ def _copy_corners(m, source, target, t):
 
 @helper
 def _copy_twins(m, source, target, t):
-    """Copy the twins of the sides of triangle t of mesh ``m`` from ``source`` to ``target``."""
+    """Copy the records of the twins that triangle t has in mesh ``m`` from mesh ``source`` to mesh ``target``."""
     for h in range(3 * t, 3 * t + 3):
         g = m.sides[h].twin
         if g >= 0:
@@ -27,7 +27,7 @@ def _copy_twins(m, source, target, t):
 
 @helper
 def _number(w, k, first):
-    """Return the k-th triangle to copy: first those listed as changed, then those from ``first`` on."""
+    """Return the k-th triangle to copy: k counts the triangles listed as changed, then those from ``first`` on."""
     listed = w.progress[0].changed
     return w.to_do[k].changed if k < listed else first + k - listed
 

@@ -1,7 +1,8 @@
 """A mesh and its workshop, given to kernels as one table of array addresses.
 
-To pass the arrays one by one would take a good part of a small edit, as Python checks the type of each one and kernels
-count references to it. A table of addresses is a single array, and nothing counts references to the arrays behind it.
+To pass the arrays one by one would take a good part of the time of a small edit, as Python checks the type of each one
+and kernels count references to it. A table of addresses is a single array, and nothing counts references to the arrays
+behind it.
 """
 
 from __future__ import annotations

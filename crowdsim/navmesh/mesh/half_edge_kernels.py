@@ -1,7 +1,8 @@
 """Steps on half-edges, and the search for a triangle or a side.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
-SIDE and VERTEX; h is a half-edge, t a triangle, whose half-edges are 3 t, 3 t + 1 and 3 t + 2, counter-clockwise.
+SIDE and VERTEX; h is a half-edge, t a triangle, whose half-edges are 3 t, 3 t + 1 and 3 t + 2, counter-clockwise; (x,
+y) is a point [m].
 """
 
 import numpy as np
@@ -63,9 +64,10 @@ def holds(m, t, x, y):
 def locate(m, x, y, hint):
     """Return a triangle that holds the grid point (x, y), or -1 if the point lies outside of the box.
 
-    Visibility walk from triangle ``hint``, or from one of the hint grid if ``hint`` is none (-1): step across any side
-    that has the point on its right. The side that is tested first is drawn at random, because a fixed order can circle
-    forever in a triangulation with constraints. If the walk takes too many steps, all triangles are tried.
+    Visibility walk from triangle ``hint``, or from one of the hint grid if ``hint`` is no triangle (-1, say): step
+    across any side that has the point on its right. The side that is tested first is drawn at random, because a fixed
+    order can circle forever in a triangulation with constraints. If the walk takes too many steps, all triangles are
+    tried.
     """
     sides = m.sides
     vertices = m.vertices

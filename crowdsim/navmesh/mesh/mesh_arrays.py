@@ -46,10 +46,10 @@ SIDE = np.dtype(
 org: origin vertex. twin: opposite half-edge, -1 on the hull. constraints: number of obstacle edges that run along the
 side, the same on both halves. winding: signed number of obstacle boundaries along the half-edge, positive with the
 obstacle on its left. corner_clearance: diameter [m] of the largest disc that can turn around the corner at ``org``
-inside the triangle; 0 if that is blocked or a side of the corner is closed. On the first half-edge of a triangle a
-negative value says that the triangle changed since it was measured. use: head of the list of :data:`USE` records of
-inserted obstacles that run along the half-edge in this direction, -1 for none; obstacles the mesh was built with are
-counted in constraints and winding only.
+inside the triangle; 0 if the triangle is blocked or a side of the corner is closed. On the first half-edge of a
+triangle a negative value says that the triangle changed since it was measured. use: head of the list of :data:`USE`
+records of inserted obstacles that run along the half-edge in this direction, -1 for none; obstacles the mesh was built
+with are counted in constraints and winding only.
 """
 
 VERTEX = np.dtype([("x", np.float64), ("y", np.float64), ("vhe", np.int64), ("vref", np.int64)], align=True)
@@ -99,8 +99,8 @@ PROGRESS = np.dtype(
 head, waiting: first index and length of the ring buffer ``waiting``. touched, changed: lengths of these lists. uses:
 used records of the pool of uses. pairs, gone: lengths of the stack ``pairs`` and of ``gone``. full: 1 if the pool of
 uses was too small. rerouted: 1 if a crossing bent a constrained side instead of splitting it. removal: what the edit
-removes: 0, SIDES or POINT. vertex: vertex of the point that was edited. left: loop turns left before the edit counts as
-stuck.
+removes: 0 for nothing, SIDES or POINT (see removal_kernels). vertex: vertex of the point that was edited. left: loop
+turns left before the edit counts as stuck.
 """
 
 SIGHT = np.dtype(
@@ -108,8 +108,9 @@ SIGHT = np.dtype(
 )
 """A half-edge still to cross in a search for bottlenecks.
 
-lo, hi: part of the first side through which a disc beyond this half-edge can reach. rx, ry, lx, ly: right and left ray
-of what a vertex sees through this half-edge.
+lo, hi: in a search from a wall, the part of the wall on which a foot may be, from 0 at its origin to 1 at its end. rx,
+ry, lx, ly: in a search from a vertex, the right and the left ray of its view through this half-edge, relative to the
+vertex [m]. Each search sets only its own fields.
 """
 
 SEGMENT = np.dtype([(name, np.float64) for name in ("ax", "ay", "bx", "by")], align=True)
@@ -163,7 +164,7 @@ class Workshop(NamedTuple):
     gone: NDArray[Any]
     """(k,) records :data:`SEGMENT`: sides that were constrained before the edit, or the place of a removed point.
 
-    That is (ax, ay) of the first record.
+    The place is (ax, ay) of the first record.
     """
     progress: NDArray[Any]
     """(1,) record :data:`PROGRESS`."""
@@ -187,8 +188,8 @@ def workshop(vertices: int, uses: int = 0) -> Workshop:
     progress = np.zeros(1, PROGRESS)
     # For kernels called on their own; a build and an edit set their own bound (`bound_turns`).
     progress["left"] = TURNS * room
-    # ``gone`` is as long as the pool of uses: to remove an obstacle of more sides asks for a larger one (NO_ROOM). A
-    # search for bottlenecks that needs more than 256 views makes the edit count as stuck.
+    # ``gone`` is as long as the pool of uses: the removal of an obstacle with more sides returns NO_ROOM, and the
+    # caller makes both longer. A search for bottlenecks that needs more than 256 views makes the edit count as stuck.
     return Workshop(
         np.empty(room, np.int64),
         pairs,

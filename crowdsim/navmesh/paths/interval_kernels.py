@@ -175,6 +175,7 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
     h = np.int64(label.h)
     rx = label.rx
     ry = label.ry
+    # The ends of the label's interval, relative to the root.
     dlx = label.lx - rx
     dly = label.ly - ry
     dpx = label.px - rx
@@ -201,14 +202,14 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
         at = rr / (rr - rl) if rl > 0.0 else 1.0
         srx += at * (elx - erx)
         sry += at * (ely - ery)
-    # Straight on.
+    # Straight on, unless all of e is left of the left ray or right of the right one.
     if not (ll > 0.0 and lr >= 0.0) and not (rr < 0.0 and rl <= 0.0):
         ends = np.int64(ll <= 0.0) + 2 * np.int64(rr >= 0.0)
         before = np.int64(label.before)
         corner = np.int64(label.corner)
         _set_label(labels[used], rx, ry, label.spent, slx, sly, srx, sry, e, before, corner, ends)
         used += 1
-    # Around the left end, to what lies left of what is seen; then around the right end.
+    # Around the left end, to the part of e left of the part that the root sees; then the same on the right.
     if ll > 0.0 and spent_left < math.inf:
         ends = 1 + 2 * np.int64(lr >= 0.0)
         _set_label(labels[used], label.lx, label.ly, spent_left, elx, ely, slx, sly, e, i, 2 * h, ends)
@@ -228,10 +229,10 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, farther=None, longest=None):
     """Search for a short way from triangle ``start`` to ``goal``; return (last label or -1, number of labels, limit).
 
-    The way passes widths of at least ``width`` [m], the diameter less the tolerance. One that goes back through a
-    narrow passage between regions, to turn around behind it, is not found, nor one for which the workspace has no room.
+    The way passes widths of at least ``width`` [m], the diameter less the tolerance. A way that crosses a bridge of
+    regions and comes back over it, to turn around behind it, is not found, nor one for which the workspace has no room.
     ``guide`` is None, or a guide to this goal, with ``regions`` None. ``farther`` is None, or (factor, meters): go on
-    until all keys exceed the limit, the length [m] of the shortest way found times the factor plus the meters; there is
+    until all keys exceed the limit, the estimate [m] of the shortest way found times the factor plus the meters, with
     no last label then. The limit is infinite if there is no such way, or no ``farther``. ``longest`` is None, or a
     length [m] beyond which no way is followed.
     """
@@ -268,7 +269,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
         following = NONE
         label = labels[i]
         spent = label.spent
-        # Too long even if straight from here, without GREED. The key is no bound: it estimates the way behind bridges.
+        # Too long even if straight from here, without GREED. The key is no bound, as it estimates ways behind bridges.
         if longest is not None and spent + (_estimate(label, gx, gy) - spent) / GREED > longest:
             continue
         # Its root was reached on a shorter way since.
@@ -361,7 +362,7 @@ def string_along(m, labels, last, sx, sy, gx, gy, radius):
         right = corner % 2 == 1
         v = m.sides[h if right else nxt(h)].org
         q = -radius if right else radius
-        # A way around one corner has roots at several sides.
+        # A way around one corner has roots at several sides, for which one node is enough.
         if nodes[k].vertex != v or nodes[k].q != q:
             k -= 1
             set_node(nodes[k], m.vertices[v].x, m.vertices[v].y, q, v)

@@ -79,9 +79,9 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=No
     guide : (k,) GUIDE or None
         Distances to the goal, see :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide`.
     longest : float or None
-        Longest way to look for [m]; NO_PASSAGE then also stands for longer ones, but a path within one triangle or in a
-        straight line may be longer. If finite, the complete search is left out, so a few paths in passages of just the
-        diameter are not found.
+        Longest way to look for [m]; NO_PASSAGE then may also mean that all ways are longer. A path within one triangle
+        or in a straight line may be longer than this. If finite, the complete search is left out, so a few paths in
+        passages of just the diameter are not found.
     """
     points = np.empty((0, 2))
     stack = np.empty(64, SWEPT)
@@ -146,9 +146,9 @@ def append_path(points, filled, path):
 
 @kernel
 def plan_paths(m, regions, work, batch):
-    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2), path after path.
+    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2) [m], path after path.
 
-    Fill the batch's ``status``, ``lengths`` (nan if there is no path) and ``counts``.
+    Fill the batch's ``status``, ``lengths`` [m] (nan if there is no path) and ``counts``.
     """
     starts, goals, radii, least = batch.starts, batch.goals, batch.radii, batch.least
     status, lengths, counts = batch.status, batch.lengths, batch.counts

@@ -20,7 +20,7 @@ REGION = np.dtype([(name, np.int32) for name in ("top", "up", "depth", "root")],
 """The region of a free triangle.
 
 top: the triangle of its region nearest to the root of the tree; it identifies the region. up: half-edge towards the
-root, -1 at the root; that of a top triangle is a bridge. depth: for a top triangle, the number of bridges to the root.
+root, -1 at the root; of a top triangle it is a bridge. depth: for a top triangle, the number of bridges to the root.
 root: the same for all triangles that free space joins, -1 for blocked ones.
 """
 
@@ -36,7 +36,10 @@ visit, and the index each is visited from.
 
 @kernel
 def find_regions(m, regions):
-    """Fill ``regions`` (nt,), records :data:`REGION`."""
+    """Fill ``regions`` (nt,), records :data:`REGION`, with the region of each triangle.
+
+    Blocked triangles get -1 for root and top.
+    """
     sides = m.sides
     triangles = m.frame[0].triangles
     # Each triangle takes one half-edge off the stack and puts two on it; the first one puts three.
@@ -133,10 +136,10 @@ def _lay(m, waypoints, stamp, region, following, h, radius):
 
 @helper
 def lay_waypoints(m, regions, waypoints, stack, stamp, start, goal, gx, gy, radius):
-    """Fill the ``waypoints`` of regions from triangle ``start`` to ``goal``; False if free space does not join them.
+    """Fill ``waypoints`` of the regions on the way from triangle ``start`` to ``goal``, both free; return True.
 
-    Both triangles are free. ``stack`` is scratch: records with a field ``item``, with room for all regions. ``radius``
-    is that of the disc [m], by which bridges are cut; it does not matter for what is joined.
+    Return False if free space does not join the two. ``stack`` is scratch: records with a field ``item``, with room for
+    all regions. ``radius`` is that of the disc [m], by which bridges are cut; no bridge counts as too narrow.
     """
     sides = m.sides
     if regions[start].root != regions[goal].root:

@@ -33,8 +33,9 @@ _MARK = np.dtype([("points", np.int64), ("triangle", np.int64)], align=True)
 def tighten(nodes, count, i, last):
     """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and those that this affects.
 
-    ``nodes`` is changed: later nodes move to lower indices, which count for ``last`` then. i is at least 1. Return the
-    new number of nodes, or -1 if two are too close for a tangent, and the first node with new neighbors (i if none).
+    ``nodes`` is changed: later nodes move to lower indices. The index ``last`` stays, so it comes to mean a later node.
+    i is at least 1. Return the new number of nodes, or -1 if two are too close for a tangent, and the first node with
+    new neighbors (i if none).
     """
     first = i
     before, ax, ay = tangent(nodes[i - 1], nodes[i])
@@ -66,9 +67,9 @@ def tighten(nodes, count, i, last):
 def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
     """Test that nothing but vertex v is closer to v than ``room`` [m] between bearings a and b, counter-clockwise.
 
-    b is less than half a circle on from a.
-    Return (bool, a triangle of the fan around v: that which holds b if True). It is False in doubt, too: a base, the
-    side of a triangle opposite of v, counts as an obstacle if it is nearer, although it may be open.
+    b is less than half a circle on from a. Return (bool, triangle of the fan around v); if True, the triangle holds b.
+    The answer is False in doubt, too: a base, the side of a triangle opposite of v, counts as an obstacle if it is
+    nearer than ``room``, although it may be open.
     """
     vx = vertices[v].x
     vy = vertices[v].y
@@ -102,6 +103,7 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
             # This triangle holds bearing b.
             if lx * by - ly * bx < 0.0 and rx * by - ry * bx >= 0.0:
                 return True, h // 3
+            # A wall that ends at v lies between a and b.
             if sides[back].constraints != 0:
                 return False, h // 3
         h = sides[back].twin
@@ -124,8 +126,8 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
 
     Return (points, their number, node, inside, vertex, edge, distance, x0, y0, x1, y1). ``node`` is -1 if nothing is
     too close. Otherwise the piece (x0, y0) -> (x1, y1) runs around node ``node`` (``inside``) or from there to the
-    next, and comes as near as ``distance`` [m] to ``vertex`` or to the half-edge ``edge``; the other one is -1. All
-    three are -1 if the piece starts outside of free space, or after rounding errors.
+    next, and comes as near as ``distance`` [m] to ``vertex`` or to the half-edge ``edge``; the other one is -1. If the
+    piece starts outside of free space, or after rounding errors, ``distance`` is -1.0 and both are -1.
     """
     sides = m.sides
     vertices = m.vertices
@@ -193,7 +195,7 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
 
 @helper
 def _turns_right(nodes, count, i):
-    """Return True if the string turns towards its obstacle at node i, and both tangents exist; or if i is an end."""
+    """Return True if both tangents of node i exist and the string turns towards its obstacle, or if i is an end."""
     if i <= 0 or i >= count - 1:
         return True
     before, ax, ay = tangent(nodes[i - 1], nodes[i])
@@ -269,7 +271,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
                 if not taut:
                     if (vx - nx) * (nx - node.x) + (vy - ny) * (ny - node.y) <= 0.0:
                         continue
-                    # Between two arcs the polyline is their tangent, except where it runs on to a corner.
+                    # Between two arcs the polyline is their tangent, but for the last ``over`` [m] up to its corners.
                     over = math.sqrt(node.bulge * (2.0 * radius + node.bulge))
                     if not inside and (along if k == i else size - along) > over:
                         continue

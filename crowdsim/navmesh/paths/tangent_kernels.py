@@ -22,9 +22,9 @@ and vertex -1. bulge: how far corners of the polyline may stand off the arc [m].
 
 COARSE = 1e-3
 FINE = 2e-6
-"""Bulges [m]: the normal one, and that of passages that leave no more room.
+"""Bulges [m]: the normal one, and the one for passages that leave no more room.
 
-If that is still too much, the bulge shrinks on, down to a quarter of the tolerance. Smaller bulges make more points.
+If FINE is still too much, the bulge shrinks on, down to a quarter of the tolerance. Smaller bulges make more points.
 """
 
 PINCH = 1e-2
@@ -48,9 +48,10 @@ def set_node(node, x, y, q, vertex):
 def tangent(a, b):
     """Return (exists, direction x, y) of the taut string from node a to node b; the direction is a unit vector.
 
-    It does not exist if circles on opposite sides of the string overlap by more than PINCH, or one on the same side is
-    inside the other by more than that; the direction is then at a right angle to the line of the centers. Nor if a and
-    b are at one place; the direction is then (1, 0). A start or goal is a circle of radius 0 on either side.
+    It does not exist if circles on opposite sides of the string overlap by more than PINCH, or if of two on the same
+    side one is inside the other by more than PINCH; the direction is then at a right angle to the line of the centers.
+    It does not exist either if a and b are at one place; the direction is then (1, 0). A start or goal is a circle of
+    radius 0 on either side.
     """
     ex = b.x - a.x
     ey = b.y - a.y
@@ -79,7 +80,7 @@ def arc_corners(q, dx, dy, angle, bulge):
     if radius == 0.0:
         return 1, 0.0, 0.0, 1.0, 0.0
     # Slightly less than 2 acos(radius / (radius + bulge)), the angle at which a corner stands off by the bulge; at most
-    # 0.35 rad (20 degrees), which bounds it for radii below 65 bulges.
+    # 0.35 rad (20 degrees), which bounds it for radii of less than about 64 bulges.
     most = min(math.sqrt(8.0 * bulge / (radius + bulge)), 0.35)
     steps = max(1, math.ceil(abs(angle) / most))
     half = 0.5 * angle / steps
@@ -101,7 +102,7 @@ def _swallowed(one, other):
 
 @helper
 def funnel(m, channel, count, reach, sx, sy, gx, gy):
-    """Pull a string taut through the first ``count`` sides of the channel, from (sx, sy) to (gx, gy).
+    """Pull a string taut through the first ``count`` sides of the channel, from (sx, sy) to (gx, gy) [m].
 
     ``channel`` holds the half-edges that are crossed, in order. Return the string's nodes (STRING_NODE), in an array
     with room for more, and their number.
@@ -156,7 +157,7 @@ def funnel(m, channel, count, reach, sx, sy, gx, gy):
                         high -= 1
                     continue
                 at = end
-            elif low != high:  # the other chain has a first node
+            elif low != high:  # this chain is empty, but the other one has a first node
                 at = apex + sign
             else:
                 break

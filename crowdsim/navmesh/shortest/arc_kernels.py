@@ -97,7 +97,8 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
 def _block(spans, count, nx, ny, extent, cx, cy, half):
     """Insert the interval of angles from direction n that lie within ``half`` of direction c; return the new count.
 
-    ``spans`` stay in the order of their lower ends. Only the part between 0 and ``extent`` matters.
+    It is empty if ``half`` is not above 0. ``spans`` stay in the order of their lower ends. Only the part between 0 and
+    ``extent`` matters.
     """
     middle = atan2(nx * cy - ny * cx, nx * cx + ny * cy)
     # Three turns: angles around a point obstacle go up to two turns.
@@ -205,6 +206,7 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
                 cosine = (radius * radius + distance2 - least * least) / (2.0 * radius * math.sqrt(distance2))
                 half = acos(min(max(cosine, -1.0), 1.0))
                 taken = _block(spans, taken, nx, ny, extent, dx, dy, half)
+        # The end of the wedge, or all around.
         if h in (last, begin):
             return spans, taken
     raise BoundExceeded

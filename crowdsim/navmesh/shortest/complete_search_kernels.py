@@ -131,7 +131,7 @@ def search_all(m, graph, scratch, start, goal, disc, longest):
 
 @helper
 def string_of_arrival(graph, arrivals, last, start, goal, radius):
-    """Return the nodes of the string from the start to the goal whose last arc is that of arrival ``last``."""
+    """Return the string (k,) STRING_NODE from start to goal that passes the arc of arrival ``last`` at the end."""
     # Follow the arrivals back to the start.
     count = 0
     k = last

@@ -2,8 +2,8 @@
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``graph`` (TangentGraph), ``scratch`` and
 ``disc`` are those of :mod:`crowdsim.navmesh.shortest.shortest_scratch`; ``least`` is the clearance that counts as
-enough [m]; ``found`` is the number of tangents in the view so far; p0 = (x0, y0), the end 0 of a line, is where one
-looks from.
+enough [m]; ``found`` is the number of tangents in the view so far; (x, y) is a place, p0 = (x0, y0) the place from
+which a line of sight leads to (x1, y1) [m].
 """
 
 import math
@@ -115,6 +115,7 @@ def sees(m, t, x0, y0, x1, y1):
             return False
         came = sides[out].twin
         t = came // 3
+    # A straight line enters each triangle at most once, so the walk has ended before.
     return False
 
 
@@ -167,8 +168,9 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
     Those outside of the ellipse of the view may be missing.
 
     They are not checked for obstacles that cut them. A disc may stand closer to an obstacle than its ``radius``, down
-    to ``least``. Its tangents may then miss the begin or the end of an arc by an angle and lead to that place instead:
-    a tangent that is off by this angle dips into a circle by the difference of ``radius`` and ``least``.
+    to ``least``. Its tangents may then miss the begin or the end of an arc by a small angle; they lead to the begin or
+    the end instead. At the largest such angle, a tangent dips into a circle by the difference of ``radius`` and
+    ``least``.
     """
     sides = m.sides
     vertices = m.vertices

@@ -115,9 +115,9 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
         if last < 0:
             return NO_PASSAGE, points, math.nan
         string = string_of_arrival(graph, arrivals, last, start, goal, radius)
-    # Turn the string into points: around discs of the requested radius if they fit, else of the graph's. A string
-    # around the latter is tightened and refined if its turns are right, only refined if not; then the other way round.
-    # None gets another node, as there is no room for any.
+    # Turn the string into points: around discs of the requested radius if they fit, else around discs of the graph's
+    # radius. The latter string is first tightened and refined if its turns are right, only refined if not; if that
+    # fails, the other way round. No string gets another node, as its array has no room.
     done = False
     if _widen(string, asked):
         done, points = pull(m, scratch.stack, string, string.size, asked, least, start.triangle, np.bool_(True))

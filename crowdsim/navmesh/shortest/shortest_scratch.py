@@ -43,7 +43,7 @@ y: place of the disc there [m].
 
 
 class Disc(NamedTuple):
-    """The disc that is moved: its radius, the clearance that counts as enough, and how much walls may hide [m]."""
+    """The moved disc: its radius, the clearance that counts as enough, and how far views see past vertices [m]."""
 
     radius: float
     least: float

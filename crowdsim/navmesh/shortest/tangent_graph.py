@@ -16,7 +16,10 @@ from crowdsim.navmesh.shortest.tangent_graph_arrays import TangentGraph
 from crowdsim.navmesh.shortest.view_arrays import empty_view
 
 _TOLERANCE_CELLS = 4.0
-"""Grid cells by which walls may hide what lies along them, as their inner vertices are rounded to the grid."""
+"""Grid cells by which a view sees past vertices, to the side.
+
+Inner vertices of a wall are rounded to the grid: one that stands out must not hide what lies along the wall.
+"""
 
 
 _ROUNDING_CELLS = 1.0 / 64.0
@@ -43,6 +46,7 @@ class RadiusGraph:
 
     def __init__(self, mesh: MeshArrays, radius: float, least: float, workers: int) -> None:
         cell = float(mesh.frame["cell"][0])
+        # The requested radius, and the disc of the graph, which is as small as the tolerance allows.
         self.asked, self.disc = radius, Disc(least + _ROUNDING_CELLS * cell, least, _TOLERANCE_CELLS * cell)
         if least <= 0.0:
             self.asked, self.disc = 0.0, Disc(0.0, 0.0, 0.0)

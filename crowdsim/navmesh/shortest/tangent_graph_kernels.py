@@ -115,7 +115,7 @@ def find_tangents(m, arcs, begin, radius, least, tolerance, view, first_node, la
     radius, least : float
         Radius of the disc, and clearance that counts as enough, slightly less [m].
     tolerance : float
-        How far corners may be off their places: vertices hide only what is behind them by more than this [m].
+        How far views see past vertices, to the side, as corners may be off their places [m].
     view : View
         Scratch memory; its ellipse must be the one that holds all places.
     first_node, last_node : int

@@ -54,12 +54,12 @@ def _is_shorter(back, radius, one, other):
 def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kept_turned, kept_straight):
     """Return a lower bound of the lengths of strings that are lost with an arrival at node n [m]; infinite if none is.
 
-    ``cost`` and ``turned`` are those of the lost arrival; kept_cost, kept_turned and kept_straight (length of its
-    tangent) are those of the cheaper one that is kept. Lost are the strings to which only the lost arrival leads.
+    ``cost`` and ``turned`` belong to the lost arrival; kept_cost, kept_turned and kept_straight (length of its tangent)
+    belong to the cheaper arrival, which is kept. Lost are the strings to which only the lost arrival leads.
     """
     radius = disc.radius
-    # Tangents that leave between ``turned`` and ``until`` are cheaper than with the other arrival, which would go back.
-    # A point (radius 0) goes back at no cost, so nothing is lost.
+    # Tangents that leave between ``turned`` and ``until`` cost less with the lost arrival than with the kept one, which
+    # would have to go back. A point (radius 0) goes back at no cost, so nothing is lost.
     until = kept_turned - (cost - kept_cost) / (2.0 * radius) if radius > 0.0 else turned
     lost = np.inf
     if until <= turned + SAME:
@@ -67,7 +67,7 @@ def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kep
     nodes = graph.nodes
     for k in range(nodes[n].begin, nodes[n + 1].begin):
         link = graph.links[k]
-        # Of these, those that the tangent of the other arrival does not cross. The bound is the estimate of A*.
+        # Lost are those of them that the kept arrival's tangent does not cross. The bound is the estimate of A*.
         if link.leave >= turned - SAME and link.leave < until:
             straight = link.cost - radius * (link.leave - link.arrive)
             if not _is_shorter(kept_turned - link.leave, radius, kept_straight, straight):
@@ -230,7 +230,7 @@ def string_through(graph, ways, count, start, goal, radius):
 
 @helper
 def string_of(graph, labels, last, start, goal, radius):
-    """Return the string from the start to the goal whose last arc is that of node ``last``."""
+    """Return the string (k,) STRING_NODE from start to goal that passes the arc of node ``last`` at the end."""
     # Follow the labels back to the start.
     count = 0
     n = last

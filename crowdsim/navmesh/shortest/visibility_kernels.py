@@ -2,7 +2,7 @@
 
 ``aim``, ``sight``, ``seen`` and ``ellipse`` are records AIM, SIGHT, SEEN and ELLIPSE of
 :mod:`crowdsim.navmesh.shortest.view_arrays`; ``radius`` is that of the disc [m], ``reach`` the distance behind a vertex
-from which on it bounds headings [m]; point 0 is (x0, y0), point 1 is (x1, y1). ``eye`` is the Viewpoint.
+from which on it bounds headings [m]; point 0 is (x0, y0), point 1 is (x1, y1) [m]. ``eye`` is the Viewpoint.
 """
 
 import math
@@ -37,8 +37,8 @@ def _aim(aim, x, y, q0, radius):
     aim.distance = distance
     aim.dx = dx
     aim.dy = dy
-    # The sine of the angle between a tangent and the line of the centers is (q - q0) / distance. It is kept even if it
-    # exceeds 1, as the circles overlap; the heading is then that at 1.
+    # The sine s of the angle between a tangent and the line of the centers is (q - q0) / distance, q = radius on the
+    # left and -radius on the right. If the circles overlap, s exceeds 1 and is kept so; the heading is the one at 1.
     s = (radius - q0) * scale
     c = 1.0 if s == 0.0 else math.sqrt(max(1.0 - s * s, 0.0))
     aim.left_s = s
@@ -210,7 +210,6 @@ def _clip(sight, eye):
 
     Only a view that begins at least four radii from the eye may be clipped: every corner there is within these bounds,
     as the sine of the angle from it to a tangent's heading is at most 2 radii over the distance, 0.5 for 30 degrees.
-    A nearer view may be wider than half a turn, for which the tests by cross products below do not hold.
 
     sight: record :data:`~crowdsim.navmesh.shortest.view_arrays.SIGHT`, whose right bound is r and left bound l.
     """
@@ -237,7 +236,7 @@ def _clip(sight, eye):
 
 @inlined
 def _split(sight, other, zx, zy, aim, tolerance, reach):
-    """Split a view at the vertex seen at z from the eye: ``sight`` keeps its right part, ``other`` takes the left one.
+    """Split a view at the vertex at z, relative to the eye [m]: ``sight`` keeps the right part, ``other`` the left one.
 
     Both see past the vertex by ``tolerance`` [m]. Beside the vertex, headings are bounded for corners more than
     ``reach`` behind it. sight, other: records :data:`~crowdsim.navmesh.shortest.view_arrays.SIGHT`. aim: the
@@ -253,7 +252,8 @@ def _split(sight, other, zx, zy, aim, tolerance, reach):
     other.by = sight.by
     other.a_from = sight.a_from
     other.b_from = sight.b_from
-    # The left part begins slightly right of the vertex, but not outside of the old view; the right part ends alike.
+    # The left part begins slightly right of the vertex, but not outside of the old view. The right part ends slightly
+    # left of it.
     other.rx = zx + tolerance * aim.dy
     other.ry = zy - tolerance * aim.dx
     if sight.rx * other.ry - sight.ry * other.rx < 0.0:
@@ -360,6 +360,7 @@ def see_corners(m, arc_begin, eye, h, view, count):
             elif second:
                 sights[top] = sights[top + 1]
                 top += 1
+        # The vertex is left or right of the view. (Neither would mean behind the eye, which only rounding could give.)
         elif left_of_right or right_of_left:
             sight.side = nxt(g) if left_of_right else prv(g)
             if _leads_on(sight, sight.side, vertices, sides, eye, ellipse):

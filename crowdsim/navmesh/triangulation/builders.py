@@ -1,7 +1,7 @@
 """Build the arrays of a mesh from a valid area, by the engine's own triangulation or by Shewchuk's Triangle.
 
-Both number the vertices alike and leave constraints, refinement and clearances to the same kernel. So their meshes
-differ only if four corners lie on one circle and either diagonal is Delaunay.
+Both number the vertices in the same order and leave constraints, refinement and clearances to the same kernel. So their
+meshes differ only if four corners lie on one circle and either diagonal is Delaunay.
 """
 
 from __future__ import annotations

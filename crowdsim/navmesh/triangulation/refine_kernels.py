@@ -106,9 +106,10 @@ def _foot_at(m, s, part, x, y, near):
 def _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1):
     """Return the part of lo..hi of side ab (0 at a, 1 at b) where the origin may see a foot; lo > hi if there is none.
 
-    The foot is on ab, or beyond it if ab is open. It is in view between ray r = (r0, r1) on the right and ray l. For
-    each vertex w of x, y (ends of the first side that the view crosses), a and b, w . foot <= w . w, as the disc on the
-    origin and the foot would hold w otherwise; so the place on ab in front of the foot keeps this bound, too.
+    The foot is on ab, or beyond it if ab is open. It is in view between ray r = (r0, r1) on the right and ray l. Let w
+    be a, b or one of x and y, the ends of the first side that the view crosses. The disc with the origin and the foot
+    as opposite points must not hold w: so w . foot <= w . w. The place on ab in front of the foot has the same
+    direction and is nearer, so it keeps this bound, too.
     """
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, xx, xy)
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, yx, yy)
@@ -127,7 +128,7 @@ def find_bottleneck(m, v, qx, qy, w):
     Return (half-edge, foot x, foot y) [m], not relative to v, with -1 for the half-edge if there is none. As the disc
     between v and the foot holds no vertex, the foot is not farther along any seen vertex u than u itself, which bounds
     the search. Only discs that hold (qx, qy) [m] count: their feet are at least as far along q as q itself. If q is at
-    v all count. If ``sights`` has no room for a view, no loop turn is left for the edit.
+    v all count. If ``sights`` has no room for a view, the loop turns left become 0, so that the edit counts as stuck.
     """
     sights = w.sights
     sides = m.sides
@@ -168,7 +169,8 @@ def find_bottleneck(m, v, qx, qy, w):
             zx = apex.x - px
             zy = apex.y - py
             for h in (nxt(g), prv(g)):
-                # The half right of z keeps the left ray or z, whichever is farther right; the other half alike.
+                # The half right of z ends at the left ray or z, whichever is farther right; the half left of z begins
+                # at the right ray or z, whichever is farther left.
                 r0 = rx
                 r1 = ry
                 l0 = lx
@@ -229,7 +231,8 @@ def _find_foot(m, s, w):
     that touches nothing else holds no corner of the triangles it crosses. So at each side that it crosses on the way to
     the vertex, its part before the side lies within the circumcircle of the triangle behind the side. The foot is thus
     in all these circles, which bounds the search. It is also in front of each of these sides; without this bound the
-    search would circle around a vertex next to s. If ``sights`` has no room, no loop turn is left for the edit.
+    search would circle around a vertex next to s. If ``sights`` has no room, the loop turns left become 0, so that the
+    edit counts as stuck.
     """
     sights = w.sights
     sides = m.sides
@@ -301,9 +304,9 @@ def add_foot(m, h, x, y, w):
     v = split_edge(m, h, x, y, w)
     if v < 0:
         return v
-    # All triangles that changed are around the new vertex, but for those that `restore_delaunay` has flipped and noted
-    # itself: note that there (`settle` measures them), and queue the walls of v and of its neighbors, as what they see
-    # has changed.
+    # All triangles that changed are around the new vertex, except for triangles that `restore_delaunay` has flipped and
+    # noted itself. Mark v as changed, so that `settle` measures the triangles around it. Queue v and its neighbors, as
+    # what their walls see has changed.
     touch(w, v)
     w.to_do[v].mark |= CHANGED
     enqueue(w, v)

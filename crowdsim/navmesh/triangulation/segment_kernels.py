@@ -255,6 +255,7 @@ def _look_ahead(m, cur, goal, near):
                     return sides[prv(h)].twin, NONE
                 return NONE, nxt(h)
         h = sides[prv(h)].twin
+        # All around and no way on: only in an impossible mesh.
         if h == first:
             return NONE, NONE
     raise BoundExceeded
@@ -264,7 +265,7 @@ def _look_ahead(m, cur, goal, near):
 def _load(m, w, along, way):
     """Add the load of a way to half-edge ``along`` and its twin; the way then starts at the end of ``along``.
 
-    Return 0 or FULL.
+    Mark both triangles as changed, and touch the start. Return 0 or FULL.
     """
     sides = m.sides
     forth = sides[along]
@@ -304,6 +305,7 @@ def insert_segment(m, a, b, winding, use, w):
     while count > 0:
         cur = ways[count - 1].start
         goal = ways[count - 1].goal
+        # This way has come to its end.
         if cur == goal:
             count -= 1
             continue

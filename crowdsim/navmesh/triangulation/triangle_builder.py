@@ -81,8 +81,8 @@ def _next_points(rings: Rings) -> Ints:
 def _through(rings: Rings, order: Ints, places: Floats, cell: float) -> tuple[Rings, Ints]:
     """Lead each side of the rings through those ``places`` (k, 2) [m] whose grid cells it meets.
 
-    Return the rings with these new corners, and ``order`` with the numbers that points have now, and those of new ones
-    last. This is snap rounding: sides that cross meet in the place that their crossing moved to.
+    Return the rings with these new corners, and a new ``order``: the old points under the numbers that they have now,
+    then the new corners. This is snap rounding: sides that cross meet in the place that their crossing moved to.
     """
     ends = rings.points[_next_points(rings)]
     tree = shapely.STRtree(shapely.linestrings(np.stack([rings.points, ends], axis=1)))

@@ -38,7 +38,7 @@ def link(sides, h, g):
 def take(sides, h, source):
     """Give half-edge h the twin, constraint, winding and use of half-edge ``source``: it takes the place of this side.
 
-    Of the twin, only its own twin changes: its constraints, winding and use stay.
+    The new twin of h gets h as its twin; its constraints, winding and use stay.
     """
     target = sides[h]
     target.constraints = sides[source].constraints
@@ -182,7 +182,7 @@ def restore_delaunay(m, w, top):
 
 @helper
 def _new_vertex(m, x, y):
-    """Reserve a vertex at (x, y) that no triangle has yet, and two triangles without corners.
+    """Reserve a vertex at (x, y) [m] that no triangle has yet, and two triangles without corners.
 
     Return the vertex or FULL.
     """
@@ -208,7 +208,7 @@ def _new_vertex(m, x, y):
 def split_edge(m, h, x, y, w):
     """Put a new vertex at (x, y) [m] on side h and split both triangles at it; return the vertex, FULL or STUCK.
 
-    h must have a twin.
+    h must have a twin. The sides around are made Delaunay again.
     """
     sides = m.sides
     vertices = m.vertices
@@ -265,7 +265,7 @@ def split_edge(m, h, x, y, w):
 def insert_point(m, x, y, hint, w):
     """Return the vertex at the grid point (x, y) [m], which must be inside the box; insert one if there is none.
 
-    Return FULL or STUCK if that fails.
+    The sides around a new vertex are made Delaunay again. Return FULL or STUCK if that fails.
     """
     sides = m.sides
     vertices = m.vertices

@@ -69,9 +69,10 @@ def joined(w, one, other):
 def without(w, use, owner):
     """Return the items of list ``use`` without those of ``owner``."""
     k = np.int64(use)
+    # Skip the items of ``owner`` in front.
     while k >= 0 and w.uses[k].owner == owner:
         k = np.int64(w.uses[k].next)
-    # If ``owner`` occurs only in front, the rest is shared; otherwise the list is copied without it.
+    # If there are no more of them, the rest is shared; otherwise the list is copied without them.
     i = k
     while i >= 0 and w.uses[i].owner != owner:
         i = np.int64(w.uses[i].next)
