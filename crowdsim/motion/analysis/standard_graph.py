@@ -137,7 +137,7 @@ def _edges(
     for index, node in enumerate(nodes):
         row = image.clip_first[node.source]
         ending[row + node.segment.last], starting[row + node.segment.first] = index, index
-    # Nodes that meet at a frame of their clip, and those that meet at a transition.
+    # Nodes that meet at a frame of their clip, and nodes that meet at a transition.
     frames = np.arange(count)
     source = ending[np.concatenate([frames, leave])]
     target = starting[np.concatenate([frames, enter])]

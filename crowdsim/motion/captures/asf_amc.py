@@ -28,7 +28,10 @@ _ANGLE_UNITS = {"deg": True, "degree": True, "degrees": True, "rad": False, "rad
 
 @dataclass(frozen=True)
 class _Bone:
-    """Bone of an ASF file; ``axes`` is the order of its own axes, ``turns`` that of its angles, first applied first.
+    """Bone of an ASF file.
+
+    axes: order of the turns of its own axes, as XYZ; turns: order of its angles, as RX (and TX of the root). Both name
+    first what is applied first.
 
     offset: (3,) from its begin to its end, in file units. axis: (3,) angles that turn its own axes, in the file's unit
     of angles.

@@ -47,6 +47,7 @@ def _hips_and_heading(clip: Clip) -> tuple[Floats, Floats]:
 
 def _seconds_from_standing(hips: Floats) -> Floats:
     """Return the time (F,) to the nearest frame in which the hips rest [s]; infinite if they never do."""
+    # A single frame has no speed; it counts as rest.
     if len(hips) < 2:
         return np.zeros(len(hips))
     steady = _smooth(hips, np.full(len(hips), _SPEED_SPAN))

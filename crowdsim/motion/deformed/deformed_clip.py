@@ -44,7 +44,7 @@ _QUICKEST = 1.3
 _GENTLE = 6.0
 """Largest acceleration of the pelvis along one axis at that cadence [m/s2]."""
 _TILTED = 0.12
-"""Half of the largest angle that the pelvis turns about one axis [rad]."""
+"""Half of the largest angle by which the pelvis turns about one axis [rad]."""
 _HIGHEST = 0.12
 """Largest lift of a foot that is kept of a clip [m]: kicks are no steps."""
 _Z = np.array([0.0, 0.0, 1.0])
@@ -269,7 +269,7 @@ def _bones(skeleton: Skeleton, leg: NDArray[np.int32], foot: Floats) -> Floats:
 def _print(cycle: Cycle, ball: Floats, yaw: Floats, foot: int) -> Floats:
     """Return the ball's place ahead and left of the track [m] and the foot's heading from the track's [rad], (3,).
 
-    They are those while the body passes over the foot.
+    All are means over the time in which the body passes over the foot.
 
     ball: (S + 1, 3) places over the cycle [m]. yaw: (S + 1,) headings of the foot from its own landing on [rad].
     """
@@ -357,7 +357,7 @@ def _waves(samples: Floats) -> Floats:
 
 
 def _gentle(waves: Floats) -> Floats:
-    """Return the waves without those that would shake a body whose steps are quicker than the clip's.
+    """Return the waves of :func:`_waves` without those that would shake a body whose steps are quicker than the clip's.
 
     The highest harmonics are dropped first; the rest is scaled down if it is still too much.
 

@@ -36,6 +36,7 @@ def _faded_difference(pool, old_row, first_row, joint, w):
     # d = old * inverse(first); scale its half angle by w, the shorter way around (d0 >= 0).
     d0, d1, d2, d3 = _multiply(p[0], p[1], p[2], p[3], q[0], -q[1], -q[2], -q[3])
     sine = math.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
+    # No difference, so no axis.
     if sine < 1e-7:
         return 1.0, 0.0, 0.0, 0.0
     if d0 < 0.0:
@@ -80,7 +81,7 @@ def _rotation_between(a, b, part):
 
 @helper
 def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, out_rotations, a):
-    """Compute row ``a`` of the joints of :func:`pose_joints`, whose track pose is (at_x, at_y, heading)."""
+    """Compute row ``a`` of the joints of :func:`pose_joints`, for the track pose at_x, at_y [m], heading [rad]."""
     pool = table.pool_rotations
     root = table.pool_root
     # Rows of the pose pool: this frame and the next, and share between them.

@@ -45,8 +45,8 @@ _LIFT_STRIDE, _SINK = 0.042, 5.3
 _LEVEL_AT = 0.72
 """Share of the swing at which the foot is nearly level."""
 _TWIST, _UNTWISTED = 0.5, float(np.radians(25.0))
-"""Share of a foot's turn that it makes on its ball before it lifts, of the part beyond an angle that legs turn easily
-[rad]."""
+"""A foot that turns by more than _UNTWISTED [rad] from print to print makes this share of the excess on its ball before
+it lifts."""
 _STRIDING = 0.70
 """Distance between prints from which on the toes push the foot off as in walking [m]."""
 _TINY = 1e-3
@@ -68,7 +68,7 @@ def _ramped(since: Floats, duration: float, slowing: float) -> Floats:
 
     since, duration: frames. The last ramp takes ``slowing`` frames; with none, the speed is kept to the end.
     """
-    # ``whole``: what the speed 1 between the ramps covers, to which the rise is scaled.
+    # Integrate a speed that is 1 between the ramps. ``whole`` is the integral to the end, by which the rise is divided.
     since = np.clip(since, 0.0, duration)
     whole = duration - 0.5 * (_SOFT_RAMP + slowing)
     risen = np.where(since < _SOFT_RAMP, np.square(since) / (2.0 * _SOFT_RAMP), since - 0.5 * _SOFT_RAMP)
@@ -178,7 +178,8 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
     soft = plan.style.soft
     plants = []
     for i, place in enumerate(places):
-        # Distances that it came and goes ahead. Longer strides land and leave steeper, up to a bit over a full stride.
+        # Distances ahead from the print before, and to the next one. In longer strides feet land and leave steeper, up
+        # to a bit over a full stride.
         came = _way_ahead(places[i - 1], place) if i > 0 else 0.0
         goes = _way_ahead(place, places[i + 1]) if i + 1 < len(places) else 0.0
         turn = float(places[i + 1][2] - place[2]) if i + 1 < len(places) else 0.0
@@ -200,7 +201,7 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
 def _speed(plant: _Plant, t: float, inward: float) -> tuple[Floats, float]:
     """Return the velocity (3,) of the ankle [m/frame] and the rate of the pitch [rad/frame] at an end of a plant.
 
-    t: frame of its landing or lift-off. inward: 1 at its landing, -1 at its lift-off, where the time of the plant is.
+    t: frame of its landing or lift-off. inward: direction of time into the stance, 1 at landing, -1 at lift-off.
     """
     times = np.array([t, t + inward * _TINY])
     ankle, pitch = plant.ankle(times), plant.pitch(times)

@@ -50,7 +50,7 @@ class Step:
 class Hub:
     """A frame at which the body takes a pose shared by many motions: ``kind`` is "stand" or a gait's name.
 
-    frame: whole number. body: (3,) body pose there (of the left print for a gait's hub).
+    frame: whole number. body: (3,) body pose there; for a gait's hub, the one that the left print belongs to.
     """
 
     frame: int
@@ -60,7 +60,11 @@ class Hub:
 
 @dataclass
 class Plan:
-    """Steps in the order in which they land, from standing at ``start`` to standing."""
+    """Steps in the order in which they land, from standing at ``start`` to standing.
+
+    style, manner: how feet and body move. start: (3,) body pose, x, y [m], heading [rad]. hubs: in the order of their
+    frames. frame_count: 0 until the plan is finished.
+    """
 
     name: str
     style: Style = WALKING

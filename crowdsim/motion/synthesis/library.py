@@ -24,11 +24,10 @@ _IDLE_FRAMES = 121
 _ARMS_FRAMES = 37
 """Frames of standing (_IDLE_FRAMES), and of moving the arms while standing."""
 _SHORT_OF_A_CYCLE = 7
-"""Frames less than a cycle of walking that are kept beyond a cut, so that they contain no other cut."""
-
+"""Beyond a cut, a clip keeps a cycle of walking less this number of frames, so that it contains no other cut."""
 
 _DATABASE = ("frontal", "lateral")
-"""Behaviors whose clips are a database of captures: none of them is another behavior's clip with the arms edited."""
+"""Behaviors whose clips a database of captures would have: none is another behavior's clip with the arms edited."""
 
 
 def _rad(degrees: float) -> float:

@@ -36,8 +36,8 @@ class PlanBuilder:
     def step(self, side: int, body: Floats, lift: float, land: float, half_width: float = STANDING_HALF_WIDTH) -> None:
         """Put one foot down for the body pose ``body``: x, y [m], heading [rad].
 
-        ``side`` is LEFT or RIGHT, ``lift`` and ``land`` are frames of the plan, and ``half_width`` is the distance of
-        the foot from the track [m].
+        ``side`` is LEFT or RIGHT, ``lift`` and ``land`` are frames of the plan, and ``half_width`` is the distance from
+        the body pose to the ankle, sideways [m].
         """
         self.plan.steps.append(Step(side, lift, land, body, half_width))
         self.body = body
@@ -153,7 +153,7 @@ class PlanBuilder:
         return self
 
     def stand(self, settle: float | None = None) -> PlanBuilder:
-        """Come to rest ``settle`` frames after the last landing, by default when the heel is down."""
+        """Come to rest ``settle`` frames after the last landing, by default as soon as the heel is down."""
         self.frame = float(np.ceil(self.frame + (self.plan.style.soft if settle is None else settle)))
         self.plan.hubs.append(Hub(int(self.frame), "stand", self.body))
         self.gait = None

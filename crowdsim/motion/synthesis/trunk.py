@@ -67,7 +67,7 @@ def _between(old: Floats, new: Floats, facing: float, share: float) -> Floats:
 def _course(plan: Plan) -> tuple[Floats, Floats]:
     """Return the body's place and heading (F, 3), and the place that carries it (F, 2), both still with corners.
 
-    Both are given at some frames, ``course`` and ``load``, and interpolated.
+    Both are given at some frames, the knots ``course`` and ``load``, and interpolated.
     """
     course: list[tuple[float, Floats]] = [(-1.0, plan.start)]
     load: list[tuple[float, Floats]] = [(-1.0, plan.start[:2])]
@@ -101,8 +101,9 @@ def _course(plan: Plan) -> tuple[Floats, Floats]:
     def through(knots: list[tuple[float, Floats]]) -> Floats:
         """Interpolate (frame, values) linearly, for every frame.
 
-        In fast walks the body sets out for the next step before it has passed the middle of the last two: the line from
-        there holds from the middle on, so that the body gains a few centimeters between two steps, as people do.
+        Frames of knots may go back: in fast walks the body sets out for the next step before the frame in which it is
+        in the middle of the last two. From that frame on, the line of the later knot holds. So the body gains a few
+        centimeters between two steps, as people do.
         """
         times = np.array([t for t, _ in knots])
         values = np.array([v for _, v in knots])
