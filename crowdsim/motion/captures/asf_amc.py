@@ -270,6 +270,9 @@ def _rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
 
 
 def _root_rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
-    """Return rotations (F, 4) of the root from its turns, the places left out."""
+    """Return rotations (F, 4) of the root for ``angles`` (F, 3) [rad], in the order of its turns without its places.
+
+    scale: as of :func:`_rotations`.
+    """
     turns = tuple(turn for turn in bone.turns if turn[0] == "R")
     return _rotations(_Bone(bone.name, bone.offset, bone.axis, bone.axes, turns), angles, scale)

@@ -42,6 +42,7 @@ def on_joints_of(clip: Clip, skeleton: Skeleton) -> Clip:
     both skeletons has no legs, or if a bone points nearly opposite ways in both at rest.
     """
     own = clip.skeleton
+    # The same joints: their rotations hold as they are.
     if own.names == skeleton.names and np.array_equal(own.parents, skeleton.parents):
         return retarget(clip, skeleton)
     for role in _NEEDED:

@@ -231,7 +231,10 @@ def _body_points(clip: Clip) -> tuple[Floats, Floats, NDArray[np.int64]]:
 
 
 def joint_flesh(skeleton: Skeleton) -> Floats:
-    """Return the flesh (J,) by role [m]; joints without a role as their nearest ancestor with one."""
+    """Return the distance (J,) from each joint to the skin, by its role [m].
+
+    Joints without a role have that of their nearest ancestor with one; _FLESH if there is none.
+    """
     flesh = np.full(skeleton.joint_count, _FLESH)
     by_joint = {joint: _FLESH_BY_ROLE[role] for role, joint in skeleton.roles.items()}
     for joint, parent in enumerate(skeleton.parents):

@@ -137,6 +137,7 @@ def _without(
     needed[leave, enter] = np.inf
     rests = np.any(needed[:, idle] <= threshold, axis=1)
     for number in np.unique(leave[idle[enter]]).tolist():
+        # Another idle clip is left.
         if rests[number]:
             continue
         # 0: the segment that followed in the capture.
@@ -239,7 +240,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
     least = int(_edges(candidates, float(steps[-1]))[2].sum()) / 2.0
 
     def judge(place: int) -> tuple[bool, float]:
-        """Return True if too many nodes are lost, and the excess over the wanted branching factor."""
+        """Return for ``steps[place]``: True if it loses too many nodes, and the excess over the wanted branching."""
         source, target, keep = _edges(candidates, float(steps[place]))
         transitions = len(source) - int(natural[source, target].sum())
         nodes = int(keep.sum())
@@ -256,7 +257,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
     near = range(max(low - _AROUND, 0), min(low + _AROUND + 1, len(steps)))
 
     def rank(place: int) -> tuple[bool, float, int]:
-        """Return the key by which thresholds are ordered, the best first."""
+        """Return the key by which thresholds ``steps[place]`` are ordered, the best first."""
         small, over = judge(place)
         return small, abs(over), place
 

@@ -48,7 +48,7 @@ def segment_clip(clip: Clip, detectors: Sequence[str]) -> list[Segment]:
 
 
 def is_locomotion(clip: Clip, track: Floats) -> bool:
-    """Return True if a clip moves 10 cm or turns 10 degrees, or any joint of it moves 10 cm.
+    """Return True if a clip with ``track`` (F, 3) goes 10 cm or turns 10 degrees, or any joint of it moves 10 cm.
 
     A movement of single joints, such as pulling in the arms, counts as it leads to another pose.
     """

@@ -144,14 +144,14 @@ class _Plant:
 
 
 def _way_ahead(old: Floats, new: Floats) -> float:
-    """Return the distance from one print to the next along the mean of their headings [m]."""
+    """Return how far the print ``new`` (3,) is ahead of ``old``, along the mean of their headings [m]."""
     heading = 0.5 * (old[2] + new[2])
     way = new - old
     return float(way[0] * cos(heading) + way[1] * sin(heading))
 
 
 def _turning(plant: _Plant, t: float, duration: float) -> tuple[float, float]:
-    """Return the heading of a plant at its end ``t`` [rad], and its rate [rad per ``duration`` frames]."""
+    """Return the heading of a plant at its lift-off ``t`` [rad], and its rate [rad per ``duration`` frames]."""
     yaw = plant.yaw(np.array([t - _TINY, t]))
     return float(yaw[1]), float(yaw[1] - yaw[0]) / _TINY * duration
 

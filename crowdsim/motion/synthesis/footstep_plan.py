@@ -76,13 +76,16 @@ class Plan:
 
 
 def footprint(side: int, body: Floats, half_width: float) -> Floats:
-    """Return the planar pose (3,) at the ankle of a foot planted for the body pose ``body``."""
+    """Return the planar pose (3,) at the ankle of a foot planted for the body pose ``body`` (3,).
+
+    side: LEFT or RIGHT. half_width: distance from the body pose to the ankle, sideways [m].
+    """
     sign = 1.0 if side == LEFT else -1.0
     return compose(body, np.array([-HIP_AHEAD, sign * half_width, sign * TOE_OUT]))
 
 
 def along_arc(body: Floats, length: float, turn: float) -> Floats:
-    """Return the body pose ``length`` meters ahead along an arc that turns by ``turn`` [rad]."""
+    """Return the body pose (3,) that is ``length`` meters ahead of ``body`` on an arc that turns by ``turn`` [rad]."""
     half = 0.5 * turn
     chord = length * sin(half) / half if half != 0.0 else length
     return compose(body, np.array([chord * cos(half), chord * sin(half), turn]))
