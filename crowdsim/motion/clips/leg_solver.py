@@ -42,12 +42,12 @@ def stretch(leg: Leg) -> Floats:
 
 
 def missing_height(leg: Leg, targets: Floats, most: Floats) -> Floats:
-    """Return how far hips must come down for ankles to reach ``targets`` (n, 3), (n,) [m]; negative if they need not.
+    """Return how far (n,) hips must come down for ankles to reach ``targets`` (n, 3) [m]; negative if they need not.
 
-    most: (n,) stretch up to which legs may reach.
+    most: (n,) stretch up to which legs may reach, as of :func:`stretch`.
     """
-    # Pythagoras: the hip's largest height above the target at this horizontal distance; at least 0.1 m, also for a
-    # target that is out of reach at any height.
+    # Pythagoras: the hip's largest height above the target at this horizontal distance; taken as 0.1 m if it is less,
+    # or if the target is out of reach at any height.
     x, y, z = (leg.hips - targets).T
     reach = most * _whole(leg)
     missing: Floats = z - np.sqrt(np.maximum(reach * reach - x * x - y * y, 0.01))

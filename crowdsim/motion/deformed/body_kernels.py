@@ -203,9 +203,9 @@ def ankle_over(bones, foot, pitch):
 
 @helper
 def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
-    """Return ``pitch`` of a foot on its ball, or as much lower as its leg needs to reach the ankle [rad].
+    """Return ``pitch`` of a foot on its ball, or as much lower (heel up) as its leg needs to reach the ankle [rad].
 
-    It is no lower than -_STEEPEST, with which a leg may still not reach. hip: place of the hip joint. ball: place of
+    The result is no lower than -_STEEPEST; the leg may not reach even then. hip: place of the hip joint. ball: place of
     the ball on the floor. c, s: cosine and sine of the foot's heading.
     """
     most = REACH * (bones[foot, THIGH] + bones[foot, SHANK])
@@ -232,8 +232,8 @@ def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
 @helper
 def lacking(bones, foot, hip, ankle):
     """Return how far the pelvis must come down for a leg to reach its ankle [m]; negative if it need not."""
-    # Pythagoras: the hip's largest height above the ankle at this horizontal distance. At least 0.1 m, also for an
-    # ankle that is out of reach at any height: the pelvis must not come down to the floor for it.
+    # Pythagoras: the hip's largest height above the ankle at this horizontal distance. It is taken as 0.1 m if it is
+    # less, or if the ankle is out of reach at any height: the pelvis must not come down to the floor for it.
     most = REACH * (bones[foot, THIGH] + bones[foot, SHANK])
     x = hip[0] - ankle[0]
     y = hip[1] - ankle[1]

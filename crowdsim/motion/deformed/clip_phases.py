@@ -113,6 +113,7 @@ def _share(run: _Run, usual: float, frames: int) -> Floats:
     begin = float(run.first)
     if run.first == 0 or run.end == frames:
         length = max(length, usual)
+        # The end of the first run is certain, so count back from there.
         if run.first == 0:
             begin = run.end - length
     since = np.arange(run.first, run.end, dtype=np.float64)

@@ -230,7 +230,7 @@ def _beside(points: Floats, track: Floats) -> Floats:
 def _from_landing(foot: int, positions: Floats, world: Floats) -> tuple[Floats, Floats]:
     """Return joints' places (S + 1, J, 3) and rotations (S + 1, J, 4) from the landing of ``foot`` to its next one.
 
-    Those given begin with the left foot's landing; the right one lands half a cycle later.
+    ``positions`` and ``world`` begin with the left foot's landing; the right foot lands half a cycle later.
     """
     rows = np.append((np.arange(SAMPLES) + foot * SAMPLES // 2) % SAMPLES, foot * SAMPLES // 2)
     return positions[rows], world[rows]
@@ -245,6 +245,7 @@ def _hip_in_root(skeleton: Skeleton, mean: Floats, hip: int) -> tuple[Floats, Fl
     while chain[-1] > 0:
         chain.append(int(skeleton.parents[chain[-1]]))
     place, turn = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    # From the joint below the root down to the parent of the hip.
     for joint in chain[-2::-1]:
         place = place + rotate(turn, skeleton.offsets[joint])
         turn = multiply(turn, mean[joint])

@@ -87,8 +87,9 @@ def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, wor
 
 
 def _bone_frame(hinge: Floats, bone: Floats) -> Floats:
-    """Return the rotation (4,) of the frame with z up a bone and y near its hinge, both (3,) given in the joint.
+    """Return the rotation (4,) of the frame with z up a bone and y near its hinge.
 
+    Both are (3,), in the frame of the joint at the upper end of the bone; ``bone`` points down to the next joint.
     A leg that is straight throughout has a hinge of 0; its knee then bends about the y axis.
     """
     z = -bone / np.sqrt(np.sum(bone * bone))

@@ -141,7 +141,8 @@ def set_anchors(places, velocities, turns, phases, anchors):
     """
     for body in range(len(phases)):
         rate, _ = _rate_of(places[body], velocities[body], turns[body])
-        # Half cycles since the body passed over the foot that is now behind. Too slow to walk, it is taken to stand.
+        # Half cycles since the body passed over the foot that is now behind. A body too slow to walk is taken to stand,
+        # with its anchor at its own place.
         since = 2.0 * (phases[body] - REFERENCE)
         seconds = 0.5 * (since - math.floor(since)) / rate if rate >= _SLOW else 0.0
         anchors[body, 0] = places[body, 0] - seconds * velocities[body, 0]

@@ -179,14 +179,14 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
 def _lack(x, y, heading, side, apart):
     """Return how far a point (x, y) must move to the ``side`` (1 left, -1 right) of a foot at the origin [m].
 
-    heading: direction that counts as ahead there [rad]. apart: required distance to that side [m]. The requirement
-    fades to nothing for a point well ahead or behind. The result is between 0 and 2 _MOST_ASIDE.
+    heading: direction that counts as ahead there [rad]. apart: required distance to that side [m], less for a point
+    well ahead or behind, down to none. The result is 0 if the point is far enough, and 2 _MOST_ASIDE at most.
     """
     c, s = cos_sin(heading)
     along = abs(c * x + s * y)
     # 1 for feet side by side, 0 for those a long step apart.
     beside = min(max((_LONG - along) / _LONG_BY, 0.0), 1.0)
-    # 2 _MOST_ASIDE is enough for two feet that each move by at most _MOST_ASIDE.
+    # More would be of no use: each of two feet moves by _MOST_ASIDE at most.
     return beside * min(max(apart - side * (c * y - s * x), 0.0), 2.0 * _MOST_ASIDE)
 
 

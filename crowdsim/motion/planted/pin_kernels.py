@@ -134,7 +134,7 @@ def bent_leg(hip, knee, ankle, left, target, most):
     """Return the rotations of thigh and shank, in the world, that bring the ankle to ``target`` or as near as it gets.
 
     The knee bends by the law of cosines in its plane, then the leg turns the shortest way, as in
-    :func:`crowdsim.motion.clips.leg_solver.bend_legs`. left: axis about which a knee bends that is nearly
+    :func:`crowdsim.motion.clips.leg_solver.bend_legs`. left: unit vector, axis about which a knee bends that is nearly
     straight or bent backward. most: share of its length to which the leg may stretch.
     """
     thigh, shank, way = _minus(knee, hip), _minus(ankle, knee), _minus(target, hip)
