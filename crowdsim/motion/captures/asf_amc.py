@@ -263,7 +263,7 @@ def _rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
     count = len(angles)
     if not bone.turns:
         return np.broadcast_to(np.array([1.0, 0.0, 0.0, 0.0]), (count, 4))
-    # C M C^-1, of which M has its turns reversed, as euler_rotations applies the last one first.
+    # C M C^-1. The turns of M are reversed, as euler_rotations applies the last one first.
     own = _own_axes(bone, scale)
     turned = euler_rotations(angles[:, ::-1], [turn[1] for turn in bone.turns[::-1]])
     return multiply(multiply(np.broadcast_to(own, (count, 4)), turned), np.broadcast_to(conjugate(own), (count, 4)))

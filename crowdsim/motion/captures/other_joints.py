@@ -49,9 +49,9 @@ def on_joints_of(clip: Clip, skeleton: Skeleton) -> Clip:
         if role not in own.roles or role not in skeleton.roles:
             raise MotionError(f"clip '{clip.name}' has no joint for '{role}', or the other behaviors have none")
     positions, world = clip.posed
-    # Rotations in the world (turned): a joint with a role turns as the one with that role, from its own rest pose;
-    # others go with their parents, and those of the spine share its turn. level: turn about the vertical between the
-    # directions in which both skeletons face at rest.
+    # World rotations ``turned``: a joint with a role turns as the clip's joint in that role, from its own rest pose.
+    # Other joints go with their parents, but those of the spine share its turn. ``level``: turn about the vertical from
+    # the direction in which ``skeleton`` faces at rest to the one in which ``own`` does.
     level = multiply(_facing(own), conjugate(_facing(skeleton)))
     turned = np.tile([1.0, 0.0, 0.0, 0.0], (clip.frame_count, skeleton.joint_count, 1))
     roles = {joint: role for role, joint in skeleton.roles.items() if role in own.roles}

@@ -3,10 +3,10 @@
 Rotations are unit quaternions (w, x, y, z) in tuples. World axes are x, y on the floor and z up. ``model`` is a
 :class:`crowdsim.motion.deformed.deformed_clip.ClipModel`; foot 0 is the left one, 1 the right one.
 
-``q`` is a rotation, ``rows`` an array of rotations or samples; ``bones`` (2, 5) are those of the model: thigh, shank,
-ankle to ball along the foot, heights of ankle and ball [m]; ``pitch`` is that of a foot, toes up [rad]; ``print_yaw``
-is the heading of a print [rad]; ``hip``, ``ankle`` and ``ball`` are points [m]; ``track`` is a result of
-:func:`track_at`; ``u`` is the phase since a foot landed, the share of its cycle.
+``q`` is a rotation, ``rows`` an array of rotations or samples; ``bones`` (2, 5) are the model's, of both legs: thigh,
+shank, ankle to ball along the foot, heights of ankle and ball [m]; ``pitch`` is the pitch of a foot, positive if its
+toes point up [rad]; ``print_yaw`` is the heading of a print [rad]; ``hip``, ``ankle`` and ``ball`` are points [m];
+``track`` is a result of :func:`track_at`; ``u`` is the phase since a foot landed, the share of its cycle.
 """
 
 import math

@@ -58,9 +58,9 @@ class ClipModel(NamedTuple):
     waves: (6, 2 * WAVES) float64, cosine and sine coefficients of the root: ahead, left, up [m], half rotation vector.
     root: (3,) float64, mean place of the root: ahead and left of the track, and height when walking [m].
     legs: (2, 4) int32, joints of hip, knee, ankle, toe, left leg first; the toe is -1 if none hangs on the ankle.
-    hips: (2, 3) float64, hip joints in the frame of the root [m]. turns: (2, 5, 4) float64, rotation of the joint that
-    carries the hip, those of :func:`~crowdsim.motion.deformed.leg_frames.leg_turns`, and those of the flat foot and
-    toe.
+    hips: (2, 3) float64, hip joints in the frame of the root [m]. turns: (2, 5, 4) float64, rotations of the joint that
+    carries the hip, of hip and knee (:func:`~crowdsim.motion.deformed.leg_frames.leg_turns`), and of ankle and toe of
+    the flat foot.
     bones: (2, 5) float64, thigh, shank, ankle to ball along the foot, heights of ankle and ball [m].
     pitch: (2, S + 1) float64, toes up, from each foot's landing on [rad]. lift: (2, S + 1) float64, height of the ankle
     above a smooth curve from lift-off to landing, in the swing [m].

@@ -2,7 +2,8 @@
 
 Each is a track with the phases that a simulation would give it, and the walk deformed to that track. At its own speed a
 deformed walk is close to the captured one, so a motion graph joins made and captured motions. Times and rates below are
-those of the tracks, which are played somewhat faster or slower, at the walk's own cadence; side steps are not.
+measured along the tracks. These are played somewhat faster or slower, so that they have the walk's own cadence; side
+steps are played as they are.
 """
 
 from __future__ import annotations

@@ -323,7 +323,7 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
     low. Fills the column DROP of ``samples`` [m]. Parameters as of :func:`plan_prints`; scratch: (T,) float64.
     """
     # Phases after landing, closest to each other where a leg is stretched most: as its foot lands, and before it lifts.
-    asked = (0.0, 0.05, 0.15, 0.3, 0.4, 0.5, 0.55, 0.6)
+    tested = (0.0, 0.05, 0.15, 0.3, 0.4, 0.5, 0.55, 0.6)
     for body in range(len(firsts)):
         first = firsts[body]
         count = counts[body]
@@ -333,8 +333,8 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
             foot = half & 1
             prints = (steps[row, PRINT], steps[row, PRINT + 1], steps[row, PRINT + 2])
             near = span
-            for k in range(len(asked)):
-                u = asked[k]
+            for k in range(len(tested)):
+                u = tested[k]
                 time, near = time_of_value(samples, PHASE, 0.5 * half + u, step, first, count, near)
                 # The next foot lands after this one, so its search may begin here.
                 if k == 0:

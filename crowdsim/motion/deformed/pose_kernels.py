@@ -4,7 +4,7 @@ Arguments of all helpers: ``model`` (ClipModel); ``steps``, rows of the :class:`
 <crowdsim.motion.deformed.step_plan.StepPlan>`; ``foot``, 0 for the left and 1 for the right; ``track``, the sample of
 the plan at the time; ``place`` and ``turn``, position [m] and rotation of the root; ``out`` (P, J, 4), rotations of the
 joints of all bodies, of which row ``body`` is written. Quaternions are (w, x, y, z). ``q`` is a rotation, ``phase``
-that of the gait [cycles].
+the phase of the gait [cycles].
 """
 
 import math

@@ -109,8 +109,8 @@ def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, 
         old_x, old_y = _turned((w - 1.0) * apart, float(root[old, 0]), float(root[old, 1]))
         x += w * old_x
         y += w * old_y
-    # Rotations (w, x, y, z): q is that of a joint in its parent, p that of the parent in the world, d the difference
-    # that a blend offset leaves.
+    # Rotations (w, x, y, z). q: joint relative to its parent; p: parent in the world; d: what is left of the difference
+    # between both nodes.
     for j in range(len(table.parents)):
         q0, q1, q2, q3 = _rotation_between(pool[row, j], pool[after, j], part)
         if w > 0.0:

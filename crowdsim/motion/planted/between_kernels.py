@@ -1,8 +1,8 @@
 """Tracks of captured bodies between two steps: along the tracks of the nodes that they play.
 
-A straight line from step to step would turn a corner at each of them, and a body whose clip sways or turns meanwhile
-would be jerked along it. Between steps a body plays known frames, so only what the clips do not tell, the fading blend
-offset, is interpolated.
+A straight line from step to step would turn a corner at each step, and a body whose clip sways or turns meanwhile would
+be jerked along it. Between steps a body plays known frames of its nodes. They lack only the blend offset, which fades
+meanwhile, so only this is interpolated.
 
 Arguments of all helpers: ``nodes``, the :class:`NodeTracks`; ``frame``, of a node, also between two frames; ``begin``
 and ``end``, frames of a node; ``spans`` (2,), lengths of the floor along x and y [m], 0 if it is not periodic there;

@@ -4,12 +4,12 @@ A foot that stands keeps its place from touch-down until it lifts, through all n
 rolls and turns in the clip that is played moves it. While it swings, its displacement from the clip fades out.
 
 Arguments of all helpers: ``table`` (PoseTable) and ``feet`` (FootTable); ``foot``, 0 for the left and 1 for the right;
-``positions`` (A, J, 3) and ``rotations`` (A, J, 4) of the joints of all bodies, which are bent in place and of which
-row ``a`` is one body; hip, knee, ankle and other points are triples [m], rotations are quaternions (w, x, y, z). ``a``
+``positions`` (A, J, 3) and ``rotations`` (A, J, 4), the joints of all bodies, which are changed in place, and ``a``,
+the row of one body; hip, knee, ankle and other points are triples [m], rotations are quaternions (w, x, y, z). ``a``
 and ``b`` are vectors in products; ``turn`` is a rotation, ``target`` the ankle's place to be reached [m], ``most`` the
 share of its length to which the leg may stretch; ``spans`` are the lengths of the floor along x and y [m], 0 if it is
-not periodic there; ``place`` is that of a foot as posed: x, y of its ball [m], heading [rad]; ``moved`` is how far it
-is moved x, y [m] and turned [rad].
+not periodic there; ``place`` is where a foot is in the pose of the clip: x, y of its ball [m], heading [rad];
+``moved`` is how far it is moved x, y [m] and turned [rad].
 """
 
 import math

@@ -149,7 +149,7 @@ def _leg(skeleton: Skeleton, side: str) -> list[int]:
 def _across(skeleton: Skeleton, ankle: int, ball: int) -> Floats:
     """Return the axis (3,) to the left of a foot, in the frame of its ankle joint.
 
-    It serves to tell the heading of a foot: one that stands steeply on its toes has no heading along its length.
+    The heading of a foot follows from it: a foot that stands steeply on its toes has no heading along its length.
     """
     ahead = foot_direction(skeleton, ankle, ball)
     return np.array([-ahead[1], ahead[0], 0.0])
