@@ -1,9 +1,9 @@
 """Follow the feet of captured bodies from step to step: where each stands, and what fades after it lifts.
 
 Arguments of all helpers: ``work`` (:class:`~crowdsim.motion.planted.follow_feet.Step`); ``a``, the row of the body;
-``node`` and ``previous``, what it plays and what it played before, -1 for none; ``share``, ``early`` and ``late``,
-moments of the step, 0 to 1; ``count``, the number of events noted so far; helpers that take it return the new one. ``frame`` is
-a frame of the node. ``mode``, ``since``, ``until`` and ``pose`` (x, y [m], heading [rad]) are the columns of a foot's
+``node`` and ``previous``, what it plays and what it played before, -1 for none; ``frame``, of the node; ``share``,
+``early`` and ``late``, moments of the step, 0 to 1; ``count``, the number of events noted so far (helpers that take it
+return the new one). ``mode``, ``since``, ``until`` and ``pose`` (x, y [m], heading [rad]) are the columns of a foot's
 state that :mod:`crowdsim.motion.planted.pin_kernels` names.
 """
 
