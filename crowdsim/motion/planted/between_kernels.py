@@ -47,6 +47,7 @@ def split_step(last, since, frame, natural):
     next one is played from ``begin`` to ``frame``. ``last`` is the last frame of the first node.
     """
     advance = last - since + frame
+    # All frames of both nodes are played: divide the step in proportion.
     if 2.0 * advance <= 3.0 * natural:
         return (last - since) / advance if advance > 0.0 else 1.0, last, 0.0
     # More than 1.5 times the usual frames: the agent has left an idle node and skips the rest of it. Show as many
