@@ -33,7 +33,7 @@ def read_folder(
 ) -> CaptureFolder:
     """Return all clean stretches of the captures ``paths`` that share their joints, on one skeleton.
 
-    It is the skeleton of the person with most frames, whose clips come first. People with other joints, files that
+    The skeleton is that of the person with most frames, whose clips come first. People with other joints, files that
     cannot be read, and files without legs or without a clean stretch are left out with a note.
 
     Parameters

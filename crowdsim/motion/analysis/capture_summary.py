@@ -45,7 +45,7 @@ def summarize(
 def summarize_all(
     paths: Iterable[Path], meters_per_unit: float | None = None, joints: Mapping[str, str] | None = None
 ) -> list[dict[str, Any]]:
-    """Return a row for each of ``paths``."""
+    """Return a row of :func:`summarize` for each of ``paths``."""
     return [summarize(path, meters_per_unit, joints) for path in paths]
 
 

@@ -114,9 +114,9 @@ def _deepest(i: NDArray[np.int64], j: NDArray[np.int64], value: NDArray[np.float
 class _Piece:
     """A few consecutive frames of a clip and those that their windows reach, about their planar mean.
 
-    rows: their rows in the image. flat, turned: (n + 2 reach, 2 J) x and y, and y and -x, of all joints; up: (n + 2
-    reach, J) their z [m]; reach is WINDOW_REACH. mean_x, mean_y: (n,) means of the windows; own: (n,) sums of squares
-    about them; points: number of points of a window.
+    rows: the n rows of these frames in the image. flat, turned: (n + 2 reach, 2 J) x and y, and y and -x, of all
+    joints; up: (n + 2 reach, J) their z [m]; reach is WINDOW_REACH. mean_x, mean_y: (n,) means of the windows [m]; own:
+    (n,) sums of squares about these means [m2]; points: number of points of a window.
     """
 
     rows: slice
@@ -184,7 +184,11 @@ def _window_sums(values: Floats) -> Floats:
 
 
 def _diagonal_sums(products: Floats) -> Floats:
-    """Return sums of WINDOW entries down each diagonal, by doubling: WINDOW is 16 + 4 + 1."""
+    """Return sums (n - 2 reach, m - 2 reach) of WINDOW entries down each diagonal of ``products`` (n, m).
+
+    By doubling: WINDOW is 16 + 4 + 1.
+    """
+    # ``total`` has sums of ``span`` entries, a power of two; keep those of which WINDOW is composed.
     total, span = products, 1
     parts = []
     remaining = WINDOW

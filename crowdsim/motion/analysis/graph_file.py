@@ -59,7 +59,10 @@ def build_graph(paths: Sequence[Path], settings: GraphSettings) -> MotionGraph:
 
 
 def graph_in_file(file: Path, paths: Sequence[Path], settings: GraphSettings) -> tuple[MotionGraph, bool]:
-    """Return the graph in ``file``, and True if it had to be built: there was none of these captures and settings."""
+    """Return the graph in ``file``, and True if it had to be built and written.
+
+    It is built if the file does not exist, or holds a graph of other captures, settings or of another VERSION.
+    """
     made_of = _made_of(paths, settings)
     if file.is_file():
         header, stored = _read(file)

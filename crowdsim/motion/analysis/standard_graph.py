@@ -56,7 +56,7 @@ def build_standard_graph(
     if max_out_edges is not None:
         leave, enter = _nearest(image, leave, enter, max_out_edges)
     cuts = np.unique(np.concatenate([leave, enter]))
-    # Windows of the image never hold a standing pose, so those of nodes do not either.
+    # The image compares frames as they are, also around a stand; so must the clouds of nodes (hold_standing).
     clip_of = image.clip_of(cuts)
     nodes: list[Node] = []
     for index, source in enumerate(prepared):
@@ -137,7 +137,7 @@ def _edges(
     for index, node in enumerate(nodes):
         row = image.clip_first[node.source]
         ending[row + node.segment.last], starting[row + node.segment.first] = index, index
-    # Nodes that meet at a frame of their clip, and those that meet at a transition.
+    # Nodes that meet at a frame of their clip, and nodes that meet at a transition.
     frames = np.arange(count)
     source = ending[np.concatenate([frames, leave])]
     target = starting[np.concatenate([frames, enter])]

@@ -24,6 +24,7 @@ def retarget(clip: Clip, skeleton: Skeleton) -> Clip:
             f"clip '{clip.name}' has other joints than the rest "
             f"({', '.join(extra) if extra else 'the same ones in another order'}); keep it in a folder of its own"
         )
+    # The same bones: nothing to scale.
     if np.allclose(own.offsets, skeleton.offsets, rtol=0.0, atol=1e-6):
         return Clip(clip.name, skeleton, clip.root_positions, clip.rotations)
     root = clip.root_positions * (skeleton.leg_length() / own.leg_length())

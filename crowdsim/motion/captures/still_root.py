@@ -34,12 +34,12 @@ class _Joint(NamedTuple):
 def with_travelling_root(
     lines: Sequence[Sequence[str]], values: Floats
 ) -> tuple[list[list[str]], Floats, tuple[str, ...]]:
-    """Return hierarchy and rows (F, C) in which the first joint has the places of the hips, and the still joints above.
+    """Return hierarchy, rows (F, C) in which the first joint has the places of the hips, and names of the still joints.
 
     lines: words of the hierarchy, line by line. values: (F, c) of all its channels, in their order, in file units and
-    degrees. The still joints are those from the first one to the parent of the first that travels; none, and everything
-    as given, if one of them moves or turns, or if none travels. Their turns stay theirs; :func:`without_still` removes
-    them.
+    degrees. The still joints are those from the first one to the parent of the first that travels. If one of them moves
+    or turns, or if no joint travels, there are none, and everything is returned as given. Still joints keep their
+    turns; :func:`without_still` removes the joints.
     """
     given = [list(line) for line in lines]
     joints = _joints(lines)

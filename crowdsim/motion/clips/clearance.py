@@ -90,7 +90,7 @@ def _reaches(offset: Floats, height: Floats, flesh: Floats, bands: Sequence[tupl
 def frame_reaches(
     clip: Clip, bands: Sequence[tuple[float, float]], facing: float = 0.0
 ) -> tuple[NDArray[np.int64], Floats]:
-    """Return the frames (n,) that go on, and the reach (n, bands) of the body to a side of its track in each [m].
+    """Return the frames (n,) that go on, and the larger reach (n, bands) of the body to the sides of its track [m].
 
     As :func:`measure_clearances`, but the lowest of several bands measures only the legs: low hands, or those of a
     ducked body, belong to the next band.
@@ -121,9 +121,9 @@ def frame_spreads(clip: Clip) -> Floats:
 def measure_turning(clip: Clip, bands: Sequence[tuple[float, float]], back: bool) -> Floats:
     """Return the largest reach (bands,) of the body to either side while it turns off its way, or ``back`` onto it [m].
 
-    The way points where the body faces in the first frame, or in the last one if it turns back. Frames in which it
-    faces nearly as in the first or last one do not count: there it has one behavior or the other, not turned between
-    them; 0 if none counts. Bands as in :func:`measure_clearances`.
+    The direction of the way is the heading in the first frame, or in the last one if the body turns back. Only frames
+    count in which it faces neither nearly as in the first nor nearly as in the last frame: in the others it already has
+    one of the two behaviors. 0 if no frame counts. Bands as in :func:`measure_clearances`.
     """
     track = track_of(clip)
     heading = np.unwrap(track[:, 2])
@@ -203,6 +203,7 @@ def _body_points(clip: Clip) -> tuple[Floats, Floats, NDArray[np.int64]]:
         """Sample a bone with ends (frames, 3) [m] every _SPACING; its flesh [m] goes from ``thick`` to ``thin``."""
         length = float(np.max(np.linalg.norm(end - start, axis=1)))
         count = int(np.ceil(length / _SPACING))
+        # The ends of a bone of no length are joints, which are points already.
         if count < 1:
             return
         share = np.arange(1, count + 1) / count
@@ -230,7 +231,10 @@ def _body_points(clip: Clip) -> tuple[Floats, Floats, NDArray[np.int64]]:
 
 
 def joint_flesh(skeleton: Skeleton) -> Floats:
-    """Return the flesh (J,) by role [m]; joints without a role as their nearest ancestor with one."""
+    """Return the distance (J,) from each joint to the skin, by its role [m].
+
+    Joints without a role have that of their nearest ancestor with one; _FLESH if there is none.
+    """
     flesh = np.full(skeleton.joint_count, _FLESH)
     by_joint = {joint: _FLESH_BY_ROLE[role] for role, joint in skeleton.roles.items()}
     for joint, parent in enumerate(skeleton.parents):

@@ -25,13 +25,14 @@ _CENTRAL = {
     "neck": ("neck", "lowerneck", "neck1"),
     "head": ("head",),
 }
+"""Names of joints in the middle of the body by role; again the first that a file has counts."""
 
 _SHARED = 0.75
 """Share of the joint names with a common beginning or end from which on that part is ignored."""
 
 
 def _spellings(side: str, stem: str) -> tuple[str, ...]:
-    """Return the ways in which a side and a stem are combined."""
+    """Return the ways in which a side and a stem are combined, as ``leftarm``, ``larm``, ``armleft``, ``arml``."""
     return side + stem, side[0] + stem, stem + side, stem + side[0]
 
 
@@ -65,7 +66,7 @@ def _shared_beginning(names: Sequence[str]) -> str:
 
 
 def _stripped(names: Sequence[str]) -> list[str]:
-    """Return normalized names without common beginnings or ends, such as a character's name, ``bip01`` or ``jnt``."""
+    """Return normalized names without common beginnings or ends, such as a character's name, ``bip1`` or ``jnt``."""
     normal = [_normalize(name) for name in names]
     # Of a few joints, most may begin alike by chance.
     if len(names) < 8:

@@ -3,10 +3,10 @@
 Rotations are unit quaternions (w, x, y, z) in tuples. World axes are x, y on the floor and z up. ``model`` is a
 :class:`crowdsim.motion.deformed.deformed_clip.ClipModel`; foot 0 is the left one, 1 the right one.
 
-``q`` is a rotation, ``rows`` an array of rotations or samples; ``bones`` (2, 5) are those of the model: thigh, shank,
-ankle to ball along the foot, heights of ankle and ball [m]; ``pitch`` is that of a foot, toes up [rad]; ``print_yaw``
-is the heading of a print [rad]; ``hip``, ``ankle`` and ``ball`` are points [m]; ``track`` is a result of
-:func:`track_at`; ``u`` is the phase since a foot landed, the share of its cycle.
+``q`` is a rotation, ``rows`` an array of rotations or samples; ``bones`` (2, 5) are the model's, of both legs: thigh,
+shank, ankle to ball along the foot, heights of ankle and ball [m]; ``pitch`` is the pitch of a foot, positive if its
+toes point up [rad]; ``print_yaw`` is the heading of a print [rad]; ``hip``, ``ankle`` and ``ball`` are points [m];
+``track`` is a result of :func:`track_at`; ``u`` is the phase since a foot landed, the share of its cycle.
 """
 
 import math
@@ -203,9 +203,9 @@ def ankle_over(bones, foot, pitch):
 
 @helper
 def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
-    """Return ``pitch`` of a foot on its ball, or as much lower as its leg needs to reach the ankle [rad].
+    """Return ``pitch`` of a foot on its ball, or as much lower (heel up) as its leg needs to reach the ankle [rad].
 
-    It is no lower than -_STEEPEST, with which a leg may still not reach. hip: place of the hip joint. ball: place of
+    The result is no lower than -_STEEPEST; the leg may not reach even then. hip: place of the hip joint. ball: place of
     the ball on the floor. c, s: cosine and sine of the foot's heading.
     """
     most = REACH * (bones[foot, THIGH] + bones[foot, SHANK])
@@ -232,8 +232,8 @@ def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
 @helper
 def lacking(bones, foot, hip, ankle):
     """Return how far the pelvis must come down for a leg to reach its ankle [m]; negative if it need not."""
-    # Pythagoras: the hip's largest height above the ankle at this horizontal distance. At least 0.1 m, also for an
-    # ankle that is out of reach at any height: the pelvis must not come down to the floor for it.
+    # Pythagoras: the hip's largest height above the ankle at this horizontal distance. It is taken as 0.1 m if it is
+    # less, or if the ankle is out of reach at any height: the pelvis must not come down to the floor for it.
     most = REACH * (bones[foot, THIGH] + bones[foot, SHANK])
     x = hip[0] - ankle[0]
     y = hip[1] - ankle[1]

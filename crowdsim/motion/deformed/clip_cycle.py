@@ -24,7 +24,7 @@ SAMPLES = 64
 _SHORTEST, _LONGEST = 0.5, 3.5
 """Shortest and longest cycle [s]."""
 _GAP = 3
-"""Least frames from a landing to a lift-off that is used; from there to the next landing, twice as many."""
+"""Least frames from a landing to the lift-off after it, for that to be used; to the next landing, twice as many."""
 _ROLLING = 12
 """Largest number of frames that a foot rolls before and after it stands still."""
 _HEEL_DOWN, _HEEL_UP = 0.14, 0.26
@@ -52,9 +52,10 @@ class Cycle:
 
 
 def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
-    """Find the cycle of ``clip`` that is straightest, ends most as it began, and is nearest to ``speed``.
+    """Find the cycle of ``clip`` that best ends as it began, goes straight, has even steps, and is near to ``speed``.
 
-    Cycles in which both feet's steps take the same time are preferred, too.
+    Each of these has a cost; the cycle with the least sum of costs is taken. Steps are even if those of both feet take
+    the same time.
 
     Parameters
     ----------
@@ -164,9 +165,11 @@ def _stances(planted: NDArray[np.bool_], pitch: Floats) -> list[tuple[int, int]]
 
 
 def _cost(clip: Clip, track: Floats, begin: int, end: int, speed: float | None) -> float:
-    """Return the difference of last and first pose [m], plus the turn [rad] and the deviation from ``speed`` [m/s].
+    """Return the cost of the cycle from frame ``begin`` to ``end``, lower if it is more even and nearer to ``speed``.
 
-    The difference is the root mean square over the joints, relative to the places (not headings) of the track.
+    It is the sum of three numbers: the difference of last and first pose [m], the turn between them [rad], and the
+    deviation from ``speed`` [m/s], if given. The difference is the root mean square over the joints, relative to the
+    places (not headings) of the track.
     """
     seconds = (end - begin) / CAPTURE_RATE
     joints = clip.joint_positions[[begin, end]] - np.append(track[[begin, end], :2], np.zeros((2, 1)), axis=1)[:, None]

@@ -32,7 +32,7 @@ _SETTLING, _LEAVING = 0.1, 0.07
 
 
 class _Run(NamedTuple):
-    """Frames ``first`` to before ``end`` with the same feet on the floor."""
+    """Frames ``first`` to before ``end`` with the same feet on the floor: _LEFT, _RIGHT or _BOTH."""
 
     feet: int
     first: int
@@ -69,7 +69,7 @@ def clip_phases(clip: Clip) -> Floats:
 
 
 def _feet_down(clip: Clip) -> NDArray[np.int64]:
-    """Return the feet on the floor in each frame (F,), from landing to lift-off."""
+    """Return the feet on the floor in each frame (F,), _NOBODY to _BOTH; each is down from landing to lift-off."""
     down = np.zeros((clip.frame_count, 2), bool)
     for foot, stances in enumerate(foot_stances(clip)):
         for land, lift in stances:
@@ -85,6 +85,8 @@ def _runs(feet: NDArray[np.int64]) -> list[_Run]:
     bounds = [0, *changes.tolist(), len(feet)]
     ground = feet.copy()
     for first, end in pairwise(bounds):
+        # In the air: the first half counts as the stance before, the second half as the one after. At an end of the
+        # clip the only neighbor counts throughout; both feet count as down if the whole clip is in the air.
         if feet[first] == _NOBODY:
             before = feet[first - 1] if first > 0 else feet[end] if end < len(feet) else _BOTH
             after = feet[end] if end < len(feet) else before
@@ -104,12 +106,14 @@ def _usual_frames(runs: list[_Run], frames: int) -> float:
 def _share(run: _Run, usual: float, frames: int) -> Floats:
     """Return the share (n,) of its time alone that a foot has stood in each frame of a run.
 
-    At an end of the clip that time counts as ``usual`` frames or more. frames: number of those of the clip.
+    usual: number of frames that a foot stands alone. The run is taken to be at least as long if it begins or ends with
+    the clip, which may show only a part of it. frames: number of frames of the clip.
     """
     length = float(run.end - run.first)
     begin = float(run.first)
     if run.first == 0 or run.end == frames:
         length = max(length, usual)
+        # The end of the first run is certain, so count back from there.
         if run.first == 0:
             begin = run.end - length
     since = np.arange(run.first, run.end, dtype=np.float64)
@@ -125,6 +129,7 @@ def _on_both(run: _Run, before: int, after: int) -> Floats:
     frames = np.arange(run.end - run.first, dtype=np.float64)
     landed = 0.5 * (before == _LEFT) if before != _BOTH else 0.5 * (after == _RIGHT)
     leaves = 0.5 * (after == _RIGHT) if after != _BOTH else landed
+    # Walking on: evenly from the landing of one foot to the lift-off of the other.
     if landed == leaves and _BOTH not in (before, after) and len(frames) <= _REST * CAPTURE_RATE:
         even: Floats = landed + BOTH_FEET * (frames / len(frames))
         return even

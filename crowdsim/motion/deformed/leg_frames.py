@@ -25,8 +25,8 @@ class FootShape:
     """A foot over the S + 1 samples of a cycle from its landing on.
 
     turns: (2, 4) rotations of ankle and toe joint of a flat foot that faces +x. sizes: (3,) distance from ankle to ball
-    along the foot, heights of ankle and ball [m]. pitch, yaw, height: (S + 1,) toes up, heading [rad], ankle height
-    [m].
+    along the foot, heights of ankle and ball [m]. pitch: (S + 1,) positive if the toes point up [rad]. yaw: (S + 1,)
+    heading without jumps [rad]. height: (S + 1,) of the ankle [m].
     """
 
     turns: Floats
@@ -37,8 +37,9 @@ class FootShape:
 
 
 def mean_rotation(q: Floats) -> Floats:
-    """Return the mean (4,) of unit quaternions (n, 4) that lie within half a turn."""
-    # Thrice, as q and -q are one rotation: the mean takes the signs nearer to it, on which it depends.
+    """Return the mean (4,) of unit quaternions (n, 4) whose rotations lie within half a turn of each other."""
+    # q and -q are the same rotation. Choose the sign of each that is nearer to the mean; as the mean depends on these
+    # signs, repeat that three times.
     mean: Floats = q[0]
     for _ in range(3):
         signs = np.where(np.sum(q * mean, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
@@ -74,7 +75,8 @@ def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, wor
     """
     hip, knee, ankle = (int(joint) for joint in leg[:3])
     thigh, shank = positions[:, knee] - positions[:, hip], positions[:, ankle] - positions[:, knee]
-    # The hinge is normal to the plane of the leg; samples count the more, the more the knee is bent.
+    # The hinge is normal to the plane of the leg. The cross product grows with the bend of the knee, so in the sum over
+    # the frames those with a bent knee count most.
     hinge = np.cross(thigh, shank)
     return np.stack(
         [
@@ -85,8 +87,9 @@ def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, wor
 
 
 def _bone_frame(hinge: Floats, bone: Floats) -> Floats:
-    """Return the rotation (4,) of the frame with z up a bone and y near its hinge, both (3,) given in the joint.
+    """Return the rotation (4,) of the frame with z up a bone and y near its hinge.
 
+    Both are (3,), in the frame of the joint at the upper end of the bone; ``bone`` points down to the next joint.
     A leg that is straight throughout has a hinge of 0; its knee then bends about the y axis.
     """
     z = -bone / np.sqrt(np.sum(bone * bone))

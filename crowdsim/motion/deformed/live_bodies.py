@@ -49,7 +49,12 @@ class LiveBodies:
         self._plans[self._steps % GROUPS] = self._planned(self._steps % GROUPS)
 
     def pose(self, ahead: float) -> tuple[Floats, Floats]:
-        """Pose all bodies as they were LATE seconds before ``ahead`` seconds after the last sample.
+        """Pose all bodies as they were LATE seconds ago.
+
+        Parameters
+        ----------
+        ahead : float
+            Time since the last sample [s].
 
         Returns
         -------
@@ -62,6 +67,7 @@ class LiveBodies:
         roots, rotations = np.empty((count, 3)), np.empty((count, self._clip.skeleton.joint_count, 4))
         # A plan was made in ``step``, when its last sample was the newest: sample HISTORY - 1 of the track.
         for group, (step, plan) in enumerate(self._plans):
+            # Bodies group, group + GROUPS, and so on are tracks 0, 1, ... of the plan.
             bodies = np.arange(len(range(group, count, GROUPS)), dtype=np.int64)
             time = (HISTORY - 1 + self._steps - step) * STEP + ahead - LATE
             roots[group::GROUPS], rotations[group::GROUPS] = pose_at(
@@ -70,7 +76,7 @@ class LiveBodies:
         return roots, rotations
 
     def _planned(self, group: int) -> tuple[int, StepPlan]:
-        """Return the present step, and the footsteps of a group (every tenth body) on its tracks so far."""
+        """Return the present step, and the footsteps of a group (every tenth body) on its last HISTORY samples."""
         tracks = self._tracks[group::GROUPS]
         starts: NDArray[np.int64] = np.arange(len(tracks) + 1, dtype=np.int64) * HISTORY
         shown = smooth_joined(JoinedTracks(tracks.reshape(-1, 4), starts))

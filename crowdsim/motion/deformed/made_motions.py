@@ -2,7 +2,8 @@
 
 Each is a track with the phases that a simulation would give it, and the walk deformed to that track. At its own speed a
 deformed walk is close to the captured one, so a motion graph joins made and captured motions. Times and rates below are
-those of the tracks, which are played somewhat faster or slower, at the walk's own cadence; side steps are not.
+measured along the tracks. These are played somewhat faster or slower, so that they have the walk's own cadence; side
+steps are played as they are.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _FRINGE = 0.4
 """Time at both ends of a track that is not shown, as footsteps depend on what lies beyond [s]."""
 _STEP_SECONDS = 1.0
 _SIDE_SECONDS = 1.0
-"""Durations of a step of 0.2 m ahead and of one to the side, from stand to stand [s]."""
+"""Durations of a step of 0.2 m ahead and of a step to the side, from stand to stand [s]."""
 _PAUSE = 5
 """Samples of rest between side steps, and between a walk and a turn: feet stand long enough for a cut."""
 _SIDE_STEP = 0.40
@@ -125,7 +126,7 @@ class MotionMaker:
         return go_over(self._deformed, other._deformed, track, (float(begin), float(end)), np.array(shown[:-1]), name)
 
     def _quarter(self, name: str, degrees: float, before: bool) -> Clip:
-        """Make a walk joined to a turn on the spot, the walk ``before`` or after it."""
+        """Make a walk joined to a turn on the spot by ``degrees``; the walk comes first if ``before``, else last."""
         angle = float(np.radians(degrees))
         turn = np.outer(_bell(abs(angle) / _SPOT_RATE), [0.0, 0.0, angle])
         walk = self._steady(0.0, stands_before=not before, stands_after=before)
@@ -134,7 +135,7 @@ class MotionMaker:
         return self._made(f"{name}_{'left' if degrees > 0.0 else 'right'}", moves)
 
     def _walk(self, name: str, degrees: float, stands_before: bool = False, stands_after: bool = False) -> Clip:
-        """Make a steady walk with one turn, from or to standing if so given."""
+        """Make a steady walk with a turn by ``degrees`` (0 for none), from or to standing if so given."""
         moves = self._steady(degrees, stands_before, stands_after)
         count = round(_REST / STEP)
         return self._made(name, np.pad(moves, ((count * stands_before, count * stands_after), (0, 0))))
@@ -178,7 +179,7 @@ def _named(kind: str, degrees: float) -> str:
 
 
 def _bell(seconds: float) -> Floats:
-    """Return shares (n,) of a motion in each time step of a track, slow, fast, slow; they sum to 1."""
+    """Return the shares (n,) of a motion of ``seconds`` that each time step does: slow, fast, slow, in sum 1."""
     count = max(round(seconds / STEP), 3)
     edges = np.arange(count + 1) / count
     shares: Floats = np.diff(edges - sin(2.0 * np.pi * edges) / (2.0 * np.pi))
@@ -186,7 +187,7 @@ def _bell(seconds: float) -> Floats:
 
 
 def _rested(moves: Floats) -> Floats:
-    """Return the moves with rest before and after."""
+    """Return the moves (n, 3) with _REST seconds of rest before and after."""
     rest = np.zeros((round(_REST / STEP), 3))
     return np.concatenate([rest, moves, rest])
 

@@ -47,7 +47,7 @@ _CREEPING = 0.1
 _SET_OFF, _SET_OFF_MOST = 6.0, 1.5
 """Cadence when setting off from a stand: per m/s, and largest [cycles/s]. Higher: a shorter first step."""
 _NOT_YET = 0.5
-"""A body sets off while it is away from its rear foot by less than this share of a steady walk's distance."""
+"""Share of the distance from the rear foot on a steady walk; a body that is less far from that foot is setting off."""
 _AWAY, _TURNED = 0.06, 0.25
 """Distance [m] and angle [rad] from where the rear foot belongs below which it stays. Smaller: restless queues."""
 
@@ -99,7 +99,8 @@ def _next_phase(phase, rate, speed, away, turned, dt):
     """
     half = math.floor(2.0 * phase) * 0.5
     past = phase - half
-    # Double support with both feet where they belong: come to a stand. Small pushes cause no step.
+    # Double support with both feet where they belong: come to a stand, up to its phase but not back to it. Small pushes
+    # cause no step.
     if speed < _STEPPING and past <= BOTH_FEET and away < _AWAY and turned < _TURNED:
         return max(phase, min(half + STAND, phase + _CLOSE * dt))
     if rate < _SLOW:
@@ -136,11 +137,12 @@ def set_anchors(places, velocities, turns, phases, anchors):
     Parameters
     ----------
     places, velocities, turns, phases: as of :func:`advance_phases`, which updates the anchors from then on.
-    anchors: (A, 3) float64, filled.
+    anchors: (A, 3) float64 x, y [m] and heading [rad], filled.
     """
     for body in range(len(phases)):
         rate, _ = _rate_of(places[body], velocities[body], turns[body])
-        # Half cycles since the body passed over the foot that is now behind. Too slow to walk, it is taken to stand.
+        # Half cycles since the body passed over the foot that is now behind. A body too slow to walk is taken to stand,
+        # with its anchor at its own place.
         since = 2.0 * (phases[body] - REFERENCE)
         seconds = 0.5 * (since - math.floor(since)) / rate if rate >= _SLOW else 0.0
         anchors[body, 0] = places[body, 0] - seconds * velocities[body, 0]
@@ -157,8 +159,8 @@ def advance_phases(places, velocities, turns, dt, phases, anchors):
     places: (A, 3) float64 x, y [m] and heading [rad] after the step.
     velocities: (A, 2) float64 [m/s]. turns: (A,) float64 [rad/s].
     phases: (A,) float64 [cycles], updated. STAND for a new body.
-    anchors: (A, 3) float64, pose when the body was over the foot now behind, updated. Its place for a new body; see
-    :func:`set_anchors` for one that walked as a captured agent before.
+    anchors: (A, 3) float64, pose x, y [m], heading [rad] when the body was over the foot now behind, updated. For a new
+    body, its row of ``places``; for one that walked as a captured agent before, see :func:`set_anchors`.
     """
     for body in range(len(phases)):
         rate, speed = _rate_of(places[body], velocities[body], turns[body])

@@ -4,7 +4,7 @@ Arguments of all helpers: ``model`` (ClipModel); ``steps``, rows of the :class:`
 <crowdsim.motion.deformed.step_plan.StepPlan>`; ``foot``, 0 for the left and 1 for the right; ``track``, the sample of
 the plan at the time; ``place`` and ``turn``, position [m] and rotation of the root; ``out`` (P, J, 4), rotations of the
 joints of all bodies, of which row ``body`` is written. Quaternions are (w, x, y, z). ``q`` is a rotation, ``phase``
-that of the gait [cycles].
+the phase of the gait [cycles].
 """
 
 import math
@@ -77,9 +77,9 @@ def _swing_ankle(model, foot, old, new, u, track):
     aside = (1.0 - 2.0 * foot) * old[ASIDE] * 16.0 * v * v * rest * rest
     x -= aside * s
     y += aside * c
-    # Lift as the clip does, times AHEAD, the stride ahead as a multiple of the clip's. Add what a step on the spot is
-    # lifted by: less of it the longer that stride (half at a multiple of 0.2), and between 0.6 and all of it as SHARE
-    # grows to 1: the same multiple of the whole stride, turning included.
+    # Lift as the clip does, times AHEAD, the stride ahead as a multiple of the clip's. Add the lift of a step on the
+    # spot, which fades as AHEAD grows (to half at 0.2). It has its full height if SHARE, the whole stride as such a
+    # multiple, turning included, is 1 or more; 0.6 of it for a body that hardly moves.
     ahead = track[AHEAD]
     share = min(track[SHARE], 1.0)
     z += ahead * sampled(model.lift, foot, u)
@@ -148,8 +148,9 @@ def _put(out, body, joint, q):
 def _pose_leg(model, foot, hip, turn, target, forward, out, body):
     """Write rotations of hip, knee, ankle and toe so that the leg ends at ``target``: ankle, pitch, heading, toe bend.
 
-    turn: rotation of the root. forward: unit vector x, y in which the knee points. The knee bends by the law of
-    cosines; a leg that is too short points to the ankle.
+    hip: place of the hip joint [m]. turn: rotation of the root. target: ankle (x, y, z) [m], the others [rad]. forward:
+    unit vector x, y in which the knee points. The knee bends by the law of cosines; a leg that is too short points to
+    the ankle.
     """
     ankle, pitch, yaw, bend = target
     thigh = model.bones[foot, THIGH]
@@ -195,9 +196,10 @@ def _pose_leg(model, foot, hip, turn, target, forward, out, body):
 
 @helper
 def _pose_upper(model, phase, share, twist, out, body):
-    """Write rotations of the joints above the legs: from their means toward the clip by ``share`` of its stride.
+    """Write the rotations of the joints above the legs: their means, and ``share`` times how they swing in the clip.
 
-    twist: angle of the hips from the chest [rad]; the joints of the spine turn back by it in equal parts.
+    share: stride of the body as a multiple of the clip's (SHARE). twist: angle of the hips from the chest [rad]; the
+    joints of the spine turn back by it in equal parts.
     """
     # Interpolate half rotation vectors between two samples of the cycle; scaled vectors are a slerp from the mean.
     samples = model.swings.shape[0] - 1

@@ -25,16 +25,17 @@ from crowdsim.motion.deformed.plan_kernels import (
 from crowdsim.motion.deformed.pose_kernels import pose_bodies
 
 _BEYOND = 3
-"""Half cycles planned beyond each end: feet there come from and go to prints beyond, beside which others stand."""
+"""Half cycles planned beyond each end: a swing there needs the prints before and after it, and those beside them."""
 
 
 class StepPlan(NamedTuple):
     """Footsteps of A tracks, in arrays.
 
-    samples: (T, COLUMNS) float64, padded tracks with the columns that poses need. firsts, counts: (A,) int64, first row
-    and number of rows of each track in them. steps: (H, STEP_COLUMNS) float64, one row per half cycle. rows: (A + 1,)
-    int64, first of these rows for each track. halves: (A,) int64, half cycle of that row. step: time between samples
-    [s].
+    samples: (T, COLUMNS) float64, padded tracks, one after the other; columns as named in
+    :mod:`crowdsim.motion.deformed.body_kernels`. firsts, counts: (A,) int64, first row and number of rows of each track
+    there, padding included. steps: (H, STEP_COLUMNS) float64, one row per half cycle; columns as named in
+    :mod:`crowdsim.motion.deformed.plan_kernels`. rows: (A + 1,) int64, first row of each track in ``steps``, and H.
+    halves: (A,) int64, number of the half cycle of that first row. step: time between samples [s].
     """
 
     samples: Floats

@@ -67,7 +67,10 @@ class CrossingDetector:
         return np.array(cuts, np.int64)
 
     def _distances(self, clip: Clip) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return the right ankle's signed distance (F,) from the plane [m], positive in front, and where it counts."""
+        """Return the right ankle's signed distance (F,) from the plane [m], positive in front, and which frames count.
+
+        The latter is a mask (F,), False in frames in which the plane is nearly horizontal.
+        """
         joints, skeleton = clip.joint_positions, clip.skeleton
         left_hip, right_hip = joints[:, skeleton.joint("left_hip")], joints[:, skeleton.joint("right_hip")]
         left_ankle, right_ankle = joints[:, skeleton.joint("left_ankle")], joints[:, skeleton.joint("right_ankle")]

@@ -23,21 +23,22 @@ floors of captures do not quite fit."""
 
 STANCE_SPEED = 0.25
 RISING_SPEED = 0.1
-"""Speeds along and off the floor below which such a point is planted [m/s]. A faster foot lands or lifts, as does one
-in the first and last frame of a stance."""
+"""Speeds along and off the floor below which a point so near to it is planted [m/s]. A faster foot lands or lifts, as
+it does in the first and the last frame of a stance."""
 
 SHORTEST_STANCE = 0.1
 """Duration below which a foot is not planted but passes near the floor [s]."""
 
 _STEEP = 1e-6
-"""Level distance from ankle to toe at rest below which a foot points nowhere [m]."""
+"""Horizontal distance from ankle to toe at rest below which a foot has no direction [m]."""
 
 
 @dataclass(frozen=True)
 class Feet:
-    """Points (F, 2, P, 3) of the left and the right foot over F frames, and the lowest height (2, P) of each [m].
+    """Points of the left and the right foot over F frames.
 
-    ankles: (2,) height of each ankle joint above the sole [m].
+    points: (F, 2, P, 3) places in the world [m]. lowest: (2, P) least height of each point [m]. ankles: (2,) height of
+    each ankle joint above the sole [m].
     """
 
     points: Floats
@@ -56,9 +57,10 @@ class Stance:
 
 
 def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | None = None) -> Feet:
-    """Return heels, balls and toe tips (if there are any) of joints (F, J, 3) [m] with world rotations (F, J, 4).
+    """Return the points of both feet, see :func:`foot_points`, from joints (F, J, 3) [m] and their turns (F, J, 4).
 
-    like: feet of another motion of the same body that is long enough to show their lowest heights.
+    like: feet of another motion of the same body, long enough to show their lowest heights; these, and the heights of
+    the ankles, are then taken from there.
     """
     if like is None:
         # Ankles over the soles, on a floor at 0: near the least height, but not that of single bad frames.
@@ -136,7 +138,7 @@ def standing_moves(steps: Floats, planted: NDArray[np.bool_]) -> Floats:
     """Return by how much a foot moves from each frame to the next, (..., n, 2) [m].
 
     It moves as the slowest of its points that stand: ``steps`` (..., n, P, 2) are those of all points [m], ``planted``
-    (..., n, P) is True for points that stand. Where none stands the result does not matter.
+    (..., n, P) is True for points that stand. The result means nothing if no point stands.
     """
     least = np.argmin(np.where(planted, dot(steps, steps), np.inf), axis=-1)
     moves: Floats = np.take_along_axis(steps, least[..., None, None], axis=-2)[..., 0, :]

@@ -24,7 +24,7 @@ WINDOW_REACH = 10
 
 RANGE_STEP = np.radians(1.0)
 RANGE_CAP = 15
-"""Extra rotation is tried in steps of RANGE_STEP [rad], up to RANGE_CAP steps each way."""
+"""Extra rotation is tried in steps of RANGE_STEP [rad], up to RANGE_CAP steps each way: 15 degrees."""
 
 _SQUARES = 8
 """Largest number of squared coordinates that a point adds to a sum: x and y of two points (4), and the square of the
@@ -58,7 +58,7 @@ class PairAlignments:
     distance: (n,) root mean square [m]. rotation: (n,) angle by which cloud b turns onto cloud a [rad].
     dot, cross, fixed: (n,) sums over the points about their means: the squared distance under a turn by t is ``fixed -
     2 (cos(t) dot + sin(t) cross)``.
-    mean_a, mean_b: (n, 2) planar means [m].
+    mean_a, mean_b: (n, 2) planar means [m]. points: P.
     """
 
     distance: Floats
@@ -72,7 +72,8 @@ class PairAlignments:
 
     def pinned_distance(self, pivot_a: Floats, pivot_b: Floats, rotation: Floats) -> Floats:
         """Return distances (n,) if b turns by ``rotation`` [rad] and ``pivot_b`` (n, 2) moves onto ``pivot_a`` [m]."""
-        # Sums about the pivots follow from those about the means (parallel axes); u, v lead from pivot to mean.
+        # Sums about the pivots follow from those about the means, as moments of inertia do (parallel axis theorem); u
+        # and v lead from each pivot to the mean.
         u, v = self.mean_a - pivot_a, self.mean_b - pivot_b
         dot = self.dot + self.points * np.sum(u * v, axis=1)
         cross = self.cross + self.points * (u[:, 1] * v[:, 0] - u[:, 0] * v[:, 1])
@@ -132,7 +133,7 @@ class Alignments:
 
 
 def align_all(clouds_a: Floats, clouds_b: Floats) -> Alignments:
-    """Compare every cloud of ``clouds_a`` (A, P, 3) with every one of ``clouds_b`` (B, P, 3)."""
+    """Compare every cloud of ``clouds_a`` (A, P, 3) with every cloud of ``clouds_b`` (B, P, 3) [m]."""
     (mean_a, ax, ay, az), (mean_b, bx, by, bz) = _centered(clouds_a), _centered(clouds_b)
     dot = ax @ bx.T + ay @ by.T
     cross = ay @ bx.T - ax @ by.T
@@ -140,12 +141,13 @@ def align_all(clouds_a: Floats, clouds_b: Floats) -> Alignments:
     own_b = np.sum(bx * bx + by * by + bz * bz, axis=1)
     fixed = own_a[:, None] + own_b[None, :] - 2.0 * (az @ bz.T)
     points = clouds_a.shape[1]
+    # Over all turns t, cos(t) dot + sin(t) cross is largest at t = atan2(cross, dot), where it is hypot(dot, cross).
     distance = _root_mean_square(fixed - 2.0 * hypot(dot, cross), points)
     return Alignments(distance, atan2(cross, dot), dot, cross, fixed, mean_a, mean_b, points)
 
 
 def align_pairs(clouds_a: Floats, clouds_b: Floats) -> PairAlignments:
-    """Compare each cloud of ``clouds_a`` (n, P, 3) with the one of ``clouds_b`` (n, P, 3) in the same row."""
+    """Compare each cloud of ``clouds_a`` (n, P, 3) with the cloud of ``clouds_b`` (n, P, 3) in the same row [m]."""
     (mean_a, ax, ay, az), (mean_b, bx, by, bz) = _centered(clouds_a), _centered(clouds_b)
     dot, cross = np.sum(ax * bx + ay * by, axis=1), np.sum(ay * bx - ax * by, axis=1)
     fixed = np.sum(ax * ax + ay * ay + bx * bx + by * by + np.square(az - bz), axis=1)
@@ -173,7 +175,10 @@ def join_pairs(parts: Sequence[PairAlignments]) -> PairAlignments:
 
 
 def _centered(clouds: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return means (n, 2) of clouds (n, P, 3), x and y about them, and z, (n, P) each, rounded for exact sums."""
+    """Return planar means (n, 2) of clouds (n, P, 3), x and y about them, and z, (n, P) each [m].
+
+    Coordinates are rounded so that sums of their products are exact in any order.
+    """
     mean = clouds[..., :2].mean(axis=1)
     terms = _SQUARES * clouds.shape[1]
     x, y = (rounded_for_sums(clouds[..., axis] - mean[:, None, axis], terms) for axis in (0, 1))

@@ -47,7 +47,7 @@ FARTHEST_DRIFT = 0.05
 """Drift that a transition may add if feet are pinned where they stand [m]: beyond, legs would be seen to reach far."""
 
 _AROUND = 8
-"""Distances tried on either side of the one found by bisection."""
+"""Number of distances tried on either side of the one that bisection finds."""
 
 
 def build_motion_graph(
@@ -77,11 +77,12 @@ def build_motion_graph(
         possible, keeps at least half of the nodes that WIDEST_THRESHOLD would. If many segments are alike, only
         ``max_out_edges`` can lower it.
     most_drift : float or None
-        Leave out transitions that add more than this to the drift of a planted foot [m]; clip names must be unique. Of
-        those from a segment to idle clips, the nearest one stays if no other would: an agent must be able to rest. But
-        a segment whose capture goes on to one that ends standing and can rest no longer counts as ending standing.
+        Leave out transitions that add more than this to the drift of a planted foot [m]; clip names must be unique. An
+        agent must be able to rest after a segment that ends standing. If all transitions from there to idle clips would
+        go, the nearest one stays; or, if the next segment of the capture ends standing and can rest, this one no longer
+        counts as ending standing.
     whole : bool
-        Leave out none for its drift if segments would fall out of the graph with them.
+        Leave out no transition for its drift if segments would fall out of the graph with those left out.
 
     Returns
     -------
@@ -124,11 +125,11 @@ def build_motion_graph(
 def _without(
     candidates: _Candidates, leave: NDArray[np.int64], enter: NDArray[np.int64], threshold: float
 ) -> _Candidates:
-    """Return the candidates without the transitions from nodes ``leave`` (n,) to ``enter`` (n,) that agents can spare.
+    """Return the candidates without the transitions from nodes ``leave`` (n,) to ``enter`` (n,).
 
-    A node that would lose all its idle clips leaves no way to rest. If its capture goes on to a node that ends standing
-    and can rest, it only paused in a stride, before the other foot was drawn up: it no longer counts as ending
-    standing. Else it keeps the nearest idle clip.
+    After a node that would lose all its idle clips, agents could not rest. If its capture goes on to a node that ends
+    standing and can rest, the body only paused in a stride, before it drew up the other foot: the node no longer counts
+    as ending standing. Else the node keeps the transition to the nearest idle clip.
     """
     idle = np.array([candidates.prepared[node.source].source.idle for node in candidates.nodes])
     stands = np.array([node.segment.ends_standing for node in candidates.nodes])
@@ -136,6 +137,7 @@ def _without(
     needed[leave, enter] = np.inf
     rests = np.any(needed[:, idle] <= threshold, axis=1)
     for number in np.unique(leave[idle[enter]]).tolist():
+        # Another idle clip is left.
         if rests[number]:
             continue
         # 0: the segment that followed in the capture.
@@ -238,7 +240,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
     least = int(_edges(candidates, float(steps[-1]))[2].sum()) / 2.0
 
     def judge(place: int) -> tuple[bool, float]:
-        """Return True if too many nodes are lost, and the excess over the wanted branching factor."""
+        """Return for ``steps[place]``: True if it loses too many nodes, and the excess over the wanted branching."""
         source, target, keep = _edges(candidates, float(steps[place]))
         transitions = len(source) - int(natural[source, target].sum())
         nodes = int(keep.sum())
@@ -255,7 +257,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
     near = range(max(low - _AROUND, 0), min(low + _AROUND + 1, len(steps)))
 
     def rank(place: int) -> tuple[bool, float, int]:
-        """Return the key by which thresholds are ordered, the best first."""
+        """Return the key by which thresholds ``steps[place]`` are ordered, the best first."""
         small, over = judge(place)
         return small, abs(over), place
 

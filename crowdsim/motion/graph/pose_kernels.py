@@ -36,6 +36,7 @@ def _faded_difference(pool, old_row, first_row, joint, w):
     # d = old * inverse(first); scale its half angle by w, the shorter way around (d0 >= 0).
     d0, d1, d2, d3 = _multiply(p[0], p[1], p[2], p[3], q[0], -q[1], -q[2], -q[3])
     sine = math.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
+    # No difference, so no axis.
     if sine < 1e-7:
         return 1.0, 0.0, 0.0, 0.0
     if d0 < 0.0:
@@ -80,7 +81,7 @@ def _rotation_between(a, b, part):
 
 @helper
 def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, out_rotations, a):
-    """Compute row ``a`` of the joints of :func:`pose_joints`, whose track pose is (at_x, at_y, heading)."""
+    """Compute row ``a`` of the joints of :func:`pose_joints`, for the track pose at_x, at_y [m], heading [rad]."""
     pool = table.pool_rotations
     root = table.pool_root
     # Rows of the pose pool: this frame and the next, and share between them.
@@ -108,8 +109,8 @@ def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, 
         old_x, old_y = _turned((w - 1.0) * apart, float(root[old, 0]), float(root[old, 1]))
         x += w * old_x
         y += w * old_y
-    # Rotations (w, x, y, z): q is that of a joint in its parent, p that of the parent in the world, d the difference
-    # that a blend offset leaves.
+    # Rotations (w, x, y, z). q: joint relative to its parent; p: parent in the world; d: what is left of the difference
+    # between both nodes.
     for j in range(len(table.parents)):
         q0, q1, q2, q3 = _rotation_between(pool[row, j], pool[after, j], part)
         if w > 0.0:

@@ -15,11 +15,13 @@ from crowdsim.motion.graph.nodes import Node, PreparedSource
 
 
 class PoseTable(NamedTuple):
-    """Poses of N nodes on J joints; node n owns pool rows ``node_first[n]`` to ``node_first[n] + node_frames[n]``.
+    """Poses of N nodes on J joints; T pool rows, one per frame.
 
-    parents: (J,) int32. offsets: (J, 3) float32 [m].
+    Node n has rows ``node_first[n]`` to ``node_first[n] + node_frames[n]``, both included.
+
+    parents: (J,) int32, -1 for the root. offsets: (J, 3) float32, joint from its parent [m].
     node_first, node_frames: (N,) int32.
-    pool_root: (T, 3) float32, root joint in the frame of its sample's track pose [m].
+    pool_root: (T, 3) float32, root joint in the frame of the track pose of its row: ahead, left, up [m].
     pool_rotations: (T, J, 4) float32 unit quaternions, the root's relative to the track's heading, each other joint's
     relative to its parent.
     """

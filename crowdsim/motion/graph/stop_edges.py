@@ -24,7 +24,7 @@ def choose_stop_edges(graph: GraphArrays) -> NDArray[np.int32]:
     """
     source = np.repeat(np.arange(len(graph.node_frames)), np.diff(graph.edge_start))
     target = graph.edge_target
-    # Behaviors are numbered from the narrowest, 0.
+    # Behaviors are numbered from the narrowest, 0. Idle nodes are never part of a path.
     usable = ~graph.node_idle[target]
     narrowing = usable & (graph.node_behavior[target] <= graph.node_behavior[source])
     stop = _nearest_standing(graph, source, narrowing)
