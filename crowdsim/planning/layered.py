@@ -69,7 +69,7 @@ def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
 
 
 def _is_wide(path: AnnotatedPath, query: Query) -> bool:
-    """Return True if a path costs little beyond its length, of which the roadmap's estimates are least exact."""
+    """Return True if a path costs little beyond its length; the roadmap's estimates are least exact for such paths."""
     return path.cost - path.length * float(query.need.costs[-1]) < WIDE
 
 
@@ -97,8 +97,9 @@ def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None,
 def _by_areas(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the road's route with shortest paths in the widest behavior's area, joined by shortest paths of the legs.
 
-    road: (k, 2) int, point of the roadmap and behavior of each row. Return points (n, 2) [m]; none if the pieces cannot
-    be joined.
+    road: (k, 2) int64 of :meth:`Roadmap.find`, rows of a point's number and the behavior on the way to it.
+
+    Return points (n, 2) [m]; none if the pieces cannot be joined.
     """
     top = query.need.count - 1
     wide, legs = query.areas[0], query.areas[-1]

@@ -43,6 +43,7 @@ def _add_conflicts(points, sections, away, places, count):
     """
     last = points.shape[0] - 1
     for k in range(max(sections.shape[0], 1)):
+        # A section of another behavior than the narrowest keeps length 0, and gets no points.
         start = 0.0
         end = 0.0
         if sections.shape[0] == 0:

@@ -101,5 +101,8 @@ def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def points_at(points: NDArray[np.float64], arc: NDArray[np.float64], where: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points (m, 2) of a polyline at arc lengths (m,); arc lengths beyond an end give that end."""
+    """Return points (m, 2) [m] of a polyline (n, 2) with arc lengths ``arc`` (n,) at arc lengths ``where`` (m,) [m].
+
+    Arc lengths beyond an end give that end.
+    """
     return np.stack([np.interp(where, arc, points[:, 0]), np.interp(where, arc, points[:, 1])], axis=-1)

@@ -38,7 +38,10 @@ class Requirements:
 
     @staticmethod
     def of(behaviors: Sequence[Behavior], layers: int, margin: float) -> Requirements:
-        """Collect the planned clearances; raise BehaviorError if behaviors and layers do not match."""
+        """Collect clearances and costs of ``behaviors`` on a number of ``layers``, planned with ``margin`` [m].
+
+        Raise BehaviorError if there is no behavior, or if one was measured on another number of layers.
+        """
         if not behaviors:
             raise BehaviorError("a plan needs at least one behavior")
         for behavior in behaviors:
