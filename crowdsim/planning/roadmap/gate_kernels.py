@@ -123,9 +123,9 @@ def _is_beside(corner, gate):
 def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
     """Write the taut path through the pins of all pinned gates to ``taut``; return its node count, -1 if it tangles.
 
-    It also is -1 if ``taut`` has no room. nodes: the taut path without pins, ``size`` of them. corners: CORNER[filled],
-    whose ``reach`` changes. around: (nv, n) clearance of each vertex for each behavior [m]. gates: GATE[found], in the
-    order of the path.
+    The count is -1 as well if ``taut`` has no room. nodes: STRING_NODE, the taut path without pins, the first ``size``
+    in use. corners: CORNER[filled], whose ``reach`` changes. around: as above. gates: GATE[found], in the order of the
+    path.
 
     Between gates the path keeps the distance from the gates' corners that the widest behavior needs.
     """
