@@ -180,9 +180,10 @@ class _CheckedCacheFile(IndexDataCacheFile):
 
 
 def _cache_path(function: Callable[..., Any], usual: str) -> str:
-    """Return the folder of a kernel's cache entries: that of the package is the same wherever the package lies.
+    """Return the folder of a kernel's cache entries, named by the kernel's folder within the package.
 
-    numba names it by the path of the source (``usual``), so that a second checkout or environment would compile anew.
+    numba names it by the full path of the source (``usual``), so that a second checkout or environment would compile
+    anew. Kernels outside of the package keep numba's folder.
     """
     package = Path(__file__).parent
     file = Path(function.__code__.co_filename)

@@ -25,7 +25,8 @@ SURPRISE = 0.01
 """Share by which the best path may exceed the search's estimate before the shortest paths of all areas are tried."""
 
 WIDE = 1.0
-"""Cost beyond that of its length below which a path is compared with the areas' shortest paths, too."""
+"""A path that costs less than its length with the preferred behavior plus this is compared with the areas' shortest
+paths, too."""
 
 NEAR = 6.0
 """Distance from start to goal up to which the areas' shortest paths are tried before the roadmap [m]."""

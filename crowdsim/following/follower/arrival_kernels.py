@@ -96,7 +96,7 @@ def _arc_before(graph, guide, search, first):
 
 @helper
 def _lay_chain(graph, guide, rules, search, laid, chain, first, bent, x, y, heading, arc):
-    """Lay the nodes behind the chain's joints as rows of ``laid``, from the given pose and arc length on.
+    """Lay the nodes behind the chain's joints as rows of ``laid``, from pose (x, y, heading) at arc length ``arc`` on.
 
     ``first`` is the solution's node behind the first joint, ``bent`` the number of joints. Others as of :func:`arrive`.
     Return False if a node ends farther off the path than the rules allow.

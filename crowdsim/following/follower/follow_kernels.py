@@ -1,7 +1,7 @@
 """The path-following search: stages, candidates from the motion maps, backtracking (2012 paper, algorithm 2).
 
 A stage is the last node of a partial solution, with its place. Its candidates are branches of that node's map that stay
-near the path. The one with the best score whose bodies are free is appended; its last node is the next stage. A stage
+near the path. The best of those that bodies can walk freely is appended; its last node is the next stage. A stage
 without candidates left is dropped, and the one before continues.
 
 Arguments of all helpers: ``graph`` (GraphArrays), ``maps`` (MapArrays), ``guide``, ``rules``, ``search`` and ``laid``
@@ -163,7 +163,7 @@ def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 level = np.float64(ahead[row, LEVEL])
                 if level < 1.0:  # the root itself is no candidate
                     continue
-                # Gap between the entry's end and the path as many meters on as the entry walks.
+                # Gap between the entry's end and the point of the path ``walked`` meters from ``arc`` on.
                 walked = np.float64(ahead[row, WALKED])
                 px, py = path_point(guide, arc + walked)
                 mx, my = np.float64(ahead[row, END_X]), np.float64(ahead[row, END_Y])

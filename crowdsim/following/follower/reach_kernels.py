@@ -79,7 +79,7 @@ def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, 
     """Return True if every joint in every frame of a laid branch, with blend offsets faded, stays in its section.
 
     Else mark the first node with a joint that leaves it as unfit for this stage. ``depth`` is the number of nodes;
-    ``stage_end``, ``stage_arc`` and ``joined`` are those of
+    ``stage_end`` (3,) and ``stage_arc`` are pose and arc length at the end of the stage [m, rad]; ``joined`` is that of
     :func:`crowdsim.following.follower.branch_kernels.branch_is_free`. Tested nodes are marked in the last column of
     ``laid.free``. If the motion need not end standing, nor with a heading, it ends where it passes the goal.
     """

@@ -41,7 +41,7 @@ class PathSamples(NamedTuple):
 
 @dataclass(frozen=True)
 class AnnotatedPath:
-    """Polyline (n, 2) with its arc lengths (n,) [m] and contiguous sections from start to goal.
+    """Polyline, points (n, 2) and arc (n,), their arc lengths [m], with contiguous sections from start to goal.
 
     cost: sum of length times cost per meter of each section's behavior, and of the cost of changes; infinite, without
     sections, if no behavior fits somewhere.

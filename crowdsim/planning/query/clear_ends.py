@@ -30,7 +30,7 @@ _DIRECTIONS = 24
 _ROUNDING = 1e-7
 """Clearance shortfall that counts as rounding [m]."""
 _PROBE = 0.005
-"""Distance between places whose clearance is measured [m]; clearance differs by at most half of that in between."""
+"""Distance between places whose clearance is measured [m]; between them, clearance is at most half of this less."""
 
 
 def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -99,9 +99,10 @@ class Requirements:
 
 
 def _widest(behaviors: Sequence[Behavior], bodies: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return the clip and frame behind each layer's least clearance; on the legs' layer that of the widest behavior.
+    """Return the clip and frame that determine the least clearance on each layer, for messages.
 
-    () if they are not known of all behaviors. bodies: (n, m) clearance of the bodies, without margin [m].
+    On the legs' layer they are of the behavior with the largest clearance there, on the others of the narrowest one; ()
+    if they are not known of all behaviors. bodies: (n, m) clearance of the bodies, without margin [m].
     """
     if not all(behavior.widest for behavior in behaviors):
         return ()

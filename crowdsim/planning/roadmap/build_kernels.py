@@ -3,7 +3,7 @@
 Points lie where paths are likely to cross a side: at both ends of each stretch that is clear enough for the widest
 behavior, because paths wind around corners there; between these ends; and at the widest place of each stretch that only
 a narrower behavior passes. A way crosses one triangle. If it cuts the corner that its two sides share, its length is
-that of the arc around the corner.
+measured around the corner, with an arc.
 
 ``layers`` (m, 5, 2), ``radii`` (n, m) and ``hints`` (m,) are those of
 :mod:`crowdsim.planning.roadmap.measuring_kernels`, ``level`` is a behavior, ``spans`` (half-edges,) are records

@@ -80,8 +80,8 @@ def find_gates(m, channel, levels, count, around, least, gates):
     channel: half-edges that the path crosses, ``count`` of them. levels: behavior with which each is crossed; only
     sides crossed with a narrower behavior than the widest count. least: clearance that pins must have [m].
 
-    Stretches without a side at whose ends the widest behavior's circles meet are no gates. Gates for which ``gates``
-    has no room are left out.
+    A stretch is a gate only if it has a side for which the widest behavior's circles around both ends meet. Gates for
+    which ``gates`` has no room are left out.
     """
     top = around.shape[1] - 1
     found = 0

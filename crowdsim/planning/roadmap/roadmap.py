@@ -128,7 +128,7 @@ class Roadmap:
         return with_sections(line, found, float(cost)) if len(found) else None
 
     def excess(self, path: AnnotatedPath) -> list[float]:
-        """Return each section's cost above the preferred behavior's for its length beyond the least."""
+        """Return, for each section, what its meters beyond the least length cost more than the preferred behavior's."""
         return [self._more[s.behavior] * max(s.end - s.start - self._shortest, 0.0) for s in path.sections]
 
     def shifted(self, path: AnnotatedPath) -> AnnotatedPath:

@@ -130,8 +130,8 @@ def price_places(layers, hints, radii, costs, stations, spread, prices):
     top = costs.size - 1
     for s in range(stations.size):
         station = stations[s]
-        # A station that stays has a single place. Its price only weighs the pieces to its neighbors; that of the widest
-        # behavior is taken, even in a narrow section that is too short to be shortened.
+        # A station that stays has a single place. Its price only weighs the pieces to its neighbors: take the widest
+        # behavior's, even in a narrow section that is too short to be shortened.
         if station.near == 0:
             prices[s, SHIFTS // 2] = costs[top]
             continue
