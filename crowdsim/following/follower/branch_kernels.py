@@ -104,6 +104,7 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     before, ``arc`` its place on the path. The result is clamped to the edge's range [rad].
     """
     low, high = graph.edge_low[edge], graph.edge_high[edge]
+    # This edge allows no extra rotation.
     if high - low <= 0.0:
         return 0.0
     node = np.int64(graph.edge_target[edge])

@@ -325,7 +325,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
     hints = np.full(len(layers), np.int64(NONE))
     room = search.candidate.shape[0] // search.stage.shape[0]
     state = search.state
-    if state[QUERIES] == 0:
+    if state[QUERIES] == 0:  # the first call
         _begin(graph, guide, start_pose, np.int64(start_node), search)
     top = state[TOP]
     queries = state[QUERIES]

@@ -371,6 +371,7 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
             px, py, ph = next_origin(graph, e, 0.0, x, y, heading)
             walked = tree.place[row, WALKED] + graph.node_length[target] + hypot(x - px, y - py)
             px, py, ph = node_end(graph, target, px, py, ph)
+            # Leave out a successor that ends as one laid before.
             child = _key(rules, target, px, py, ph)
             if tree.closed[_slot(tree.closed, child)] == child:
                 continue

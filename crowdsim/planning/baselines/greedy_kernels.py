@@ -101,6 +101,7 @@ def plan_around(search, fitting):
     points = direct
     sections = np.empty((0, 3))
     cost = math.inf
+    # The mesh is unusable, or there is no path.
     if status != DONE or direct.shape[0] == 0:
         return status, cost, points, sections
     sections, cost, _ = annotate(fitting, direct)
@@ -127,6 +128,7 @@ def plan_around(search, fitting):
             found, value, _ = annotate(fitting, detour)
             if value < lowest:
                 best, labels, lowest = detour, found, value
+        # No detour costs less than the path.
         if lowest == cost:
             break
         # The cheapest detour becomes the path.

@@ -59,6 +59,7 @@ def required_length(before, label, after, turned, terms):
     # or ends sideways there, and the section beside it holds the room to turn.
     if ends == 2 or (ends == 1 and turned[label]):
         return 0.0
+    # The body turns in the section that is not turned, so a turned one needs no room for it.
     if turned[label] or turns == 0:
         return terms[LEAST_SECTION]
     if turns == 2:
@@ -101,6 +102,7 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
                     if before == label:
                         continue
                     paid = 0.0 if start == 0 else best[start, before, label] + terms[CHANGE_COST] * costs[n - 1]
+                    # No section of ``before`` can end at ``start`` with this one behind it.
                     if paid == math.inf:
                         continue
                     paid += length * costs[label]

@@ -214,9 +214,11 @@ def keep_off(nodes, size, corners, filled, low, high):
             over = corner.reach - corner.side * ((corner.y - ay) * dx - (corner.x - ax) * dy)
             if over > most and over < 2.0 * corner.reach:
                 along = (corner.x - ax) * dx + (corner.y - ay) * dy
+                # The corner has to lie beside the piece, and not at one of its ends.
                 if along > 0.0 and along < length and corner.vertex != a.vertex and corner.vertex != b.vertex:
                     most = over
                     worst = c
+        # This piece enters no circle: on to the next one.
         if worst < 0:
             i += 1
             continue

@@ -135,6 +135,7 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
     before = NONE  # the gate before
     low = np.int64(0)
     for g in range(found + 1):
+        # A gate without pins lies within the part that leads up to the next one.
         if g < found and gates[g].pinned == 0:
             continue
         for inside in range(2):
@@ -200,6 +201,7 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
             if part < 0:
                 return np.int64(-1)
             written = begin + part
+            # The next part needs room, too.
             if written >= taut.size - 2:
                 return np.int64(-1)
             # The next part begins where this one ends; the side between them belongs to both.
