@@ -61,8 +61,8 @@ def place_stations(points, sections, costs, least, stations):
 
     ``least`` is the least length of a section [m]. A section can get shorter if it is narrow and longer than ``least``
     by the share :data:`_SPARE`. Stations in such a section, or within :data:`BESIDE` of one next to theirs, may shift;
-    the two ends of the path stay. The middle ``least`` meters of the section remain, so a wider behavior does not pay
-    there.
+    the two ends of the path stay. The middle ``least`` meters of the section stay narrow, so a wider behavior does not
+    pay there.
     """
     top = costs.size - 1
     count = stations.size
