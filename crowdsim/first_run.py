@@ -32,7 +32,7 @@ _MOST_PROCESSES = 3
 """Most processes that compile ahead: each takes 250 MB, and with more of them the run itself is what takes longest."""
 
 _WORTHWHILE = 10.0
-"""CPU time of the kernels to be compiled from which on other processes help [s]; one takes 2 s to start."""
+"""CPU time of the kernels still to be compiled above which other processes help [s]; each takes 2 s to start."""
 
 _Signature: TypeAlias = tuple[Any, ...]
 
@@ -177,8 +177,8 @@ class CompilingAhead:
 def compile_last_first(part: int, parts: int) -> None:
     """Compile a part of the kernels, from the last one on, but for those in the cache.
 
-    Counted from the last one as 0, the part is number ``part`` and every ``parts``-th one from there. Kernels that
-    are compiled with others are not counted.
+    The last kernel is number 0, the one before it number 1. The part is number ``part`` and every ``parts``-th one from
+    there on. Kernels that are compiled with others (without ``arguments``) are not counted.
     """
     kernels = [each for each in reversed(read_kernels()) if each.arguments is not None]
     for each in kernels[part::parts]:
@@ -187,12 +187,13 @@ def compile_last_first(part: int, parts: int) -> None:
 
 
 def main() -> None:
-    """Compile the part given on the command line; end if the run that has asked for it ends, however it does."""
+    """Compile the part given on the command line; end as soon as the run that started this process ends."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     compile_last_first(*map(int, sys.argv[1:]))
 
 
 def _end_with_parent() -> None:
+    """Wait until the parent process ends, then end this process at once."""
     # The other end of this pipe is closed as its process ends, killed or not. Nothing is ever written to it.
     os.read(sys.stdin.fileno(), 1)
     os._exit(0)

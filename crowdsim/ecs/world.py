@@ -78,7 +78,7 @@ class World:
 
     @property
     def bytes_an_entity(self) -> int:
-        """Return the memory of one row of all columns."""
+        """Return the memory of one row of all columns [bytes]."""
         return sum(array.dtype.itemsize * int(np.prod(array.shape[1:])) for array in self._arrays.values())
 
     def column(self, name: str) -> NDArray[Any]:

@@ -102,8 +102,7 @@ def measure_coverage(
             f"coverage needs radii and clearances above 0 and a worker, not {radii}, {clearances}, {workers}"
         )
     graph = motion.arrays
-    # One behavior, in an empty place: only the path's clearance limits the body. Turns to the left, straight on, to the
-    # right.
+    # One behavior, in an empty place: only the path's clearance limits the body.
     reach = body_reach(graph, motion.poses, np.full(len(facings), clearances[0]))
     # No path leads farther from the origin than two radii and the straights.
     side = 2.0 * (max(radii) + max(clearances)) + max(LEADS) + _AFTER
@@ -112,13 +111,17 @@ def measure_coverage(
     start_node = int(idle[0]) if len(idle) else NONE
     discs = np.full((len(facings), 1), _RADIUS)
     options = FollowOptions(budget=_BUDGET)
+    # Turns to the left, straight on, turns to the right.
     bends = [1.0 / radius for radius in sorted(radii)]
     curvature = [*bends, 0.0, *[-bend for bend in reversed(bends)]]
 
     rooms = sorted(set(clearances))
 
     def shares_of(bend: float) -> list[float]:
-        """Return a turn's share for each clearance; trials followed with less clearance count for all greater ones."""
+        """Return the share of a turn's trials that are followed, for each clearance.
+
+        A trial that is followed with one clearance counts as followed with all greater ones.
+        """
         paths = _paths(bend, behavior)
         found = [False] * len(paths)
         shares = []

@@ -91,6 +91,7 @@ def gamma_quantile(probability: Floats, shape: float, scale: float) -> Floats:
 def gamma_share(x: Floats, shape: float) -> Floats:
     """Return the share of a gamma distribution of scale 1 below ``x``: the regularized lower incomplete gamma function.
 
+    ``x`` is (n,) and at least 0, ``shape`` the distribution's parameter; the shares are (n,) in [0, 1].
     By its series if ``x`` is below ``shape`` + 1, else by its continued fraction (Lentz's algorithm).
     """
     near = x < shape + 1.0

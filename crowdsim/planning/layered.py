@@ -25,7 +25,8 @@ SURPRISE = 0.01
 """Share by which the best path may exceed the search's estimate before the shortest paths of all areas are tried."""
 
 WIDE = 1.0
-"""Cost beyond that of its length below which a path is compared with the areas' shortest paths, too."""
+"""A path that costs less than its length with the preferred behavior plus this is compared with the areas' shortest
+paths, too."""
 
 NEAR = 6.0
 """Distance from start to goal up to which the areas' shortest paths are tried before the roadmap [m]."""
@@ -69,7 +70,7 @@ def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
 
 
 def _is_wide(path: AnnotatedPath, query: Query) -> bool:
-    """Return True if a path costs little beyond its length, of which the roadmap's estimates are least exact."""
+    """Return True if a path costs little beyond its length; the roadmap's estimates are least exact for such paths."""
     return path.cost - path.length * float(query.need.costs[-1]) < WIDE
 
 
@@ -97,8 +98,9 @@ def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None,
 def _by_areas(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the road's route with shortest paths in the widest behavior's area, joined by shortest paths of the legs.
 
-    road: (k, 2) int, point of the roadmap and behavior of each row. Return points (n, 2) [m]; none if the pieces cannot
-    be joined.
+    road: (k, 2) int64 of :meth:`Roadmap.find`, rows of a point's number and the behavior on the way to it.
+
+    Return points (n, 2) [m]; none if the pieces cannot be joined.
     """
     top = query.need.count - 1
     wide, legs = query.areas[0], query.areas[-1]

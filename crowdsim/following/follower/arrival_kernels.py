@@ -63,7 +63,7 @@ def _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
     ``goal`` is scratch.
     """
     _read_chain(graph, search, chain, count, bent)
-    # First to the place, with any heading.
+    # First to the place, with any heading. That may be enough, or already too far off.
     goal[2] = math.nan
     miss = bend_chain(chain.joint, chain.limit, chain.turn, bent, chain.end, goal, HEADING_LEVER, EXACT)
     if miss > within or math.isnan(heading):
@@ -96,7 +96,7 @@ def _arc_before(graph, guide, search, first):
 
 @helper
 def _lay_chain(graph, guide, rules, search, laid, chain, first, bent, x, y, heading, arc):
-    """Lay the nodes behind the chain's joints as rows of ``laid``, from the given pose and arc length on.
+    """Lay the nodes behind the chain's joints as rows of ``laid``, from pose (x, y, heading) at arc length ``arc`` on.
 
     ``first`` is the solution's node behind the first joint, ``bent`` the number of joints. Others as of :func:`arrive`.
     Return False if a node ends farther off the path than the rules allow.
@@ -135,8 +135,8 @@ def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, withi
 
     Parameters
     ----------
-    graph, guide, rules, layers, reach, search: as of :func:`crowdsim.following.follower.follow_kernels.follow`.
-    laid, chain: scratch of :func:`crowdsim.following.follower.follow_workspace.make_chain`.
+    graph, guide, rules, layers, reach: as of :func:`crowdsim.following.follower.follow_kernels.follow`.
+    search, laid, chain: the solution, and scratch, of :func:`crowdsim.following.follower.follow_workspace.make_chain`.
     within: largest distance from the goal [m].
     heading, tolerance: heading of the body at the end and its tolerance [rad]; nan for any heading.
 
@@ -156,7 +156,7 @@ def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, withi
         bent = min(2 * bent, joints)
         if not _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
             continue
-        # Where the first moved node begins: the end of the node before it, which stays.
+        # The pose from which the nodes are laid anew: the end of the node before the first joint, which stays.
         first = count - bent
         before = search.best_place[first - 1]
         x, y, h = node_end(graph, np.int64(search.best_step[first - 1, 0]), before[0], before[1], before[2])

@@ -64,9 +64,10 @@ END_COST = 0.25
 def _fit_heading(maps, guide, rules, node, heading, arc, window):
     """Return the smallest turn that makes a body's heading at the end of ``node`` fit the path at ``arc`` [rad].
 
-    The heading fits if it is a facing of the node's behavior, or of a behavior that may follow it here. The path's
-    direction counts anywhere within ``window`` meters, as a body may round a corner sooner or later than its path.
-    ``node`` is one of the motion graph, ``heading`` [rad] the body's in the world. Pi if no behavior is allowed.
+    The heading fits if it is the path's direction plus a facing of the node's behavior, or of a behavior that may
+    follow it here. The path's direction counts anywhere within ``window`` meters of arc length, as a body may round a
+    corner sooner or later than its path. ``node`` is one of the motion graph, ``heading`` [rad] the body's in the
+    world. The turn has a sign, positive to the left; it is pi if no behavior is allowed.
     """
     best = math.pi
     here = sample_index(guide, arc)
@@ -103,6 +104,7 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     before, ``arc`` its place on the path. The result is clamped to the edge's range [rad].
     """
     low, high = graph.edge_low[edge], graph.edge_high[edge]
+    # This edge allows no extra rotation.
     if high - low <= 0.0:
         return 0.0
     node = np.int64(graph.edge_target[edge])
@@ -268,8 +270,8 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
     """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; return how many to take.
 
     The number is less than ``depth`` if an entry reaches the goal before, and 0 if one up to there is unfit: it ends
-    far off the path, goes back, faces a wrong way, passes the goal, its behavior is not allowed here, or a test of this
-    stage has found it blocked. Without a root (-1) an entry is a node, laid at the stage's end pose itself.
+    far off the path or beyond the goal, goes back, or faces a wrong way; its behavior is not allowed here; or a test of
+    this stage has found it blocked. Without a root (-1) an entry is a node, laid at the stage's end pose itself.
 
     ``laid.area`` sums the area between branch and path (equation 5 of the 2012 paper, with equal shares of each node's
     length), plus the costs of nodes, time and behaviors other than planned, in the same unit.
@@ -300,10 +302,10 @@ def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, jo
     """Return True if the body's disc is free on one layer along a laid branch; else mark the first blocked node unfit.
 
     A node of a wider behavior than planned needs the whole planned clearance (radius + margin), as the plan is narrow
-    for lack of that space. ``depth`` is the number of nodes; ``hints`` are the triangles found last on each layer
-    (updated).
-    ``stage_end`` (3,) is the pose before the branch. ``joined``: the branch follows the stage's end with a blend
-    offset, which fades out over a node's first frames. ``laid.free`` keeps what was found, as branches share nodes.
+    for lack of that space. ``depth`` is the number of nodes; ``hints`` (layers,) are the triangles found last on each
+    layer, -1 for none, and are updated. ``stage_end`` (3,) is the pose before the branch. ``joined``: the branch
+    follows the stage's end with a blend offset, which fades out over a node's first frames. ``laid.free`` keeps what
+    was found, as branches share nodes.
     """
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     for d in range(depth):

@@ -39,9 +39,9 @@ def follow_exactly(
 ) -> tuple[FollowResult, float]:
     """Follow a path to a stand within ``arrival`` meters of its end, by bending the motion at its last edges.
 
-    Of the solutions within the tolerance of ``options`` (10 cm by default), take the first that ends there, or can be
-    bent to it. If none can, searches with other tolerances, a wider range of headings and other numbers of branches
-    follow until one succeeds. Arguments as of :func:`follow_path`.
+    Of the solutions that end within the goal tolerance of ``options`` (10 cm by default), take the first that ends
+    within ``arrival`` meters or can be bent to do so. If there is none, searches with other tolerances, a wider range
+    of headings and other numbers of branches follow until one succeeds. Other arguments as of :func:`follow_path`.
 
     Returns
     -------
@@ -66,6 +66,7 @@ def follow_exactly(
                 continue
             if best is None or _rank(found, off) < _rank(*best):
                 best = found, off
+            # Nothing more is found, or this one arrives.
             if found.status != FollowStatus.FOUND or off <= arrival:
                 break
         if best is not None and best[0].status == FollowStatus.FOUND and best[1] <= arrival:

@@ -1,7 +1,7 @@
 """The path-following search: stages, candidates from the motion maps, backtracking (2012 paper, algorithm 2).
 
 A stage is the last node of a partial solution, with its place. Its candidates are branches of that node's map that stay
-near the path. The one with the best score whose bodies are free is appended; its last node is the next stage. A stage
+near the path. The best of those that bodies can walk freely is appended; its last node is the next stage. A stage
 without candidates left is dropped, and the one before continues.
 
 Arguments of all helpers: ``graph`` (GraphArrays), ``maps`` (MapArrays), ``guide``, ``rules``, ``search`` and ``laid``
@@ -38,9 +38,9 @@ NEXT = 4
 SERIAL = 5
 SINGLES = 6
 STAGE_COLUMNS = 7
-"""Columns of ``search.stage``: last node; nodes of the solution up to it; how many of these since the path was last
-gained on; number of candidates; the next one; serial number (0 until candidates are collected); their kind: none yet
-(-1), along the path (0), single successors (1)."""
+"""Columns of ``search.stage``: last node; nodes of the solution up to it; how many of these since a branch last gained
+_GAIN meters; number of candidates; the next one; serial number (0 until candidates are collected); their kind: none yet
+(-1), along the path (0), single successors, too (1)."""
 
 TOP, QUERIES, BEST, KEPT, FULL = range(5)
 STATE_COLUMNS = 5
@@ -130,10 +130,11 @@ def _facing_bins(rules, along):
 
 @helper
 def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
-    """List the entries of the map in and around the cells that the path crosses from ``arc`` on; return their number.
+    """List entries of the map near the path from ``arc`` on in whose heading bins a body may face; return their count.
 
-    Query points lie two cells apart, up to just beyond the map's average length. ``search.listed`` keeps the entries
-    with the best estimated scores: those before extra rotations, with a triangle over the gap at the end as the area.
+    Query points lie two cells apart, up to just beyond the map's average length; each looks into its cell and the eight
+    around it. ``search.listed`` keeps the entries of least estimated score. The estimate leaves out the rotations that
+    laying a branch adds at its edges, and takes half of gap times gain for the area between branch and path.
     """
     base, stop = maps.first[root], maps.first[root + 1]
     points = int(maps.average[root] / _QUERY_STEP) + 1
@@ -160,9 +161,9 @@ def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
                     continue
                 marked[ROW, row - base] = serial
                 level = np.float64(ahead[row, LEVEL])
-                if level < 1.0:
+                if level < 1.0:  # the root itself is no candidate
                     continue
-                # Gap between the entry's end and the path as many meters on as the entry walks.
+                # Gap between the entry's end and the point of the path ``walked`` meters from ``arc`` on.
                 walked = np.float64(ahead[row, WALKED])
                 px, py = path_point(guide, arc + walked)
                 mx, my = np.float64(ahead[row, END_X]), np.float64(ahead[row, END_Y])
@@ -188,7 +189,7 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
 
     Candidates are the best branches ``along`` the path and, if ``singles``, all other direct successors, which help
     where the path leaves the map's cells. Without a root every node that is not idle may be the first. The score is
-    equation 5 of the 2012 paper, with the track of the last node, too, as all children of a node start alike.
+    equation 5 of the 2012 paper, but counts the track of the last node as well: all children of a node start alike.
     """
     root, serial = search.stage[top, NODE], search.stage[top, SERIAL]
     origin, end, arc = search.stage_origin[top], search.stage_end[top], search.stage_arc[top]
@@ -233,7 +234,7 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
 
 @helper
 def _seen(search, family, end, arc):
-    """Enter a stage (family of its node, end pose, arc [m]) into the visited ones; return True if one like it is in."""
+    """Return True if a stage like this (family of its node, end pose, arc [m]) was visited; else mark it as visited."""
     # Mix five numbers by a prime; 48 headings are a full turn. If unlike stages get one key, a candidate is lost.
     key = np.int64(family)
     key = key * 1000003 + np.int64(math.floor(end[0] / _PLACE_GRAIN + 0.5))
@@ -256,7 +257,7 @@ def _seen(search, family, end, arc):
 
 @helper
 def _open_stage(search, top, node, origin, end, arc, count, still):
-    """Push the last of a solution's ``count`` nodes as a stage; ``still``: nodes since the path was last gained on."""
+    """Push the last of a solution's ``count`` nodes as a stage; ``still``: nodes since a branch last gained _GAIN."""
     search.stage[top, STILL] = still
     search.stage[top, NODE] = node
     for k in range(3):
@@ -306,9 +307,7 @@ def _begin(graph, guide, start_pose, start_node, search):
 
 @kernel
 def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, search, laid):
-    """Search a motion along a path.
-
-    Another call continues: to the next solution, or with a greater budget.
+    """Search a motion along a path; another call continues, to the next solution or with a greater budget.
 
     Parameters
     ----------
@@ -326,7 +325,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
     hints = np.full(len(layers), np.int64(NONE))
     room = search.candidate.shape[0] // search.stage.shape[0]
     state = search.state
-    if state[QUERIES] == 0:
+    if state[QUERIES] == 0:  # the first call
         _begin(graph, guide, start_pose, np.int64(start_node), search)
     top = state[TOP]
     queries = state[QUERIES]

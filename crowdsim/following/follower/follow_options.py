@@ -30,9 +30,11 @@ class FollowOptions:
     margin : float
         Clearance beyond the body's radius for nodes of a wider behavior than planned [m]: the margin of plans.
     transition_reach : float
-        Distance from a section planned for a turned behavior, or for a narrower one, within which it may be used [m].
+        A turned behavior may be used only within this distance of a section that is planned for it or for a narrower
+        behavior [m].
     heading_tolerance : float
-        Largest angle between body and path at the end of each node that moves [rad].
+        Largest angle between the body's heading and one that its behavior allows on the path, at the end of each node
+        that moves [rad].
     deviation : float
         Largest distance of the end of a node from the path [m].
     sampling_margin : float

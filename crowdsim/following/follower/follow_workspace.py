@@ -100,10 +100,11 @@ class Laid(NamedTuple):
 class Search(NamedTuple):
     """Stack of S stages, their candidates, and the present and the best solution of up to K nodes.
 
-    state: (STATE_COLUMNS,). best_arc: (1,) arc length that the best solution reached [m].
-    stage: (S, STAGE_COLUMNS). stage_origin, stage_end: (S, 3) poses. stage_arc: (S,) [m]. candidate, score: S equal
-    shares. listed, listed_score: entries to be laid, with their estimated scores. marked: (2, entries) serial numbers.
-    branch: entries of one branch. memory: hash set of visited stages.
+    state: (STATE_COLUMNS,) and stage: (S, STAGE_COLUMNS), see :mod:`crowdsim.following.follower.follow_kernels`.
+    best_arc: (1,) arc length that the best solution reached [m]. stage_origin, stage_end: (S, 3) poses. stage_arc: (S,)
+    [m]. candidate, score: S parts of equal length, one for each stage. listed, listed_score: entries to be laid, with
+    their estimated scores. marked: (2, entries) serial numbers. branch: entries of one branch. memory: hash set of
+    visited stages.
     step, best_step: (K, 2) node and the edge into it. place, best_place: (K, 4) origin and twist of each node.
     """
 

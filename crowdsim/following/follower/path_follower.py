@@ -55,7 +55,7 @@ class FollowStatus(IntEnum):
 
 
 _STATUSES = tuple(FollowStatus)
-"""By number, which is faster than a look-up."""
+"""Statuses by number: an index is faster than a call of FollowStatus."""
 
 TIGHTER = (0.45, 0.4, 0.35, 0.3, 0.25, 0.2)
 """Smaller clearances that are tried for a path that cannot be followed in its own [m]."""
@@ -244,7 +244,7 @@ class PathFollower:
 
     @property
     def left_out(self) -> bool:
-        """Return True if it may have left out branches: it would find no others with more ``branches`` if not."""
+        """Return True if a stage listed as many entries as it may, so that more ``branches`` may find other motions."""
         return bool(self._search.state[FULL])
 
     @property
@@ -322,6 +322,7 @@ def follow_path(
         return found
     spent = found.expansions
     for room in TIGHTER:
+        # Only clearances below the given one are left to try.
         if found.status == FollowStatus.FOUND or room >= reach.least:
             continue
         tighter = reach._replace(room=np.minimum(reach.room, room), least=room)
@@ -339,9 +340,9 @@ def search_path(
     start_node: int = -1,
     options: FollowOptions | None = None,
 ) -> FollowResult:
-    """Do as :func:`follow_path`, in the given clearance only.
+    """Search as :func:`follow_path` does, but with the given clearance only.
 
-    A quarter of the budget goes into a quick search. If that finds nothing, a thorough one looks at more branches.
+    A quarter of the budget goes into a quick search. If it finds nothing, a thorough one looks at more branches.
     """
     options = options or FollowOptions()
     quick = replace(options, budget=max(options.budget // 4, 1))

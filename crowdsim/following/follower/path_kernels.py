@@ -4,7 +4,7 @@
 runs from 0 to the path's length. The path continues straight beyond both ends, so that a motion that starts before it
 or overshoots it still has a target.
 
-``low`` and ``high`` bound the arc length that is searched [m].
+``arc`` is an arc length, ``low`` and ``high`` bound the arc length that is searched [m].
 """
 
 import math

@@ -28,6 +28,7 @@ _BESIDE = 0.15
 def _first_and_most(reach, node, edge):
     """Return a node's first row without a blend offset, its first row while one fades, and its farthest joint [m]."""
     rows = reach.node_first[node]
+    # Without an edge nothing fades.
     if edge < 0:
         return rows, rows, reach.node_most[node]
     return rows, reach.edge_first[edge], max(reach.node_most[node], reach.edge_most[edge])
@@ -38,7 +39,8 @@ def _joints_keep_in(guide, reach, row, gap, at, x, y, heading):
     """Return True if all joints in one frame lie within the room of the section nearest to each.
 
     Joints are sorted from the farthest from the track to the nearest, so the loop ends at the first that cannot leave.
-    gap: distance of the track from the path [m]; at: arc length beside the track [m].
+    gap: distance of the track from the path [m]; at: arc length beside the track [m]. x, y, heading: pose of the track
+    in the world [m, rad].
     """
     c, s = cos_sin(heading)
     for j in range(reach.joint.shape[1]):
@@ -47,6 +49,7 @@ def _joints_keep_in(guide, reach, row, gap, at, x, y, heading):
         # This joint and all nearer ones are within the smallest room of any section.
         if gap + far <= reach.least:
             return True
+        # Search the joint's nearest path point within this arc length of the track's.
         far += _BESIDE
         arc, off = path_gap(guide, x + c * u - s * v, y + s * u + c * v, at - far, at + far)
         if off > reach.room[guide.behavior[sample_index(guide, arc)]]:
@@ -75,9 +78,10 @@ def _frame_of_passing(graph, guide, node, frames, x, y, heading, dx, dy, dh):
 def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, stage_arc, joined):
     """Return True if every joint in every frame of a laid branch, with blend offsets faded, stays in its section.
 
-    Else mark the first node that leaves unfit for the stage. ``depth``, ``stage_end``, ``stage_arc`` and ``joined`` are
-    those of :mod:`crowdsim.following.follower.branch_kernels`; tested nodes are marked in the last column of
-    ``laid.free``. A motion that need not end standing, nor with a heading, ends where it passes the goal.
+    Else mark the first node with a joint that leaves it as unfit for this stage. ``depth`` is the number of nodes;
+    ``stage_end`` (3,) and ``stage_arc`` are pose and arc length at the end of the stage [m, rad]; ``joined`` is that of
+    :func:`crowdsim.following.follower.branch_kernels.branch_is_free`. Tested nodes are marked in the last column of
+    ``laid.free``. If the motion need not end standing, nor with a heading, it ends where it passes the goal.
     """
     column = laid.free.shape[1] - 1
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]

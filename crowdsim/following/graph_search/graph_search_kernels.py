@@ -63,9 +63,8 @@ _BEYOND = 1e-6
 def _node_is_free(space, rules, node, x, y, heading, dx, dy, dh, goal):
     """Return True if ``node`` from (x, y, heading) on is free, and the least distance of its track to the goal [m].
 
-    If it is not free, the distance is that of the part before.
-
-    (dx, dy, dh) is the blend offset: the end of the node before less this origin.
+    If it is not free, only the part of the track up to the first blocked probe counts for the distance. (dx, dy, dh) is
+    the blend offset: the end of the node before less this origin [m, rad].
     """
     probes, counters, hints = space.probes, space.counters, space.hints
     c, s = cos_sin(heading)
@@ -101,7 +100,8 @@ def _node_is_free(space, rules, node, x, y, heading, dx, dy, dh, goal):
 def _key(rules, node, x, y, heading):
     """Return a node's key in the closed set: its number, and the grains of place and heading in which it ends.
 
-    20 bits each for x and y, 9 for the heading, 14 for the node; + 1 as 0 marks a free slot.
+    (x, y, heading) is the pose at its end. 20 bits each for x and y, 9 for the heading, 14 for the node; + 1 as 0 marks
+    a free slot.
     """
     ix = np.int64(math.floor(x / rules.place_grain + 0.5)) & 0xFFFFF
     iy = np.int64(math.floor(y / rules.place_grain + 0.5)) & 0xFFFFF
@@ -273,8 +273,8 @@ def _put_first(graph, rules, start, start_node, goal, tree):
 def _lay(graph, space, rules, start, start_node, goal, tree, item, row):
     """Lay the search node of queue row ``item`` in ``row`` of the tree.
 
-    Return False if it is closed or not free, and the least distance of its track to the goal [m], infinite if the track
-    was not tested.
+    Return (True, distance) if it was laid, (False, distance) if it is closed or not free. The distance is the least one
+    of its track to the goal [m], infinite if the track was not tested.
     """
     parent = np.int64(tree.waiting[item, PARENT])
     edge = np.int64(tree.waiting[item, EDGE])
@@ -338,10 +338,9 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
     best = np.int64(NONE)
     best_gap = math.inf
     while count > 0 and expanded < rules.budget:
-        # Take out the node of least f and lay it down.
+        # Take out the node of least f and lay it down. With a weight of 1, no solution is shorter than its f.
         pop(tree.heap, count)
         count -= 1
-        # The node taken out has the least f, which is ``promised``.
         promised = tree.heap[count].key
         row = expanded
         laid, nearest = _lay(graph, space, rules, start, start_node, goal, tree, tree.heap[count].item, row)
@@ -363,7 +362,8 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
                     return FOUND, length, expanded
             if _is_goal(rules, goal, heading, min(gap, nearest) if rules.on_the_way else gap):
                 return FOUND, _list_branch(tree, out, row), expanded
-        # Push its successors but idle ones. One that is no longer than a solution must be is bent to the goal at once.
+        # Push its successors but idle ones. A successor near the goal is bent to it at once if the motion is hardly
+        # longer than any solution must be, which is ``promised``.
         for e in range(np.int64(graph.edge_start[node]), np.int64(graph.edge_start[node + 1])):
             target = np.int64(graph.edge_target[e])
             if graph.node_idle[target]:
@@ -371,6 +371,7 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
             px, py, ph = next_origin(graph, e, 0.0, x, y, heading)
             walked = tree.place[row, WALKED] + graph.node_length[target] + hypot(x - px, y - py)
             px, py, ph = node_end(graph, target, px, py, ph)
+            # Leave out a successor that ends as one laid before.
             child = _key(rules, target, px, py, ph)
             if tree.closed[_slot(tree.closed, child)] == child:
                 continue

@@ -41,9 +41,9 @@ def _miss(goal, ex, ey, eh, lever):
 def _leap_vector(joint, limit, turn, count, ex, ey, dx, dy, dh, lever):
     """Return the vector p for which the turns J'p move the end by about (dx, dy, dh) [m].
 
-    dh is the change of its heading times ``lever``; both are 0 if any heading will do. Damped least squares: p is
-    (J J' + damping I)^-1 (dx, dy, dh)', with a column of J per joint: the end's velocity as it turns. Joints at a limit
-    that would turn beyond it are left out.
+    dh is the change of the end's heading times ``lever``; both are 0 if any heading will do. J has a column for each
+    joint, the end's velocity as the joint turns; J' is its transpose. Damped least squares: p is
+    (J J' + damping I)^-1 (dx, dy, dh)'. Joints at a limit that would turn beyond it are left out.
     """
     damping = _DAMPING * (dx * dx + dy * dy + dh * dh) + _TINY
     # Upper triangle of J J' + damping I.
@@ -128,6 +128,7 @@ def _sweep(joint, limit, turn, count, ex, ey, eh, goal, lever):
             toward = (pull * toward + weight * wrap_angle(goal[2] - eh)) / max(pull + weight, _TINY)
         after = min(max(turn[j] + toward, limit[j, 0]), limit[j, 1])
         by = after - turn[j]
+        # The joint is at its limit, or its turn is right: nothing behind it moves.
         if by == 0.0:
             continue
         turn[j] = after

@@ -63,7 +63,10 @@ def cell_key(x, y, heading):
 
 @helper
 def _occupy(table_key, table_node, table_stamp, stamp, key, node):
-    """Enter (cell, node) into the frontier of map ``stamp``, a hash table; return False if it was there already."""
+    """Enter (cell, node) into the frontier of a map, a hash table; return False if it was there already.
+
+    ``key`` is the cell's, ``stamp`` the number of the map, which is that of its root.
+    """
     # Fibonacci hashing, linear probing; slots with an older stamp are free.
     mask = table_key.shape[0] - 1
     mixed = (key * 31 + node) * np.int64(-7046029254386353131)

@@ -208,7 +208,8 @@ def _grow(
 ) -> tuple[NDArray[Any], ...]:
     """Return the maps of nodes ``begin`` to ``end`` (exclusive): sizes, averages, and columns of :class:`MapArrays`.
 
-    The columns are key, order, parent, edge, node, level and ahead.
+    Sizes are numbers of entries, averages mean lengths [m], both one for each map. The columns are key, order, parent,
+    edge, node, level and ahead. Other arguments as of :func:`grow_maps`.
     """
     rows = (end - begin) * capacity
     first = np.empty(end - begin + 1, np.int64)

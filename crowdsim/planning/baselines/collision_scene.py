@@ -63,7 +63,7 @@ class Stride:
     def body(self, arc: float) -> Any:
         """Return the body ``arc`` meters along its path."""
         frame = int(arc / self.length * len(self._points)) % len(self._points)
-        # Its tree is costly, and few frames may be asked for.
+        # Made on first use: the tree of a body is costly, and few frames may be needed.
         if frame not in self._bodies:
             self._bodies[frame] = _surface(self._points[frame], self._triangles)
         return self._bodies[frame]

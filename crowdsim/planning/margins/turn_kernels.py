@@ -35,7 +35,8 @@ INNER = int(0.25 * TURN_ROOM / STATION) + 1
 """Stations on each side of a turn's middle that may move. They cover the middle half of TURN_ROOM."""
 
 RAMP = 2
-"""Stations from the last of these to the point where the bend rejoins the path."""
+"""Steps of a station's length from the outermost station that may move to the end of the bend, where it rejoins the
+path."""
 
 _ENDS = INNER + RAMP
 """Station number, counted from the middle, of both ends of the bend."""
@@ -85,8 +86,8 @@ def _lacking(layers, radii, turning, label, walking, back, x, y):
 def _lead_aside(layers, radii, turning, label, walking, back, places):
     """Move ``places`` (s, 2) [m] aside by the clearance that they lack for the turn; return True if any lacked it.
 
-    They may still lack some. The first and the last place stay. ``label``, ``walking``, ``back`` and others are those
-    of :func:`_lacking`.
+    The moved places may still lack some clearance. The first and the last place stay. The other parameters are those of
+    :func:`_lacking`.
     """
     bends = False
     x = places[0, 0]

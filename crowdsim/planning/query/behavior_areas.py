@@ -62,7 +62,10 @@ def area_polygons(
 
 
 def area_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRACKING_MARGIN) -> NDArray[np.float64]:
-    """Return (n, layers - 1): growth of the upper layers' obstacles in each behavior's area [m], 0 for none."""
+    """Return (n, layers - 1): growth of the upper layers' obstacles in each behavior's area [m], 0 for none.
+
+    The n ``behaviors`` are planned with ``margin`` [m] beyond their bodies.
+    """
     need = Requirements.of(behaviors, layers, margin)
     # Grown corners are polygons inside of their circles; growing by more makes them circumscribe these.
     widened: NDArray[np.float64] = np.maximum(need.radii[:, 1:] - need.search_radius, 0.0) / cos(
@@ -72,7 +75,7 @@ def area_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRA
 
 
 def grown(obstacle: shapely.Geometry, growth: float) -> shapely.Geometry:
-    """Return an upper layer's obstacle as a behavior area contains it."""
+    """Return an upper layer's obstacle as a behavior area contains it, grown by ``growth`` [m] of `area_growths`."""
     return buffered(obstacle, growth, quad_segs=_ARC_STEPS) if growth > 0.0 else obstacle
 
 
@@ -93,6 +96,7 @@ def make_areas(
 
     Parameters
     ----------
+    meshes: one per layer, the legs' first. need: clearances of the behaviors.
     given: mesh of each of :func:`area_polygons`, None for an empty one. Without it, an area is the lowest layer with
     the largest clearance that the behavior needs on any layer.
     """

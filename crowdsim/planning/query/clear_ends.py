@@ -30,15 +30,16 @@ _DIRECTIONS = 24
 _ROUNDING = 1e-7
 """Clearance shortfall that counts as rounding [m]."""
 _PROBE = 0.005
-"""Distance between places whose clearance is measured [m]; clearance differs by at most half of that in between."""
+"""Distance between places whose clearance is measured [m]; between them, clearance is at most half of this less."""
 
 
 def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return ``points`` (n, 2) [m], or places nearby with planned clearance for those that have only a body's own.
 
-    A motion strays from its path, so an agent at rest may be closer to obstacles than planned. A point with planned
-    clearance for any upright behavior stays. Any other is moved, by REACH at most, to a place that has it for the
-    widest behavior possible, turned ones too, whose body fits at the point; it stays if there is none.
+    A motion strays from its path, so an agent at rest may be closer to obstacles than planned. A point with the planned
+    clearance of any upright behavior (one that is not turned) stays. Any other is moved, by REACH at most, to a place
+    with the planned clearance of the widest behavior, upright or turned, whose body fits at the point and for which
+    there is such a place. If there is none for any behavior, the point stays.
     """
     upright = need.narrowest_upright  # if a wider behavior fits, this one fits, too
     if upright is not None:

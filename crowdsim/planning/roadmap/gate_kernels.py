@@ -80,8 +80,8 @@ def find_gates(m, channel, levels, count, around, least, gates):
     channel: half-edges that the path crosses, ``count`` of them. levels: behavior with which each is crossed; only
     sides crossed with a narrower behavior than the widest count. least: clearance that pins must have [m].
 
-    Stretches without a side at whose ends the widest behavior's circles meet are no gates. Gates for which ``gates``
-    has no room are left out.
+    A stretch is a gate only if it has a side for which the widest behavior's circles around both ends meet. Gates for
+    which ``gates`` has no room are left out.
     """
     top = around.shape[1] - 1
     found = 0
@@ -123,9 +123,9 @@ def _is_beside(corner, gate):
 def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
     """Write the taut path through the pins of all pinned gates to ``taut``; return its node count, -1 if it tangles.
 
-    It also is -1 if ``taut`` has no room. nodes: the taut path without pins, ``size`` of them. corners: CORNER[filled],
-    whose ``reach`` changes. around: (nv, n) clearance of each vertex for each behavior [m]. gates: GATE[found], in the
-    order of the path.
+    The count is -1 as well if ``taut`` has no room. nodes: STRING_NODE, the taut path without pins, the first ``size``
+    in use. corners: CORNER[filled], whose ``reach`` changes. around: as above. gates: GATE[found], in the order of the
+    path.
 
     Between gates the path keeps the distance from the gates' corners that the widest behavior needs.
     """
@@ -135,6 +135,7 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
     before = NONE  # the gate before
     low = np.int64(0)
     for g in range(found + 1):
+        # A gate without pins lies within the part that leads up to the next one.
         if g < found and gates[g].pinned == 0:
             continue
         for inside in range(2):
@@ -200,6 +201,7 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
             if part < 0:
                 return np.int64(-1)
             written = begin + part
+            # The next part needs room, too.
             if written >= taut.size - 2:
                 return np.int64(-1)
             # The next part begins where this one ends; the side between them belongs to both.

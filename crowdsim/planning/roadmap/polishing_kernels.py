@@ -44,7 +44,7 @@ _ROUNDS = 4
 def polish_road(layers, fitting, points, road, around, reach, ends, radius, least):
     """Find the cheapest taut path along a road; return (points (q, 2), sections (k, 3), cost).
 
-    There are no rows if all tangle or fit no behavior.
+    There are no rows, and the cost is infinite, if all variants tangle or fit no behavior.
 
     The first variant is as wide as the road's behaviors and not pinned, the second is pinned in all gates that fit and
     as wide as possible elsewhere. Each further one differs from the second by one gate, and by those kept before.
@@ -73,6 +73,7 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     goal = triangle_of(m, ends[1, 0], ends[1, 1], NONE)
     # The sides that the road crosses, the vertices beside it, and the gates that the widest behavior does not pass.
     count = road_channel(m, points, road, start, goal, top, channel, levels)
+    # The road crosses no chain of triangles.
     if count < 0:
         return line, sections, cost
     filled = channel_corners(m, channel, count, around, radius, ends, corners)
@@ -99,7 +100,7 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
             for g in range(found_gates):
                 gates[g].pinned = gates[g].fits
         elif flip >= 0:
-            # A single gate has been tried both ways.
+            # A single gate has been tried both ways, and one whose pins do not fit is never pinned.
             if pins < 2 or gates[flip].fits == 0:
                 continue
             gates[flip].pinned = 1 - gates[flip].pinned
@@ -127,6 +128,8 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
 @kernel
 def shift_path(layers, fitting, points, sections, cost, radii, least):
     """Shift stations of a path aside where that is cheaper; return (points (q, 2), sections (k, 3), cost).
+
+    Without a cheaper path they are those given.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ class Roadmap:
         """Return about the cheapest way from ends[0] to ends[1], and its estimated cost.
 
         ``ends`` (2, 2) are x and y [m]. The way is rows (k, 2) of a point's number and the behavior on the way to it.
-        The cost estimates :attr:`AnnotatedPath.cost`; without a way there are no rows, and it is infinite.
+        The cost estimates :attr:`AnnotatedPath.cost`. Without a way there are no rows and the cost is infinite.
         """
         # States of an earlier search serve again: what it wrote bears its stamp, so nothing has to be cleared. Threads
         # take them off the list, which is atomic, so that no two have the same.
@@ -110,7 +110,10 @@ class Roadmap:
         return road, float(cost)
 
     def polish(self, road: NDArray[np.int64], ends: NDArray[np.float64]) -> AnnotatedPath | None:
-        """Return the cheapest taut path found along a road, or None if all tangle or fit no behavior."""
+        """Return the cheapest taut path found along a road; None if all variants tangle or fit no behavior.
+
+        ``road`` (k, 2) is of :meth:`find`, ``ends`` (2, 2) are start and goal [m].
+        """
         line, found, cost = polishing_kernels.polish_road(
             self.layers,
             self.fitting,
@@ -125,13 +128,14 @@ class Roadmap:
         return with_sections(line, found, float(cost)) if len(found) else None
 
     def excess(self, path: AnnotatedPath) -> list[float]:
-        """Return each section's cost above the preferred behavior's for its length beyond the least."""
+        """Return, for each section, what its meters beyond the least length cost more than the preferred behavior's."""
         return [self._more[s.behavior] * max(s.end - s.start - self._shortest, 0.0) for s in path.sections]
 
     def shifted(self, path: AnnotatedPath) -> AnnotatedPath:
         """Return the path with stations, points sampled closely along it, shifted aside if that is cheaper.
 
-        It is unchanged if narrow sections cost little beyond their least lengths (:data:`_WORTH`).
+        It is unchanged if narrow sections cost little beyond their least lengths (:data:`_WORTH`), or if no shift makes
+        it cheaper.
         """
         if math.fsum(self.excess(path)) <= _WORTH * path.cost:
             return path

@@ -93,15 +93,17 @@ def _may_follow(i, j, turned):
 
 @helper
 def _too_short(i, j, run, since, costs, turned, terms, paid):
-    """Estimate what it costs that a section of behavior i, ``run`` meters long, is too short before one of j.
+    """Estimate the extra cost of a section of behavior i that is ``run`` meters long, followed by one of j.
 
-    since: meters since the last turned section. paid: cost of the changes into and out of the section that already
-    counts for its least length. terms: (4,), see :data:`crowdsim.planning.labels.labelling_kernels.TERMS`.
+    It is 0 if the section is long enough. since: meters since the last turned section. paid: part of the cost of the
+    changes into and out of the section that has been charged for its least length. terms: (4,), see
+    :data:`crowdsim.planning.labels.labelling_kernels.TERMS`.
     """
     # A narrow section before a wider one is lengthened at the expense of the wider one.
     if costs[i] > costs[j]:
         return max(0.0, (costs[i] - costs[j]) * (terms[LEAST_SECTION] - run) - paid)
-    # A wide section needs room for the turn at either end; since == run: a turned section is right before it.
+    # A wide section needs room for the turn at either end. since == run: a turned section is right before it, or it is
+    # the first section, where both are infinite and nothing is too short.
     needed = terms[LEAST_SECTION]
     if turned[j]:
         needed = terms[FOR_BETWEEN] if since == run else terms[LEAST_SECTION] + terms[FOR_TURN]
@@ -123,8 +125,9 @@ def _bound_to_goal(graph, goal, state, p, preferred):
     """Return a bound of the cost from ``state`` of point p to the goal, for the order of the search.
 
     It is the straight distance at the preferred behavior or, if larger, |cost to goal - cost to state| from any
-    landmark in use (triangle inequality). The latter may be too high by the cost of changes of behavior: the goal's
-    cost is the least over all behaviors, but the way from ``state`` may end in another one than that.
+    landmark in use (triangle inequality). The second bound may be too high by the cost of changes of behavior: a
+    landmark's cost to the goal is the least over all behaviors there, but the way from ``state`` may arrive with
+    another one.
     """
     bound = hypot(graph.points[p].x - goal.x, graph.points[p].y - goal.y) * preferred
     for i in range(goal.telling.size):
@@ -135,7 +138,7 @@ def _bound_to_goal(graph, goal, state, p, preferred):
 
 @helper
 def _reach(graph, goal, preferred, states, stamp, s, p, value, before, since, run):
-    """Record that state ``s`` of point p is reached at cost ``value``, if that is cheaper; return True if it is.
+    """Record that state ``s`` of point p is reached at cost ``value``; return True if it is cheaper than before.
 
     before, since, run: the state before it, meters since the last turned section, and meters of the present section.
     ``stamp`` is the number of the search: states with other stamps are left over from earlier ones.
@@ -156,12 +159,16 @@ def _reach(graph, goal, preferred, states, stamp, s, p, value, before, since, ru
 
 @helper
 def _road_to(states, last, behaviors):
-    """Return the points and behaviors (k, 2) from the start to state ``last``; no rows for -1."""
+    """Return the points and behaviors (k, 2) int64 from the start to state ``last``; no rows if it is -1.
+
+    behaviors: their number.
+    """
     # Count the states, then fill them in from the end.
     found = 0
     s = last
     while s >= 0:
         found += 1
+        # A chain longer than the list of states runs in a circle.
         if found > states.size:
             raise BoundExceeded
         s = states[s].before
@@ -205,7 +212,8 @@ def choose_landmarks(marks, of_goal, seen, starts, behaviors, telling):
 def costs_from(points, ways, costs, turned, change, source, heap, out):
     """Fill ``out`` (states,) with the least cost from any state of point ``source`` (Dijkstra); return the heap.
 
-    points, ways, costs, turned, change: as of :class:`RoadGraph` and :class:`Prices`. heap: scratch, which may grow.
+    States that cannot be reached cost infinity. points, ways, costs, turned, change: as of :class:`RoadGraph` and
+    :class:`Prices`. heap: scratch, which may grow.
     Sections that are too short cost nothing extra here, so that the costs bound those of a search from below.
     """
     n = costs.size
@@ -336,6 +344,7 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
             s = to * n + i
             after = 0.0 if turned[i] else since + way.length
             fresh = _reach(graph, goal, preferred, states, stamp, s, to, value, at, after, run + way.length)
+            # A state whose bound is no less than the cost of the way found cannot improve on it.
             if fresh and value + states[s].rest < best:
                 heap, count = push(heap, count, value + states[s].rest, s)
     return _road_to(states, last, n), best
