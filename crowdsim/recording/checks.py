@@ -226,21 +226,25 @@ def _within(values: Any, low: int, end: int) -> bool:
 
 
 def _check_skeleton(motion: MotionRecord) -> None:
-    """Raise RecordingError if a skeleton's arrays do not fit together, or a joint stands before its parent."""
+    """Raise RecordingError if a skeleton's arrays do not fit together, or a joint comes before its parent."""
     skeleton = motion.skeleton
     joints = len(skeleton.names)
-    parents = np.asarray(skeleton.parents)
-    shapes = {"parents": (joints,), "offsets": (joints, 3), "end_offsets": (len(skeleton.end_parents), 3)}
+    _require(joints > 0, "motion: a skeleton needs joints")
+    parents, end_parents = np.asarray(skeleton.parents), np.asarray(skeleton.end_parents)
+    # K end sites: any number, also none.
+    _require(end_parents.ndim == 1, f"motion.end_parents has shape {end_parents.shape}, not (K,)")
+    shapes = {"parents": (joints,), "offsets": (joints, 3), "end_offsets": (len(end_parents), 3)}
     for name, shape in shapes.items():
         values = np.asarray(getattr(skeleton, name))
         _require(values.shape == shape, f"motion.{name} has shape {values.shape}, not {shape}")
         numbers = np.issubdtype(values.dtype, np.number) and bool(np.isfinite(values).all())
-        _require(numbers, f"motion.{name} holds {values.dtype} or values that are not finite, no numbers")
-    _require(joints > 0 and np.ndim(skeleton.end_parents) == 1, "motion: a skeleton needs joints")
-    in_order = _within(parents, -1, joints) and parents[0] == -1 and (parents < np.arange(joints)).all()
+        _require(numbers, f"motion.{name} holds values of {values.dtype} that are not all finite numbers")
+    # Only the first joint is a root (-1).
+    in_order = parents[0] == -1 and _within(parents[1:], 0, joints) and (parents < np.arange(joints)).all()
     _require(in_order, "motion.parents: each joint but the first needs a parent before it")
-    _require(_within(skeleton.end_parents, 0, joints), "motion.end_parents names joints that are not there")
-    _require(_within(list(skeleton.roles.values()) or [0], 0, joints), "motion.role_joints: no such joint")
+    _require(_within(end_parents, 0, joints), "motion.end_parents names joints that do not exist")
+    # Without roles, a valid index takes their place: an empty list becomes float64, which is no type of indices.
+    _require(_within(list(skeleton.roles.values()) or [0], 0, joints), "motion.role_joints names no joint")
 
 
 def _check_gaits(header: RecordingHeader) -> None:
@@ -254,8 +258,12 @@ def _check_gaits(header: RecordingHeader) -> None:
             raise RecordingError(
                 f"gait '{gait.name}' has shapes {shapes[0]}, {shapes[1]}, not (F, 3), (F, {joints}, 4)"
             )
+        _require(
+            len(gait.root) > 1,
+            f"gait '{gait.name}' needs two or more poses, as bodies are posed between them; it has {len(gait.root)}",
+        )
         finite = np.isfinite(gait.root).all() and np.isfinite(gait.rotations).all()
-        _require(len(gait.root) > 1 and finite, f"gait '{gait.name}' has no poses, or such that are not finite")
+        _require(finite, f"gait '{gait.name}' has values that are not finite")
     phases, rows = np.asarray(header.motion.pool_phases), len(header.motion.pool_root)
     if header.motion.mixed and not (phases.shape == (rows,) and np.isfinite(phases).all()):
         raise RecordingError(

@@ -28,6 +28,14 @@ if TYPE_CHECKING:
 Joints = NDArray[np.float32]
 
 
+def no_tracks_in(name: str) -> RecordingError:
+    """Return the error of a recording from which it does not follow where feet stand; messages call it ``name``."""
+    return RecordingError(
+        f"{name} has no tracks of nodes, so it is not known where feet stand: no agent is captured, or an older "
+        "version wrote it"
+    )
+
+
 class ShownBodies(ABC):
     """Recorded steps of all agents, and the poses of their bodies at any time.
 
@@ -318,7 +326,7 @@ class ShownBodies(ABC):
         from crowdsim.recording.shown.planted_feet import PlantedFeet
 
         if self.foot_table is None:
-            raise RecordingError(f"{self.name} was written by an older version and does not tell where feet stand")
+            raise no_tracks_in(self.name)
         return PlantedFeet(self, self.foot_table)
 
     @cached_property

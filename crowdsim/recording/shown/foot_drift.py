@@ -13,7 +13,7 @@ from crowdsim.motion.graph.foot_contacts import extent, feet_of, standing_moves
 from crowdsim.motion.planted.planted_rows import PlantedRows, planted_rows
 from crowdsim.recording.header import Ends
 from crowdsim.recording.levels import Level
-from crowdsim.recording.shown.bodies import ShownBodies
+from crowdsim.recording.shown.bodies import ShownBodies, no_tracks_in
 
 RATE = 30
 """Number of poses per second that are compared."""
@@ -50,10 +50,12 @@ class _Moment(NamedTuple):
 def shown_stances(recording: ShownBodies, rate: int = RATE) -> Stances:
     """Return every stance of captured bodies in a recording, posed ``rate`` times a second.
 
-    The clips that are played tell which points of a foot stand; of these, the one that moves least counts. Raise
-    RecordingError if the recording does not tell where feet stand.
+    Which points of a foot stand follows from the clips that are played; of these, the one that moves least counts.
+    Raise RecordingError if the recording has no tracks of nodes.
     """
     motion = recording.header.motion
+    if not len(motion.pool_tracks):
+        raise no_tracks_in(recording.name)
     tracks = motion.pool_tracks.astype(np.float64)
     rows = planted_rows(recording.pose_table, motion.skeleton, tracks)
     # Moves (shown, own) of each foot that stands, by agent and foot, and the time of the first; and the stances that
