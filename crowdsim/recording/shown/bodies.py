@@ -42,7 +42,7 @@ class ShownBodies(ABC):
     Attributes
     ----------
     name : str
-        What messages call it.
+        Name in messages.
     header : RecordingHeader
         The constant part.
     x, y, heading, node, previous, frame, behavior, state, phase : Column
@@ -107,8 +107,8 @@ class ShownBodies(ABC):
     def at_time(self, time: float) -> RecordedFrame:
         """Return the state of all agents at a time, also between steps.
 
-        Captured agents go along the tracks of their nodes, steered ones straight. (node, previous, frame) are those
-        that the simulation passed through, as :func:`~crowdsim.recording.between.frame_between` finds them.
+        Captured agents go along the tracks of their nodes, steered ones straight. The columns ``node``, ``previous``
+        and ``frame`` are found by :func:`~crowdsim.recording.between.frame_between`.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class ShownBodies(ABC):
         RecordingError
             Outside of the recording.
         """
-        # Tolerances make up for rounding of times, here and of the share of a step.
+        # Tolerances make up for rounding: of times here, and of the share of a step below.
         if not -1e-9 <= time <= self.duration + 1e-9:
             raise RecordingError(f"{self.name} lasts from 0 to {self.duration:g} s; there is nothing at {time:g} s")
         step = self.shown_step(time)
@@ -137,7 +137,7 @@ class ShownBodies(ABC):
         return frame_between(now, then, share, self._node_tracks, self.steps_per_second, self.header.spans)
 
     def shown_step(self, time: float) -> int:
-        """Return the step that is shown from its time until the next one.
+        """Return the last step up to a time, limited to the recording.
 
         Parameters
         ----------
@@ -177,7 +177,7 @@ class ShownBodies(ABC):
         """Return the bodies of agents at a time.
 
         Captured agents play the frames of their nodes, and their planted feet keep their places; steered agents walk on
-        their smoothed tracks. Earlier calls do not matter.
+        their smoothed tracks. The result does not depend on earlier calls.
 
         Parameters
         ----------
@@ -186,8 +186,8 @@ class ShownBodies(ABC):
         agents : (A,) int or None
             Numbers of the agents; by default all.
         blended : bool
-            Whether switches between the levels are blended: bodies over 0.4 s, feet in their next swing; else the new
-            level is shown at once.
+            Whether switches between the levels are blended: bodies over 0.4 s, feet in their next swing. If not, the
+            new level is shown at once.
 
         Returns
         -------
@@ -211,7 +211,7 @@ class ShownBodies(ABC):
             changed = present.copy()
             changed[present], *joints = self._switch_blends.poses(time, step, frame, rows[present], on_tracks)
             positions[changed], rotations[changed] = joints
-            levels[changed] = Level.NOBODY  # done; the others are posed below
+            levels[changed] = Level.NOBODY  # these are posed; the others follow below
         captured, steered = levels == Level.CAPTURED, levels == Level.STEERED
         if captured.any():
             some = rows[captured]
@@ -258,7 +258,8 @@ class ShownBodies(ABC):
         agents : (A,) int64
             Numbers of the agents.
         node, previous : (A,) int32
-            What they play and what they played before, see :class:`~crowdsim.recording.header.RecordedFrame`.
+            Node that each agent plays, and the one before it, see
+            :class:`~crowdsim.recording.header.RecordedFrame`.
         at : (A,) float64
             Frames of the nodes.
         track : (A, 3) float64
@@ -296,7 +297,7 @@ class ShownBodies(ABC):
         agents : (A,) int64
             Numbers of the agents.
         node : (A,) int32
-            What they play.
+            Node that each agent plays.
         frame : (A,) float64
             Frames of the nodes.
 
@@ -315,14 +316,14 @@ class ShownBodies(ABC):
 
     @cached_property
     def foot_table(self) -> FootTable | None:
-        """Return places and stances of the feet in all nodes; None if the recording does not tell them."""
+        """Return places and stances of the feet in all nodes; None if the recording has no tracks of nodes."""
         from crowdsim.recording.shown.planted_feet import feet_of_nodes
 
         return feet_of_nodes(self.header, self.pose_table)
 
     @cached_property
     def planted_feet(self) -> PlantedFeet:
-        """Return all changes of the feet of captured bodies; RecordingError if the recording has no foot table."""
+        """Return all changes of the feet of captured bodies; raise RecordingError if there is no foot table."""
         from crowdsim.recording.shown.planted_feet import PlantedFeet
 
         if self.foot_table is None:

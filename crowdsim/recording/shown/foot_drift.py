@@ -38,7 +38,10 @@ class Stances(NamedTuple):
 
 
 class _Moment(NamedTuple):
-    """Captured bodies at one time: agents, P points (n, 2, P, 3) of each foot [m]; node, frame, heading (n,) [rad]."""
+    """Captured bodies at one time: agents (n,), and P points of each foot (n, 2, P, 3) [m].
+
+    Also (n,) each: the node that they play, its frame ``at``, and their heading [rad].
+    """
 
     agents: Ints
     points: Floats
@@ -58,7 +61,7 @@ def shown_stances(recording: ShownBodies, rate: int = RATE) -> Stances:
         raise no_tracks_in(recording.name)
     tracks = motion.pool_tracks.astype(np.float64)
     rows = planted_rows(recording.pose_table, motion.skeleton, tracks)
-    # Moves (shown, own) of each foot that stands, by agent and foot, and the time of the first; and the stances that
+    # Feet that stand, by agent and foot: when that began, and the moves (shown, own) since then. Then the stances that
     # have ended: agent and foot, begin, end, moves.
     standing: dict[tuple[int, int], tuple[float, list[tuple[Floats, Floats]]]] = {}
     found: list[tuple[tuple[int, int], float, float, list[tuple[Floats, Floats]]]] = []
