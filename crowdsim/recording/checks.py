@@ -102,6 +102,7 @@ class CheckedColumn:
         return self._checked(rows[int(key) - block * self._kept].copy())
 
     def _read(self, key: Any) -> Any:
+        """Return values from the file, not checked; raise RecordingError if they cannot be read."""
         try:
             return self._stored[key]
         except (OSError, RuntimeError, MemoryError) as error:

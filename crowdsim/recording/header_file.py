@@ -37,6 +37,7 @@ _MOTION_ARRAYS = {
 
 
 def _write_strings(group: h5py.Group, name: str, values: Sequence[str]) -> None:
+    """Write texts as a dataset (n,) in UTF-8."""
     group.create_dataset(name, data=np.array(list(values), dtype=object), dtype=_STRINGS, shape=(len(values),))
 
 
@@ -45,6 +46,7 @@ def _read_strings(group: h5py.Group, name: str) -> list[str]:
 
 
 def _write_array(group: h5py.Group, name: str, values: object, dtype: str) -> None:
+    """Write values as a dataset of type ``dtype``."""
     data = np.asarray(values, dtype=dtype)
     # Packing small arrays saves nothing.
     packing = PACKED if data.size > 256 else {}
@@ -223,6 +225,7 @@ def _read_shapes(environment: h5py.Group, kind: str) -> tuple[ShapeRecord, ...]:
 
 
 def _read_ends(ends: NDArray[np.float64]) -> Ends:
+    """Return the ends of a periodic floor from the attribute (3,): axis, low, high."""
     axis, low, high = np.asarray(ends, np.float64).tolist()
     return Ends(int(axis), low, high)
 

@@ -291,6 +291,7 @@ class RecordingWriter:
         return self._disk
 
     def _add_frame(self, kind: int, content: bytes) -> None:
+        """Append a frame of a kind of part_file to the disk, so that a killed process does not lose its content."""
         try:
             self._open_disk().add_frame(kind, content)
         except OSError as error:

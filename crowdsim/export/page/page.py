@@ -106,7 +106,10 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 
 
 def make_page(recording: Recording, choice: Choice, options: ExportOptions) -> bytes:
-    """Return the bytes of a page of the chosen part of ``recording``, in UTF-16: packed data are smallest in it."""
+    """Return the bytes of a page of the chosen part of ``recording``, in UTF-16, in which packed data are smallest.
+
+    Raise CrowdSimError if the part is empty or leaves steps out, or if there is no such choice of paths.
+    """
     if options.paths is not None and options.paths not in PATHS:
         raise CrowdSimError(f"a page draws paths of {', '.join(PATHS)}, not '{options.paths}'; choose one of them")
     chosen = shown_of(recording, choice)

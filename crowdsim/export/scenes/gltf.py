@@ -55,6 +55,7 @@ class _Scene:
         self._skins: list[dict[str, Any]] = []
         self._channels: list[dict[str, Any]] = []
         self._samplers: list[dict[str, Any]] = []
+        # Numbers of the materials by color, and of the meshes of bodies by look.
         self._paints: dict[tuple[float, ...], int] = {}
         self._bodies: dict[int, int] = {}
         times = np.arange(len(choice.steps)) / choice.rate

@@ -49,7 +49,7 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 
 
 def _fill(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
-    """Write all tables into ``file``; it is deleted if anything fails, so a rollback is unnecessary."""
+    """Write all tables into ``file``, without a journal: callers delete the file if anything fails."""
     steps = choice.steps
     first = int(steps[0]) // choice.every if len(steps) else 0
     with closing(sqlite3.connect(file)) as base:

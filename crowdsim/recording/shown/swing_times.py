@@ -81,11 +81,11 @@ def swing_times_after(recording: RecordedTracks, switches: Switches, some: Ints)
         in_time = lands & (state == _LATE) & (at - times[:, None] >= _SHORTEST_SWING)
         hold = np.where(in_time, times[:, None], hold)
         end = np.where(in_time, np.minimum(at, times[:, None] + FADE), end)
-        # Its swing ends; a phase that jumps must not end it at once.
+        # The swing ends in which an offset vanishes; a phase that jumps must not end it at once.
         landed = lands & (state == _SWINGING)
         end = np.where(landed, np.maximum(at, hold + _SHORTEST_SWING), end)
         state = np.where(begins, _SWINGING, np.where(in_time | landed, _RIGHT, state))
-        # Else it lands with its offset and waits for the next swing.
+        # A late foot that lands too soon keeps its offset and waits for the next swing.
         state = np.where(lands & (state == _LATE), _STANDING, state)
     # Feet that swing at the switch, and whose landing is not recorded, lose their offset with the rest of the body.
     late = state == _LATE

@@ -30,11 +30,11 @@ Ints = NDArray[np.int64]
 
 
 def choose_moments(recording: RecordedTracks, switches: Switches) -> Switches:
-    """Return the switches with the steps at which they are shown chosen anew.
+    """Return the switches with better steps at which they are shown.
 
-    It is the captured step whose phase is nearest to the middle of a double support. A switch to steered is shown less
-    than _EARLY before the last captured step only if no earlier step can be taken. Switches around short steered times,
-    and switches without a captured step to choose, keep their ``shown``.
+    Each is shown in the captured step whose phase is nearest to the middle of a double support. A switch to steered is
+    shown less than _EARLY before the last captured step only if no earlier step can be taken. Switches around short
+    steered times, and switches without a captured step to choose, keep their ``shown``.
     """
     count = len(switches.steps)
     if not count:
@@ -82,9 +82,9 @@ def choose_moments(recording: RecordedTracks, switches: Switches) -> Switches:
 def _keep_their_step(switches: Switches, follows: NDArray[np.bool_], rate: int) -> NDArray[np.bool_]:
     """Return (S,) which switches are not moved: those around a steered time that is too short to come in step.
 
-    follows: (S,) whether a switch is of the same agent as the one before it. rate: steps per second. To come in step
-    takes IN_STEP after its beginning and before its end. If one of the two switches around a short captured time is not
-    moved, neither is the other, as both would be shown at one moment.
+    follows: (S,) whether a switch is of the same agent as the one before it. rate: steps per second [1/s]. A gait comes
+    in step during IN_STEP after a steered time begins, and before it ends. If one of the two switches around a short
+    captured time is not moved, neither is the other, as both would be shown at one moment.
     """
     steps, steered = switches.steps, switches.steered
     close = np.flatnonzero(follows[1:] & steered[:-1] & (np.diff(steps) < round(2.0 * IN_STEP * rate)))

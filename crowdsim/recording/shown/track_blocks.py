@@ -131,6 +131,7 @@ def _read_part(
     columns = slice(int(agents[0]), int(agents[-1]) + 1)
     some = agents - agents[0]
     stretches = read_stretches(recording, rows, columns, some)
+    # Only bodies that are shown as steered in the block.
     block_first, block_end = block_steps(block, rate)
     began, left = stretches.firsts + rows.start, stretches.ends + rows.start
     inside = (began < block_end) & (left > block_first)
@@ -145,6 +146,7 @@ def _read_part(
     ticks = np.arange(starts[-1]) - starts[body] + first_ticks[body]
     row, rest = np.divmod(ticks * rate - rows.start * TICKS_PER_SECOND, TICKS_PER_SECOND)
     share = rest / TICKS_PER_SECOND
+    # Interpolate between the rows before and after each tick.
     now, then = (np.clip(row + k, begins[body], stops[body] - 1) for k in (0, 1))
     samples = np.empty((len(ticks), 4))
     ends = recording.header.ends

@@ -203,6 +203,7 @@ def put_played(state, out, models, nodes, exact, track, node, begin, first, end,
     origin, offset, ended, shown = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     was_off = 0
     for t in range(first, end):
+        # The first step of a person is coded as it is, in whole units; later ones from what is expected.
         if t == begin:
             put_whole(state, out, models, FIRST_X, math.floor(exact[0, t] + 0.5))
             put_whole(state, out, models, FIRST_Y, math.floor(exact[1, t] + 0.5))
@@ -238,6 +239,7 @@ def put_played(state, out, models, nodes, exact, track, node, begin, first, end,
             off_turn = exact[2, t] - shown[2]
             off_turn = (off_turn - turn * math.floor(off_turn / turn + 0.5)) / step
             is_off = 1 if max(abs(off_x), abs(off_y)) > TOLERANCE or abs(off_turn) > 1.0 else 0
+            # Contexts: whether the blend offset still fades, and whether the track was off in the last step.
             fades = 1 if frame[t] < BLEND_FRAMES * FRAME_TICKS else 0
             put_bit(state, out, models, IS_OFF + 2 * fades + was_off, is_off)
             was_off = is_off
@@ -269,6 +271,7 @@ def put_frames(state, out, models, nodes, track, node, first, end, units):
         if t == first:
             put_whole(state, out, models, FIRST_FRAME, frame[t])
             continue
+        # A node that is played again at once counts as the same one: its frame goes back.
         off = frame[t] - frame[t - 1] - units[NATURAL]
         if node[t] != node[t - 1]:
             off += nodes.frames[node[t - 1]] * FRAME_TICKS

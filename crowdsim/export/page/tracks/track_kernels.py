@@ -166,9 +166,11 @@ def _put_headings(state, out, models, mixer, x, y, headings, begin, first, end, 
             heading[t] = math.floor(exact[t] + 0.5)
             put_whole(state, out, models, model, heading[t] - (heading[t - 1] if t > begin else 0))
             continue
-        # The exact turn from the heading coded last.
+        # The exact turn from the heading coded last, within half a turn.
         exact_turn = exact[t] - heading[t - 1]
         exact_turn -= turn * math.floor(exact_turn / turn + 0.5)
+        # Contexts: the speeds of the last step and of this one, the wanted turn in eighths of the largest, and the last
+        # turns.
         speed, ahead = way_of(x[t - 1] - x[t - 2], y[t - 1] - y[t - 2], units)
         pace = min(int(16.0 * speed), SPEEDS - 1)
         speed, _ = way_of(x[t] - x[t - 1], y[t] - y[t - 1], units)
@@ -183,6 +185,7 @@ def _put_headings(state, out, models, mixer, x, y, headings, begin, first, end, 
             IS_NEAR_MODELS[1] + (WANTED * (TURNS * lately + turn_class(last, most)) + wish << 1),
             IS_NEAR_MODELS[2] + (SPEEDS * (SPEEDS * lately + next_pace) + pace << 1),
         )
+        # First from which turn it is counted, then by how many steps.
         put_leaf(state, out, mixer, at, IS_NEAR_ROW + (lately << 1), 1, way)
         # If ``near`` is 0, the expected turn is met exactly, and nothing is left to code.
         if way == 0 and near > 0:
@@ -238,6 +241,7 @@ def _put_phases(state, out, models, mixer, x, y, heading, phase, own, first, end
         comes = abs(wanted - stand) <= REST and after != stand
         comes = comes or (wanted <= stand and after + off * step > stand)
         stays = not comes and wanted == exact and after != value
+        # First whether the phase comes to a stand or stays, then which of the two; or else its number of steps.
         put_bit(state, out, models, FOLLOWS + 2 * kind + (1 if off_before == 0 else 0), 1 if comes or stays else 0)
         if comes or stays:
             put_bit(state, out, models, STAYS + kind, 1 if stays else 0)
