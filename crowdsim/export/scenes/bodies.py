@@ -78,6 +78,7 @@ def body_motions(recording: Recording, choice: Choice) -> Iterator[BodyMotion]:
         rotations.append(turns[present])
     if not agents:
         return
+    # Sort the rows by agent; those of one agent stay in order of time.
     agent = np.concatenate(agents)
     order = np.argsort(agent, kind="stable")
     ends = np.flatnonzero(np.diff(agent[order], append=-1)) + 1

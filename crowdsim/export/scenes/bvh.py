@@ -29,8 +29,9 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
     """
     motions = list(body_motions(recording, choice)) if len(choice.agents) == 1 else []
     if len(motions) != 1:
+        chosen = f"agent {choice.agents[0]} never is" if len(choice.agents) == 1 else f"{len(choice.agents)} are chosen"
         raise CrowdSimError(
-            f"a BVH file holds one character who is present, not {len(choice.agents)} or one who is not; "
+            f"a BVH file holds one character that is present at some time, but {chosen}; "
             "choose one with --agents, or write a folder with: -o FOLDER --format bvh"
         )
     file.write_bytes(_text(recording, motions[0], choice.rate))

@@ -276,6 +276,7 @@ class _Stage:
         capsule = self._geom.Capsule.Define(self._stage, top.GetPath().AppendChild("body"))
         capsule.CreateAxisAttr(self._geom.Tokens.z)
         capsule.CreateRadiusAttr(_CAPSULE_RADIUS)
+        # The height of a capsule in USD does not include its round ends.
         capsule.CreateHeightAttr(_CAPSULE_HEIGHT - 2.0 * _CAPSULE_RADIUS)
         corner = np.array([_CAPSULE_RADIUS, _CAPSULE_RADIUS, 0.5 * _CAPSULE_HEIGHT], np.float32)
         capsule.CreateExtentAttr(self._vt.Vec3fArray.FromNumpy(np.stack([-corner, corner])))
