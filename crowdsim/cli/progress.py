@@ -238,10 +238,11 @@ class RunProgress:
         self._interruption.heed()
 
     def step(self, step: int, steps: int, simulation: Any) -> None:
-        """Show that ``step`` of ``steps`` is done; raise KeyboardInterrupt after Ctrl-C."""
-        self._interruption.heed()
+        """Show that ``step`` of ``steps`` is done; raise KeyboardInterrupt after Ctrl-C, Terminated after SIGTERM."""
+        # Count the step first: it is complete, also if a signal ends the run now.
         self._steps = (step, steps)
         self._show()
+        self._interruption.heed()
 
     def _compiling(self, event: Any) -> None:
         """Note a kernel that is compiled; numba calls this for kernels missing in the cache, and for their helpers."""
