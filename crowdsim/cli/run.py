@@ -55,6 +55,7 @@ def run(
     if page:
         require_writable(page_file)
 
+    # What an interruption leaves, for its message.
     left = f"{file} was not written"
     with RunProgress(loaded.name) as progress:
         from crowdsim.crowd.simulation import Simulation
@@ -87,7 +88,7 @@ def _output_file(output: str | None, name: str) -> Path:
 
 
 def _tell(notes: Sequence[str]) -> None:
-    """Print notes on captures: what was made of them and left out; ``motion info`` prints the rest."""
+    """Print up to _MOST_NOTES notes on captures, those on what was made of them first; count the rest."""
     first = sorted(notes, key=lambda note: not note.startswith("made"))
     for note in first[:_MOST_NOTES]:
         typer.echo(f"note: {note}", err=True)

@@ -91,6 +91,7 @@ def _require_names(file: Path) -> None:
 
 
 def _require_websockets() -> None:
+    """Refuse to start without the package websockets, which is an extra."""
     try:
         import websockets  # noqa: F401
     except ImportError:

@@ -24,7 +24,7 @@ def print_table(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print mappings with the same keys under a header line; None is shown as nothing."""
+    """Print one or more mappings with the same keys under a header line; None leaves its cell empty."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="cyan")

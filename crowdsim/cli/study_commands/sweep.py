@@ -29,7 +29,9 @@ def sweep(
     ] = 2,
     keep: Annotated[
         Literal["none", "recordings", "failures"],
-        typer.Option(help="Recordings that stay: none, all, or those of runs in which not all arrive."),
+        typer.Option(
+            help="Recordings that stay: none, all (recordings), or only those in which not all arrive (failures)."
+        ),
     ] = "none",
     dask: Annotated[
         str | None,
@@ -48,7 +50,7 @@ def sweep(
     from crowdsim.sweeps.sweep import sweep as run_sweep
 
     points = points_of(scenario, seeds, settings or [])
-    counted = [0, len(points)]
+    counted = [0, len(points)]  # points done, and all, for the message of an interruption
     bar = progress_bar(WHOLE_RUN)
     task = bar.add_task(f"{scenario}: sweeping", total=len(points))
     with bar, FirstRunElsewhere(bar):
