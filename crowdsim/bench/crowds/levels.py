@@ -102,6 +102,7 @@ def staged_step(crowd: CapturedCrowd, writer: RecordingWriter | None = None) -> 
     marks = [time.process_time()]
 
     def mark() -> None:
+        """Note the end of a stage."""
         marks.append(time.process_time())
 
     view = crowd.world.view()

@@ -38,7 +38,7 @@ FINE, REFUSED, ANEW, FAKE = "fine", "refused", "anew", "fake"
 
 
 def edited_mesh(number: int) -> str:
-    """Apply a random sequence of edits to a mesh."""
+    """Apply a random sequence of edits to a mesh; "refused" if one of them was."""
     return REFUSED if edit_at_random(number) else FINE
 
 
@@ -122,7 +122,7 @@ def damaged_kernel(number: int) -> str:
     shutil.copytree(kept, folder)
     try:
         files = sorted(path for path in folder.rglob("*.nb?"))
-        file = files[number % len(files)]
+        file = files[number % len(files)]  # numba's index (.nbi) or compiled code (.nbc)
         file.write_bytes(mutated(file.read_bytes(), np.random.default_rng(number)))
         done = _call_kernel(folder)
     finally:
@@ -194,6 +194,7 @@ def _call_kernel(folder: Path) -> subprocess.CompletedProcess[str]:
 
 @cache
 def _graph() -> GraphArrays:
+    """Return the motion graph of the built-in frontal walk."""
     from crowdsim.behaviors.library import load_behavior_set
 
     return load_behavior_set(["frontal"], [(0.1, 2.0)]).graph.arrays

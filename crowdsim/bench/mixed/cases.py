@@ -85,6 +85,7 @@ def _last(arrived: Floats) -> float:
 
 
 def _late(arrived: Floats, seconds: float) -> bool:
+    """Return whether an agent did not arrive, or arrived after ``seconds``."""
     return bool(np.isnan(arrived).any()) or _last(arrived) > seconds
 
 
@@ -107,7 +108,7 @@ def neck(drill: Drill, width: float) -> dict[str, Any]:
 
 
 def circle(count: int, most: float) -> dict[str, Any]:
-    """Return the row of a circle on which all change sides, in at most ``most`` times the time of a single agent."""
+    """Return the row of a circle on which all change sides; they may take ``most`` times as long as a single agent."""
     results, steered, free = [], [], 0.0
     for seed in SEEDS:
         there, free = run_circle(count, seed)

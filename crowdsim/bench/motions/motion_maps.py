@@ -104,6 +104,7 @@ def measure(
                 motions, folder, sizes, max(trials // 10, 1), beside // 4, astar_budget // 10, rows, figures
             )
     names = [motions.name for motions in sets]
+    # Figures whose worst value over all sets is a figure, too.
     worst = {
         "search_ms_median": max,
         "length_ratio_mean": max,
