@@ -53,9 +53,7 @@ class Interruption:
     A KeyboardInterrupt inside a lock, or in a callback of another library, can be lost or leave the lock closed. A
     Ctrl-C after a first signal raises at once, as do all signals while ``waits`` is False. Ctrl-C is left alone if it
     is ignored or has another handler than Python's own. SIGTERM is left alone if it is ignored or its handler is not a
-    Python function.
-    ``asked`` is the exception of the last
-    signal that was held back, or None.
+    Python function. ``asked`` is the exception of the last signal that was held back, or None.
     """
 
     def __init__(self, waits: bool = True) -> None:
@@ -92,8 +90,8 @@ class Interruption:
 class FirstRun:
     """Progress of the compilation in a first run, estimated from the times in ``first_run.json``.
 
-    Kernels count when they appear in the cache, whichever process compiled them. ``missing`` is the CPU time that takes
-    to compile those that were not in the cache at first [s]. ``processes`` is the number of processes that compile.
+    Kernels count when they appear in the cache, whichever process compiled them. ``missing`` is the CPU time that it
+    takes to compile those that were not in the cache at first [s]; ``processes``, the number of processes that compile.
     """
 
     def __init__(self) -> None:
@@ -106,7 +104,7 @@ class FirstRun:
         self.missing = sum(self._seconds.values())
         self.processes = 1
         self._begin = time.monotonic()
-        self._looked = -LOOK_SECONDS
+        self._looked = -LOOK_SECONDS  # so that the first call reads the cache
         self._state = (0, 0, "")
 
     def state(self) -> tuple[int, int, str]:
@@ -212,6 +210,7 @@ class RunProgress:
         self._is_terminal = self._bar.console.is_terminal
         self._task: TaskID = self._bar.add_task(f"{self._title}: preparing", total=None)
 
+        # numba calls a listener for each compilation. The class is made here, as its base is imported only now.
         calls = {"on_start": self._compiling, "on_end": self._compiling_ended}
         self._watcher = type("Watcher", (event.Listener,), {name: staticmethod(call) for name, call in calls.items()})()
         event.register("numba:compile", self._watcher)
@@ -274,4 +273,4 @@ class RunProgress:
         elif self._maps[1]:
             (done, total), title = self._maps, f"{self._title}: motion maps"
         self._bar.update(self._task, completed=done, description=title)
-        self._bar.tasks[0].total = total or None
+        self._bar.tasks[0].total = total or None  # `update` cannot set it to None, unknown

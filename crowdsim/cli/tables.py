@@ -37,7 +37,7 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _print(table: Table) -> None:
-    """Print a table, as wide as it is if the output goes to a file or a pipe."""
+    """Print a table: wrapped to the width of a terminal; in full width to a file or a pipe."""
     from rich.console import Console
 
     console = Console(markup=False, highlight=False)

@@ -120,6 +120,8 @@ def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camer
     slopes = ((right, tall * aspect), (above, tall))
     target = corners.mean(axis=0)
     distance = 0.0
+    # A corner is in the picture if its offset along each axis is at most slope * (distance - depth), where depth is its
+    # place along the direction to the eye. From this follows the least distance; then the target moves to the middle.
     # A shift of the target changes the distance, and the reverse: eight rounds settle both within millimeters.
     for _ in range(8):
         depth = (corners - target) @ direction

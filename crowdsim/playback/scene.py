@@ -171,6 +171,7 @@ class Scene:
             self._move(crowd, drawn)
         frame = self.recording.at_time(time)
         if self._draws_paths:
+            # Agents that do not go have no path ahead; `paths_ahead` leaves out those at nan.
             going = (frame.state == AgentState.MOVING) | (frame.state == AgentState.WAITING)
             places = (np.where(going, each, np.nan) for each in (frame.x, frame.y))
             self._draw_paths(paths_ahead(self.recording.paths_at(time), *places))

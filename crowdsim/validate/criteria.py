@@ -265,7 +265,7 @@ def speeds_fall(cases: Sequence[str], area: str, source: str) -> Criterion:
 def takes_between(short: str, case: str, long: str, source: str) -> Criterion:
     """Check that a case takes at least as long as ``short`` and at most as long as ``long`` [s].
 
-    Two figures must: the time at which the last agent leaves, and the mean over all agents.
+    This must hold for two figures: the time at which the last agent leaves, and the mean over all agents.
     """
 
     def judge(runs: Runs) -> list[Finding]:

@@ -21,7 +21,8 @@ COLUMNS = ("test", "figure", "least", "median", "most", "band", "passed", "sourc
 def rows_of(outcomes: Sequence[Outcome]) -> list[dict[str, str]]:
     """Return a row of texts by COLUMNS for each figure of each test.
 
-    It holds the least, median and greatest value over the seeds, and how many values are in the band.
+    It holds the least, median and greatest value over the seeds, and how many values are in the band. The median is nan
+    if a value is nan or infinite.
     """
     rows = []
     for outcome in outcomes:

@@ -115,7 +115,7 @@ def circle(count: int, most: float) -> dict[str, Any]:
         steered.append(_last(there.arrived) / free)
         state = circle_state(count, seed)
         state["goal"] = np.arange(count)
-        edge = CIRCLE_SPACING * count / (2.0 * math.pi) + 3.0
+        edge = CIRCLE_SPACING * count / (2.0 * math.pi) + 3.0  # of the floor [m], 3 m outside of the circle
         square = box(-edge, -edge, edge, edge)
         # Only the number of groups matters: ``state`` has the starts, ``goals`` the goals.
         groups = (Group(1, square.bounds, square),) * count

@@ -155,6 +155,7 @@ def _measure_set(
 ) -> None:
     """Add rows and figures of one set."""
     name = motions.name
+    # Maps of several sizes, along a fifth of the paths.
     fewer = Ground(ground.meshes, ground.trials[: max(len(ground.trials) // 5, 1)])
     for count in entries:
         maps, row = _built(motions, count)
@@ -162,6 +163,7 @@ def _measure_set(
         del maps
         if count == PAPER_ENTRIES:
             figures |= _costs(row, name)
+    # Maps of ``depth``, or as in runs, along all paths.
     maps, row = _built(motions, None, depth)
     if PAPER_ENTRIES not in entries:
         figures |= _costs(row, name)
@@ -171,6 +173,7 @@ def _measure_set(
     figures[f"search_ms_median_{name}"] = rows[-1]["median_ms"]
     figures[f"length_ratio_mean_{name}"] = rows[-1]["length_ratio"]
     figures |= _of_bodies(motions, ground, found, name)
+    # The same maps, but joints may leave the clearance: only the discs of the behaviors are kept clear.
     freely = replace(motions, reach=None)
     free = follow_all(freely, maps, fewer)
     rows.append(row | _summary(freely, fewer, free) | {"search": "maps, discs alone"})

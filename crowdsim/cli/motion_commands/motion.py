@@ -110,7 +110,7 @@ def graph(
     if not (threshold > 0.0 and math.isfinite(threshold)):
         raise typer.BadParameter(f"{threshold} is not a positive distance", param_hint="--threshold")
     if branching is not None and not 1.0 < branching < 2.0:
-        raise typer.BadParameter(f"{branching} is not between 1 and 2, as factors are", param_hint="--branching")
+        raise typer.BadParameter(f"{branching} is not between 1 and 2, as all factors are", param_hint="--branching")
     names = tuple(name.strip() for name in detectors.split(",") if name.strip())
     if not names:
         raise typer.BadParameter("give the name of at least one, as in crossing,standing", param_hint="--detectors")
