@@ -39,6 +39,7 @@ def _terminated_as_interrupted() -> Iterator[None]:
     """Raise Terminated on SIGTERM inside the block; restore the former handler of the signal afterwards."""
 
     def terminate(number: int, frame: FrameType | None) -> None:
+        """Raise Terminated: the handler of SIGTERM."""
         raise Terminated
 
     # Python sets handlers of signals in its main thread only.

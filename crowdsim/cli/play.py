@@ -126,6 +126,7 @@ def _make_film(recording: Recording, out: str, camera: dict[str, Any]) -> None:
         task = bar.add_task(out, total=None)
 
         def show(done: int, count: int) -> None:
+            """Show how many pictures are done; raise a signal that was held back."""
             interruption.heed()
             bar.update(task, completed=done, total=count)
 

@@ -124,6 +124,7 @@ def check(
             task = bar.add_task(f"{scenario}: reading", total=None)  # meshes of thousands of parts take a while
 
             def parts(done: int, total: int) -> None:
+                """Show how many parts of meshes are on the layers."""
                 bar.update(task, completed=done, total=total, description=f"{scenario}: parts on the layers")
 
             loaded = load_scenario(scenario, overrides or [], parts)

@@ -90,6 +90,7 @@ def attribute_colors(values: NDArray[Any]) -> tuple[Colors, list[tuple[str, str]
 
 
 def _hex(color: NDArray[Any]) -> str:
+    """Return ``#rrggbb`` of a color (3,), 0 to 255."""
     return "#" + "".join(f"{int(channel):02x}" for channel in color)
 
 

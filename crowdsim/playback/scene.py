@@ -357,6 +357,7 @@ class Scene:
         return text
 
     def _poly(self, points: Floats | NDArray[np.float32], triangles: NDArray[np.int64]) -> Any:
+        """Return pyvista's mesh of triangles (F, 3) over points (V, 3) [m]."""
         return self._pv.PolyData.from_regular_faces(np.ascontiguousarray(points, np.float32), triangles)
 
     def _add_flat(self, points: Floats, triangles: NDArray[np.int64], color: str, **look: Any) -> Any:

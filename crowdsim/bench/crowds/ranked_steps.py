@@ -41,6 +41,7 @@ class CountedCalls:
         called = getattr(self._comm, name)
 
         def counted(*arguments: Any, **named: Any) -> Any:
+            """Call the method, and add its CPU time to that inside of calls."""
             begin = time.process_time()
             try:
                 return called(*arguments, **named)

@@ -56,6 +56,7 @@ def sweep(
     with bar, FirstRunElsewhere(bar):
 
         def progress(done: int, total: int, failed: int) -> None:
+            """Show how many points are done, and how many of them failed."""
             counted[0] = done
             title = f"{scenario}: sweeping" + (f", {failed} failed" if failed else "")
             bar.update(task, completed=done, total=total, description=title)
