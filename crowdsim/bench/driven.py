@@ -49,7 +49,7 @@ class Cost(NamedTuple):
 def measure(agents: int = AGENTS, steps: int = STEPS, rounds: int = ROUNDS) -> Measurement:
     """Compare a run and a driven simulation on each level.
 
-    Figures are medians of rounds; ``more_most_percent`` is the largest of them.
+    Figures are medians of rounds; only ``more_most_percent`` is the largest value of a round.
     """
     rows: list[dict[str, Any]] = []
     for level in _LEVELS:

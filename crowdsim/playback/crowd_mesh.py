@@ -200,6 +200,7 @@ class CrowdMesh:
         positions, rotations = self._recording.poses_at(time, here)
         self.points[:count], self.normals[:count] = self._body.place(positions, rotations, self._builds[here])
         self._cast_shadows(count, positions)
+        # Other colorings than these two do not change with time.
         looks = self._looks[here]
         if self._color_by == "behavior":
             # An agent without a behavior (-1) looks as one of behavior 0, as in USD.

@@ -155,7 +155,10 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str, page: Path) -> str
 
 
 def as_html(outcomes: Sequence[Outcome], locomotion: str, pictures: Path) -> str:
-    """Return one page of HTML with the pictures in it, ``pictures/TEST.png`` of each test."""
+    """Return one page of HTML with the pictures in it, ``pictures/TEST.png`` of each test.
+
+    ``outcomes`` is not empty, and all have the same seeds; ``locomotion`` is the level of the agents, for the title.
+    """
     parts = [f"<h1>Validation, {html.escape(locomotion)} agents, seeds {_span(outcomes[0].seeds)}</h1>"]
     for outcome in outcomes:
         verdict = outcome.verdict

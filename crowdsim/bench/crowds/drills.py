@@ -189,7 +189,8 @@ def walk(
     """Step agents until all have arrived, for at most ``seconds``; an agent that has arrived leaves.
 
     ``guide`` is called before each step: it sets ``gx``, ``gy`` and ``togo`` of all rows, the latter to 0 for those
-    that have arrived. The ``id`` of a row is its index in ``state``, which is changed until the first agent leaves.
+    that have arrived. The ``id`` of a row is its index in ``state``. That array is changed in place until the first
+    agent leaves; then a copy of the rest goes on.
     """
     arrived = np.full(len(state), np.nan)
     changes = []

@@ -96,7 +96,10 @@ def mutated_recording(number: int) -> str:
 
 
 def damaged_map(number: int) -> str:
-    """Request cached motion maps whose file has random faults."""
+    """Request cached motion maps whose file has random faults.
+
+    They must be equal to the undamaged ones (else "fake"); a warning tells that they were made anew.
+    """
     from crowdsim.following.maps.map_file import maps_in_file
 
     graph, folder = _graph(), _folder() / "maps"
@@ -212,7 +215,7 @@ def _recorded(number: int) -> dict[str, tuple[Any, ...]]:
 def _recordings() -> list[bytes]:
     """Return the recordings in the folder RECORDINGS, or short real ones.
 
-    These are of all levels, of two groups with a measured area, and of a changing place.
+    The short ones are of all levels, of two groups with a measured area, and of a changing place.
     """
     given = os.environ.get(RECORDINGS)
     if given:

@@ -61,7 +61,10 @@ def measure(dense: Sequence[int] = DENSE_SEEDS, normal: Sequence[int] = NORMAL_S
 
 
 def _row(density: str, seeds: Sequence[int], locomotion: str, each: int) -> dict[str, Any]:
-    """Return the row of the halls of these seeds: how many are crossed by all, and how many people are missing."""
+    """Return the row of the halls of these seeds: how many are crossed by all, and how many people are missing.
+
+    ``each`` is the number of people in each direction. ``mean_s`` is that of those who arrive [s], nan if none does.
+    """
     missing, means = [], []
     for seed in seeds:
         with Simulation(strewn_hall(density, seed, locomotion, each)) as simulation:

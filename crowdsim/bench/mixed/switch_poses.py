@@ -91,6 +91,7 @@ def beyond_levels(shown: Floats, plain: Floats) -> tuple[float, float, float]:
     and that of the new level at the time. ``shown`` and ``plain`` (T, J, 3) are joints with and without the blend [m],
     the root first, the switch at row _BEFORE.
     """
+    # Row k is the motion from picture k to k + 1, so row _BEFORE - 1 is the last one before the switch.
     moved, own = np.diff(shown, axis=0), np.diff(plain, axis=0)
     jump = _beyond(moved[_BEFORE - 1], moved[_BEFORE:], own[_BEFORE:])
     changed, alone = np.diff(moved[:, 0], axis=0), np.diff(own[:, 0], axis=0)

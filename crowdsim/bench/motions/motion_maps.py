@@ -131,7 +131,7 @@ def _measure_standard(
     rows: list[dict[str, Any]],
     figures: dict[str, float],
 ) -> None:
-    """Add rows and figures of the standard graph of a set's clips."""
+    """Add to ``rows`` and ``figures`` those of the standard graph of a set's clips, with maps of ``sizes`` entries."""
     standard = load_standard(f"{features.name}, standard graph", captures, features)
     ground = make_ground(0, trials)
     for count in sizes:  # what follows the loop is of the last, largest maps
@@ -153,7 +153,7 @@ def _measure_set(
     rows: list[dict[str, Any]],
     figures: dict[str, float],
 ) -> None:
-    """Add rows and figures of one set."""
+    """Add to ``rows`` and ``figures`` those of one set of motions; the parameters are as of :func:`measure`."""
     name = motions.name
     # Maps of several sizes, along a fifth of the paths.
     fewer = Ground(ground.meshes, ground.trials[: max(len(ground.trials) // 5, 1)])

@@ -121,7 +121,10 @@ def _standard(
 
 
 def _graphs(captures: Path | None) -> tuple[NDArray[np.float64], dict[str, GraphArrays]]:
-    """Return radii of the behaviors (B, layers), and the graphs to compare, for captures with the standard one."""
+    """Return radii of the behaviors (B, layers) [m], and the graphs to compare by name.
+
+    These are the graph with all its edges, the same with few, and for captures also their standard graph.
+    """
     names = () if captures is None else _capture_names(captures)
     loaded, standard = load_behaviors(captures, names), {}
     if captures is not None:

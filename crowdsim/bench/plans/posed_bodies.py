@@ -166,7 +166,7 @@ def turn_of(clip: Clip, facing: float, back: bool) -> Turn:
 
 
 def posed_along(path: AnnotatedPath, motions: Motions, stiff: bool = False) -> Posed:
-    """Return bodies every :data:`SPACING` along a path; ``stiff`` keeps legs as on a straight path."""
+    """Return bodies every :data:`SPACING` meters along a path; ``stiff`` keeps legs as on a straight path."""
     samples = path.sample(SPACING)
     arc, labels = samples.arc, samples.behavior.copy()
     # Where the body turns, it is posed from the clip that turns; beside that it stays turned up to the section.

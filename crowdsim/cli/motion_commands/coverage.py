@@ -43,7 +43,7 @@ def coverage(
         task = bar.add_task("maps")
 
         def tell(done: int, total: int) -> None:
-            """Show how many nodes have a map, or how many turns are measured."""
+            """Show how many nodes have a map, or how many cells of the table are done."""
             bar.update(task, completed=done, total=total)
 
         maps = MotionMaps.build(motion.arrays, **sizes, progress=tell, workers=threads)

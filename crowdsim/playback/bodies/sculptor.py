@@ -198,6 +198,7 @@ class _Sculptor(BodyParts):
             # `of` and `by` are the joints and weights of the sleeve.
             first, share = self.along_spine(sleeve.points)
             of, by = _follow(first, share, upper, arm)
+            # `line` ends at the wrist.
             bent = smoothstep(-0.05 * k, 0.05 * k, (sleeve.points - elbow) @ unit(line[-1] - elbow))
             of, by = _follow(of, by, lower, bent)
             fuller = 0.75 - 0.3 * bent
@@ -237,6 +238,7 @@ class _Sculptor(BodyParts):
             # `of` and `by` are the joints and weights of the leg.
             of, by = self.along_spine(leg.points)
             of, by = _follow(of, by, upper, self.at_hip(side, leg.points))
+            # Below the knee, a vertex follows the shin; `line` ends at the ankle.
             bent = smoothstep(-0.06 * k, 0.06 * k, (leg.points - knee) @ unit(line[-1] - knee))
             of, by = _follow(of, by, lower, bent)
             self.wear(skin, leg, Tissue.TROUSERS, of, by, 0.8 - 0.5 * bent)
