@@ -92,6 +92,7 @@ def _commit(folder: Path) -> tuple[str, str]:
 
 
 def _git(folder: Path, *arguments: str) -> str:
+    """Return what git prints in ``folder``; raise CalledProcessError if it fails."""
     return subprocess.run(
         ["git", "-C", str(folder), *arguments], check=True, capture_output=True, text=True
     ).stdout.strip()

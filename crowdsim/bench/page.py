@@ -65,7 +65,7 @@ _TIMES_OF_FRAMES = """() => {
 def measure() -> Measurement:
     """Return a row for each of two scenarios, and for each crowd in _CROWDS.
 
-    Figures are what is a float: names, ``same_bytes``, vertices and draw calls stand in the rows only.
+    Figures hold all floats of the rows; names, ``same_bytes``, vertices and draw calls are in the rows only.
     """
     rows: list[dict[str, Any]] = []
     with TemporaryDirectory() as name, _browser() as browser:
@@ -101,7 +101,7 @@ def _scenarios(folder: Path) -> Iterator[tuple[str, str]]:
 
 @contextmanager
 def _browser() -> Iterator[Any]:
-    """Lend a browser without a window; raise CrowdSimError if there is none."""
+    """Open a browser without a window for the block; raise CrowdSimError if there is none, or no Playwright."""
     found = next((path for path in map(shutil.which, _BROWSERS) if path), None)
     try:
         from playwright.sync_api import sync_playwright

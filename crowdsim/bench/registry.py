@@ -166,6 +166,9 @@ def run_bench(
 ) -> BenchResult:
     """Run the benchmark ``name``; each option applies to some benchmarks only.
 
+    ``maps``, ``worlds``, ``captures`` and ``rvo2`` are folders, ``picture`` is a file to draw. ``depth`` holds size
+    arguments of ``MotionMaps.build``. ``minutes`` are simulated ones [min].
+
     Raises
     ------
     CrowdSimError

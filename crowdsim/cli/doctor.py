@@ -47,7 +47,7 @@ def examine() -> dict[str, Any]:
 
 
 def _threads() -> dict[str, Any]:
-    """Return number and kind of numba's threads."""
+    """Return the number of numba's threads, and the threading layer that runs them."""
     import numba
     from numba.np.ufunc.parallel import _launch_threads  # numba chooses the layer only when threads start
 

@@ -59,7 +59,7 @@ def play(
     """Show a recording in a window, or make a picture or a film of it."""
     if (shot is not None) + (film is not None) + browser > 1:
         raise typer.BadParameter("choose one of --shot, --film and --browser")
-    times = list(dict.fromkeys(time or ()))
+    times = list(dict.fromkeys(time or ()))  # each time once
     if times and shot is None:
         raise typer.BadParameter("only --shot takes a time", param_hint="--time")
     if film is None and (start is not None or end is not None):
@@ -126,6 +126,7 @@ def _make_film(recording: Recording, out: str, camera: dict[str, Any]) -> None:
         task = bar.add_task(out, total=None)
 
         def show(done: int, count: int) -> None:
+            """Show how many pictures are done; raise a signal that was held back."""
             interruption.heed()
             bar.update(task, completed=done, total=count)
 

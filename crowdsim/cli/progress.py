@@ -52,8 +52,8 @@ class Interruption:
 
     A KeyboardInterrupt inside a lock, or in a callback of another library, can be lost or leave the lock closed. A
     Ctrl-C after a first signal raises at once, as do all signals while ``waits`` is False. Ctrl-C is left alone if it
-    is ignored or has another handler than Python's own, SIGTERM if it is ignored or its handler is not of Python.
-    ``asked`` is what came last, or None.
+    is ignored or has another handler than Python's own. SIGTERM is left alone if it is ignored or its handler is not a
+    Python function. ``asked`` is the exception of the last signal that was held back, or None.
     """
 
     def __init__(self, waits: bool = True) -> None:
@@ -90,8 +90,8 @@ class Interruption:
 class FirstRun:
     """Progress of the compilation in a first run, estimated from the times in ``first_run.json``.
 
-    Kernels count when they appear in the cache, whichever process compiled them. ``missing`` is the CPU time of those
-    that were not there at first [s]; ``processes``, how many compile them.
+    Kernels count when they appear in the cache, whichever process compiled them. ``missing`` is the CPU time that it
+    takes to compile those that were not in the cache at first [s]; ``processes``, the number of processes that compile.
     """
 
     def __init__(self) -> None:
@@ -104,13 +104,14 @@ class FirstRun:
         self.missing = sum(self._seconds.values())
         self.processes = 1
         self._begin = time.monotonic()
-        self._looked = -LOOK_SECONDS
+        self._looked = -LOOK_SECONDS  # so that the first call reads the cache
         self._state = (0, 0, "")
 
     def state(self) -> tuple[int, int, str]:
-        """Return the number of compiled kernels, that of all, and the time left in words, empty if all are compiled.
+        """Return how many kernels are compiled, of how many, and the time left in words, empty if all are compiled.
 
-        Only those count that a first run compiles and that were missing at first.
+        Only kernels count that a first run compiles and that were not in the cache at first. The cache is read again
+        after LOOK_SECONDS.
         """
         now = time.monotonic()
         if now - self._looked >= LOOK_SECONDS:
@@ -126,7 +127,7 @@ class FirstRun:
         return self._state
 
     def sentence(self) -> str:
-        """Return what is said where no bar is shown.
+        """Return the sentence to print if no bar is shown.
 
         "About a minute" is a guess for kernels that ``first_run.json`` does not list.
         """
@@ -137,7 +138,7 @@ class FirstRun:
 class FirstRunElsewhere:
     """Context manager that shows what other processes compile, by what appears in the cache.
 
-    A line below those of ``bar`` while kernels appear; where the bar is not shown, one line on stderr.
+    It shows a line below those of ``bar`` while kernels appear. If the bar is not shown, it prints one line on stderr.
     """
 
     def __init__(self, bar: Progress) -> None:
@@ -163,6 +164,7 @@ class FirstRunElsewhere:
         self._bar.remove_task(self._task)
 
     def _watch(self) -> None:
+        """Look every LOOK_SECONDS until the block ends, in a thread of its own."""
         while not self._over.wait(LOOK_SECONDS):
             self.look()
 
@@ -182,7 +184,7 @@ class FirstRunElsewhere:
 class RunProgress:
     """A progress bar on a terminal; elsewhere only one line if kernels have to be compiled.
 
-    If many have to be, other processes help. Use it as a context manager. ``step`` is the callback of
+    If many have to be compiled, other processes help. Use it as a context manager. ``step`` is the callback of
     ``Simulation.run``. From ``begin_steps`` to ``end_steps``, a first Ctrl-C or SIGTERM ends the run at the end of its
     step, see :class:`Interruption`.
     """
@@ -208,6 +210,7 @@ class RunProgress:
         self._is_terminal = self._bar.console.is_terminal
         self._task: TaskID = self._bar.add_task(f"{self._title}: preparing", total=None)
 
+        # numba calls a listener for each compilation. The class is made here, as its base is imported only now.
         calls = {"on_start": self._compiling, "on_end": self._compiling_ended}
         self._watcher = type("Watcher", (event.Listener,), {name: staticmethod(call) for name, call in calls.items()})()
         event.register("numba:compile", self._watcher)
@@ -224,7 +227,7 @@ class RunProgress:
         self._bar.stop()
 
     def maps(self, done: int, nodes: int) -> None:
-        """Show for how many nodes of the motion graph the map is built, until it is for all."""
+        """Show for how many of the ``nodes`` of the motion graph the map is built, until all maps are."""
         self._maps = (done, nodes) if done < nodes else (0, 0)
         self._show()
 
@@ -238,10 +241,11 @@ class RunProgress:
         self._interruption.heed()
 
     def step(self, step: int, steps: int, simulation: Any) -> None:
-        """Show that ``step`` of ``steps`` is done; raise KeyboardInterrupt after Ctrl-C."""
-        self._interruption.heed()
+        """Show that ``step`` of ``steps`` is done; raise KeyboardInterrupt after Ctrl-C, Terminated after SIGTERM."""
+        # Count the step first: it is complete, also if a signal ends the run now.
         self._steps = (step, steps)
         self._show()
+        self._interruption.heed()
 
     def _compiling(self, event: Any) -> None:
         """Note a kernel that is compiled; numba calls this for kernels missing in the cache, and for their helpers."""
@@ -256,6 +260,7 @@ class RunProgress:
         self._show()
 
     def _compiling_ended(self, event: Any) -> None:
+        """Note that numba has compiled the kernel or helper that it began last."""
         self._compiled.pop()
         self._show()
 
@@ -268,4 +273,4 @@ class RunProgress:
         elif self._maps[1]:
             (done, total), title = self._maps, f"{self._title}: motion maps"
         self._bar.update(self._task, completed=done, description=title)
-        self._bar.tasks[0].total = total or None
+        self._bar.tasks[0].total = total or None  # `update` cannot set it to None, unknown

@@ -55,6 +55,7 @@ def run(
     if page:
         require_writable(page_file)
 
+    # What an interruption leaves, for its message.
     left = f"{file} was not written"
     with RunProgress(loaded.name) as progress:
         from crowdsim.crowd.simulation import Simulation
@@ -87,7 +88,7 @@ def _output_file(output: str | None, name: str) -> Path:
 
 
 def _tell(notes: Sequence[str]) -> None:
-    """Print notes on captures: what was made of them and left out; ``motion info`` prints the rest."""
+    """Print up to _MOST_NOTES notes on captures, those on what was made of them first; count the rest."""
     first = sorted(notes, key=lambda note: not note.startswith("made"))
     for note in first[:_MOST_NOTES]:
         typer.echo(f"note: {note}", err=True)
@@ -123,6 +124,7 @@ def check(
             task = bar.add_task(f"{scenario}: reading", total=None)  # meshes of thousands of parts take a while
 
             def parts(done: int, total: int) -> None:
+                """Show how many parts of meshes are on the layers."""
                 bar.update(task, completed=done, total=total, description=f"{scenario}: parts on the layers")
 
             loaded = load_scenario(scenario, overrides or [], parts)

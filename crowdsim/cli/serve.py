@@ -28,7 +28,7 @@ def serve(
     ] = None,
     open_page: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
     host: Annotated[
-        str, typer.Option("--host", help="Address to listen at; others than this machine reach only what you name.")
+        str, typer.Option("--host", help="Address to listen at; at the default one, only this machine can connect.")
     ] = "127.0.0.1",
     workers: Annotated[int, typer.Option("--workers", min=1, help="Threads that search motion or steer.")] = 2,
     overrides: Overrides = None,
@@ -91,6 +91,7 @@ def _require_names(file: Path) -> None:
 
 
 def _require_websockets() -> None:
+    """Refuse to start without the package websockets, which is an extra."""
     try:
         import websockets  # noqa: F401
     except ImportError:

@@ -12,7 +12,7 @@ from crowdsim.cli.errors_shown import NOBODY_ARRIVED
 from crowdsim.cli.tables import print_table
 
 _ON_TIME = 0.1
-"""Delay of an event that is not reported [s]: it waits for the next step anyway."""
+"""Largest delay of an event that is not reported [s]: every event waits for the next step."""
 
 
 _NAMED = 5
@@ -37,9 +37,9 @@ def tell_summary(summary: dict[str, Any], as_json: bool) -> None:
 
 
 def nobody_arrived(summary: Mapping[str, Any]) -> str | None:
-    """Return why no agent arrived; None if one arrived or made a round, or without such a reason.
+    """Return why no agent arrived; None if one arrived or made a round, or if no reason is known.
 
-    Reasons are that all agents lack a way or wait, with at least one that lacks it, and that none ever appeared. Agents
+    Known reasons: every agent lacks a way or waits, and at least one lacks a way; or no agent ever appeared. Agents
     that commands removed or never added do not count.
     """
     count = summary["characters"] - summary["removed"] - summary["not_added"]
@@ -156,7 +156,7 @@ def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _stand_rows(stands: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return how far from goals and required headings those agents stood that had to stand there."""
+    """Return how many agents stood at their goals, and how far off the goals and required headings at most."""
     if not stands["stood"]:
         return []
     text = f"{stands['stood']}, {100.0 * stands['off_goal_most']:.1f} cm off at most"
@@ -183,9 +183,11 @@ def _search_row(searches: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _quantity(value: float | None, form: str) -> str:
+    """Return a value in a format, as ``{:.1f} s``; "none" if it is None."""
     return "none" if value is None else form.format(value)
 
 
 def _shares(shares: Mapping[str, float]) -> str:
+    """Return the shares above 0 in percent, with their names."""
     present = [f"{name} {share:.0%}" for name, share in shares.items() if share > 0]
     return ", ".join(present) or "no agent went here"

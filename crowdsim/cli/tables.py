@@ -24,7 +24,7 @@ def print_table(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print mappings with the same keys under a header line; None is shown as nothing."""
+    """Print one or more mappings with the same keys under a header line; None leaves its cell empty."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="cyan")
@@ -37,7 +37,7 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _print(table: Table) -> None:
-    """Print a table, as wide as it is if the output goes to a file or a pipe."""
+    """Print a table: wrapped to the width of a terminal; in full width to a file or a pipe."""
     from rich.console import Console
 
     console = Console(markup=False, highlight=False)

@@ -70,10 +70,11 @@ def place_camera(recording: Recording, view: str, aspect: float, time: float, ag
         [[x, y, z] for x in (low_x, high_x) for y in (low_y, high_y) for z in (0.0, _PERSON_HEIGHT)], np.float64
     )
     wide = high_x - low_x >= high_y - low_y
+    # In all views of the whole floor, its long side runs across the picture.
     if view == "top":
         return _plan(corners, np.array([0.0, 1.0, 0.0]) if wide else np.array([-1.0, 0.0, 0.0]), aspect)
-    # The long side of the floor runs across the picture; the longer the hall, the more the camera looks from its side.
-    # Azimuth and elevation, as seen from the floor: at -90 degrees the camera would look along y.
+    # The more slender the hall, the more the camera looks from its side. `turn` and `lift` are azimuth and elevation of
+    # the eye as seen from the floor: at an azimuth of -90 degrees the camera would look along y.
     slender = max(high_x - low_x, high_y - low_y) / max(min(high_x - low_x, high_y - low_y), 1e-9)
     turn = np.radians(-62.0 if slender < 2.5 else -80.0) + (0.0 if wide else np.pi / 2)
     lift = np.radians(38.0)
@@ -119,6 +120,8 @@ def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camer
     slopes = ((right, tall * aspect), (above, tall))
     target = corners.mean(axis=0)
     distance = 0.0
+    # A corner is in the picture if its offset along each axis is at most slope * (distance - depth), where depth is its
+    # place along the direction to the eye. From this follows the least distance; then the target moves to the middle.
     # A shift of the target changes the distance, and the reverse: eight rounds settle both within millimeters.
     for _ in range(8):
         depth = (corners - target) @ direction
@@ -137,7 +140,7 @@ def _follow(recording: Recording, time: float, agent: int | None) -> Camera:
     if not 0 <= agent < recording.agent_count:
         raise CrowdSimError(f"there is no agent {agent}; the recording has agents 0 to {recording.agent_count - 1}")
     place = np.array([*_mean_place(recording, time, agent), 0.95], np.float64)
-    turn, lift = np.radians(-58.0), np.radians(24.0)
+    turn, lift = np.radians(-58.0), np.radians(24.0)  # azimuth and elevation of the eye as seen from the agent
     direction = np.array([np.cos(turn) * np.cos(lift), np.sin(turn) * np.cos(lift), np.sin(lift)])
     return Camera(place + _FOLLOW_DISTANCE * direction, place, np.array([0.0, 0.0, 1.0]))
 

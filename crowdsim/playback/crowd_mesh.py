@@ -44,12 +44,13 @@ _SOLE = 0.03
 _NO_SHADOW = 0.25
 """Height above _SOLE at which the shadow of a foot has vanished [m]."""
 
-# Corners of a body's cross-sections, by the number of agents in the picture: with many, fewer corners suffice.
+# Pairs of a number of agents and the corners of a body's cross-sections in pictures of up to that many: with more
+# agents, fewer corners suffice.
 _SIDES = ((40, 16), (300, 10), (1500, 6), (10**9, 5))
 _SMALL, _SMALL_SIDES = 240.0, 10
 """Height in pixels below which a body has no more corners than these: more of them are not seen."""
 _MANY, _NEAR = 300, 150
-"""Number of agents in the picture beyond which those nearest to the eye have bodies of their own, and how many."""
+"""Number of agents beyond which those nearest to the eye are drawn with finer bodies, and how many of these."""
 _FLESH = 0.13
 """How far the wide shadow of a body reaches beyond its joints [m]."""
 
@@ -89,13 +90,15 @@ def attribute_colors(values: NDArray[Any]) -> tuple[Colors, list[tuple[str, str]
 
 
 def _hex(color: NDArray[Any]) -> str:
+    """Return ``#rrggbb`` of a color (3,), 0 to 255."""
     return "#" + "".join(f"{int(channel):02x}" for channel in color)
 
 
 def crowd_meshes(recording: Recording, color_by: str, tallest: float = np.inf) -> list[CrowdMesh]:
-    """Return the mesh of all agents; if more than _MANY are present at once, a finer one of the nearest and the rest's.
+    """Return one mesh for all agents, or two: a finer one for the _NEAR nearest agents, and one for the others.
 
-    ``tallest`` is how tall a body is in the picture at most [pixels].
+    There are two if more than _MANY agents are present at once. ``tallest`` is how tall a body is in the picture at
+    most [pixels].
     """
     counts = [max(recording.most_present, 1)]  # if nobody ever appears, one mesh that draws nothing
     if counts[0] > _MANY:
@@ -112,7 +115,7 @@ def crowd_meshes(recording: Recording, color_by: str, tallest: float = np.inf) -
 def shown_by(
     meshes: Sequence[CrowdMesh], recording: Recording, time: float, eye: ArrayLike, target: ArrayLike
 ) -> list[NDArray[np.int64]]:
-    """Return the agents that each of ``meshes`` shows at ``time`` [s] to a camera.
+    """Return the numbers of the agents that each of ``meshes`` shows at ``time`` [s] to a camera, in ascending order.
 
     ``eye`` and ``target`` are (x, y, z) of the camera, and of a point in the middle of the picture [m].
     """
@@ -136,8 +139,14 @@ class CrowdMesh:
     """Points, normals and colors of ``count`` bodies, and soft shadows on the floor.
 
     By default there are as many bodies as agents are present at once at most. The first ones are those shown, in
-    order. Unused bodies shrink to a point, which draws nothing. ``triangles`` (F, 3) and ``shadow_triangles`` never
-    change; :meth:`update` rewrites the rest. ``sides`` is the number of corners of a body's cross-sections.
+    order. Unused bodies shrink to a point, which draws nothing. ``sides`` is the number of corners of a body's
+    cross-sections.
+
+    Of bodies with V vertices each, ``points`` [m] and unit ``normals`` are (count, V, 3) float32 in the world, and
+    ``colors`` are (count, V, 3) uint8. ``shadow_points`` are (count, S, 3) [m] of S points in three discs. Of all
+    bodies together, ``triangles`` and ``shadow_triangles`` are (F, 3), and ``shadow_colors`` (count * S, 4) uint8 with
+    opacity. Triangles and colors of shadows never change; :meth:`update` rewrites the rest. ``legend`` pairs words with
+    ``#rrggbb``; it is empty if shirts show behaviors, levels or single agents.
     """
 
     def __init__(self, recording: Recording, color_by: str, sides: int = 16, count: int | None = None) -> None:
@@ -180,7 +189,7 @@ class CrowdMesh:
         self._feet = [(skeleton.joint(f"{side}_ankle"), skeleton.joint(f"{side}_toe")) for side in ("left", "right")]
 
     def update(self, time: float, some: NDArray[np.int64] | None = None) -> None:
-        """Move agents to where they are at ``time`` [s]: all that are present, or ``some`` (n,) of them."""
+        """Move the bodies to where agents are at ``time`` [s]: all that are shown, or the agents ``some`` (n,)."""
         frame = self._recording.at_time(time)
         here = shown_agents(frame) if some is None else some
         count = len(here)
@@ -191,6 +200,7 @@ class CrowdMesh:
         positions, rotations = self._recording.poses_at(time, here)
         self.points[:count], self.normals[:count] = self._body.place(positions, rotations, self._builds[here])
         self._cast_shadows(count, positions)
+        # Other colorings than these two do not change with time.
         looks = self._looks[here]
         if self._color_by == "behavior":
             # An agent without a behavior (-1) looks as one of behavior 0, as in USD.

@@ -54,7 +54,9 @@ _OSMESA = DrawingBackend("osmesa", "vtkOSOpenGLRenderWindow")
 
 
 def find_backend() -> DrawingBackend:
-    """Return the best backend of this machine; remember it until boot, VTK, Python or the environment changes.
+    """Return the best backend of this machine; remember it until the next boot.
+
+    It is tested again before if VTK, Python or the variables of the environment change that decide on it.
 
     Raises
     ------
@@ -77,7 +79,7 @@ def find_backend() -> DrawingBackend:
 
 
 def load_pyvista(interactive: bool = False) -> Any:
-    """Return pyvista, set up for the backend of this machine.
+    """Return pyvista, set up for the backend of this machine; ``interactive`` if it is to open a window.
 
     Raises
     ------
@@ -90,7 +92,8 @@ def load_pyvista(interactive: bool = False) -> Any:
             "there is no display to open a window on; make a picture or a film instead ('crowdsim play FILE --shot "
             "out.png' or '--film out.mp4')"
         )
-    # VTK reads the first when it makes a window, Mesa's EGL the second: else it warns if there is no graphics card.
+    # VTK reads the first variable when it makes a window. Mesa's EGL reads the second; without it, EGL warns if there
+    # is no graphics card.
     if backend.window is not None:
         os.environ[_WINDOW_VARIABLE] = backend.window
     os.environ.setdefault("EGL_LOG_LEVEL", "fatal")
@@ -143,6 +146,7 @@ def _probe(backend: DrawingBackend) -> str | None:
 
 def _situation() -> str:
     """Return a hash of everything that decides which backend works: boot, VTK, interpreter, environment."""
+    # Linux has an id for each boot; on other systems, the machine's name has to do.
     boot = Path("/proc/sys/kernel/random/boot_id")
     machine = boot.read_text().strip() if boot.exists() else platform.node()
     prefixes = (
@@ -165,6 +169,7 @@ def _situation() -> str:
 
 
 def _memory_file() -> Path:
+    """Return the file that holds the backend that was found last."""
     return cache_base() / "drawing.json"
 
 

@@ -70,7 +70,7 @@ class Scene:
     size : (int, int)
         Width and height of the picture in pixels.
     color_by : str
-        What the color of shirts shows.
+        What the color of shirts shows: one of COLORINGS, or an attribute of the agents.
     supersample : float
         Pixels drawn per pixel of the picture, along each side.
     interactive : bool
@@ -79,6 +79,13 @@ class Scene:
         How tall a body is in the drawn picture at most [pixels]; by default, all have their full number of corners.
     paths : bool
         Whether planned paths are drawn on the floor.
+
+    Raises
+    ------
+    CrowdSimError
+        If the coloring or the size is invalid.
+    DrawingUnavailable
+        If this machine cannot draw, or cannot open a window.
     """
 
     def __init__(
@@ -164,6 +171,7 @@ class Scene:
             self._move(crowd, drawn)
         frame = self.recording.at_time(time)
         if self._draws_paths:
+            # Agents that do not go have no path ahead; `paths_ahead` leaves out those at nan.
             going = (frame.state == AgentState.MOVING) | (frame.state == AgentState.WAITING)
             places = (np.where(going, each, np.nan) for each in (frame.x, frame.y))
             self._draw_paths(paths_ahead(self.recording.paths_at(time), *places))
@@ -192,7 +200,7 @@ class Scene:
             mesh.Modified()
 
     def look(self, view: str, time: float, agent: int | None = None) -> None:
-        """Place the camera of ``view`` at ``time`` [s]."""
+        """Place the camera of ``view`` at ``time`` [s]; the view ``follow`` needs an ``agent``."""
         self.set_camera(place_camera(self.recording, view, self.size[0] / self.size[1], time, agent))
 
     def set_camera(self, camera: Camera) -> None:
@@ -234,7 +242,7 @@ class Scene:
             self.plotter.add_light(self._pv.Light(position=place, light_type=kind, intensity=power))
 
     def _build_place(self) -> None:
-        """Add floor, grid, shadows and obstacles; tall ones as glass. The outline lies 4 mm higher, to show."""
+        """Add floor, grid, shadows and obstacles, tall ones as glass; draw the floor's outline 4 mm above the floor."""
         header = self.recording.header
         floor = floor_mesh(header)
         self._add_flat(floor.points, floor.triangles, _FLOOR, lighting=False)
@@ -307,7 +315,7 @@ class Scene:
         return _Drawn(bodies, shadows, actor)
 
     def _draw_paths(self, paths: Sequence[PlannedPath]) -> None:
-        """Replace the ribbons of planned paths, in the colors of their behaviors."""
+        """Replace the ribbons of planned paths, in the colors of their behaviors; hide them if there are none."""
         points, triangles, behaviors = path_ribbons(paths)
         if self._path_actor is not None:
             self._path_actor.visibility = len(triangles) > 0
@@ -316,6 +324,7 @@ class Scene:
         mesh = self._poly(points, triangles)
         palette = np.array([hex_color(behavior.color) for behavior in self.recording.header.behaviors])
         mesh.cell_data["colors"] = palette[behaviors]
+        # The first ribbons get an actor; later ones replace its mesh.
         if self._path_actor is not None:
             self._path_actor.mapper.dataset = mesh
             return
@@ -348,6 +357,7 @@ class Scene:
         return text
 
     def _poly(self, points: Floats | NDArray[np.float32], triangles: NDArray[np.int64]) -> Any:
+        """Return pyvista's mesh of triangles (F, 3) over points (V, 3) [m]."""
         return self._pv.PolyData.from_regular_faces(np.ascontiguousarray(points, np.float32), triangles)
 
     def _add_flat(self, points: Floats, triangles: NDArray[np.int64], color: str, **look: Any) -> Any:

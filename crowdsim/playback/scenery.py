@@ -75,6 +75,7 @@ def path_ribbons(paths: Sequence[PlannedPath]) -> tuple[Floats, NDArray[np.int64
     """Return narrow ribbons on the floor: points (V, 3), triangles (F, 3), and the behavior of each triangle (F,)."""
     starts, ends, behaviors = [], [], []
     for path in paths:
+        # A path has a behavior for each point, that of the piece which begins there.
         starts.append(path.points[:-1])
         ends.append(path.points[1:])
         behaviors.append(path.behaviors[:-1])

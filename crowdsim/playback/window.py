@@ -12,7 +12,7 @@ _TICK_MILLISECONDS = 16
 
 
 class Player:
-    """The time that is shown: it runs while playing, and stops at the end."""
+    """The clock of a window: ``time`` runs from 0 to ``duration`` [s] while ``playing``, and stops there."""
 
     def __init__(self, duration: float) -> None:
         self.duration = duration
@@ -30,7 +30,7 @@ class Player:
         self.time = min(max(time, 0.0), self.duration)
 
     def advance(self, seconds: float) -> None:
-        """Let ``seconds`` pass."""
+        """Let ``seconds`` pass; do nothing during a pause."""
         if self.playing:
             self.seek(self.time + seconds)
             self.playing = self.time < self.duration

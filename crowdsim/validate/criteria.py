@@ -1,8 +1,8 @@
-"""Criteria: each builds a function from the observed runs of a test to figures with their bands.
+"""Criteria: each returns a function that takes the observed runs of a test and returns figures with their bands.
 
-``case`` is the name of a run, ``least`` and ``most`` are the band, in the unit of the figure, ``source`` is where it is
-from; lines, areas and groups are those that the scenario names. All times are those of the simulation. A figure that is
-unknown is nan, which is in no band.
+``case`` is the name of a run. ``least`` and ``most`` are the ends of the band, in the unit of the figure; ``source``
+says where the band is from. Lines, areas and groups are those that the scenario names. All times are those of the
+simulation. A figure that is unknown is nan, which is in no band.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Finding(NamedTuple):
 
 
 Criterion: TypeAlias = Callable[[Runs], Sequence[Finding]]
-"""Judges the runs of a test with one seed."""
+"""Judges the runs of a test with one seed: returns its figures, always the same ones in the same order."""
 
 
 def transit(case: str, begin: str, end: str, least: float, most: float, source: str) -> Criterion:
@@ -131,9 +131,10 @@ def ratio(more: str, less: str, least: float, most: float, source: str) -> Crite
 
 
 def queue_before_the_first(case: str, areas: tuple[str, str], source: str) -> Criterion:
-    """Check that more agents wait before the first of two bottlenecks: peak, and mean of the ten largest counts.
+    """Check that more agents wait before the first of two bottlenecks: by the peak, and by the ten largest counts.
 
-    Both must be less before the second: a peak by at least 1, a mean of ten counts by at least 0.1.
+    ``areas`` are those before the first and before the second bottleneck. In the second one, the peak must be less by
+    at least 1, and the mean of the ten largest counts by at least 0.1.
     """
 
     def judge(runs: Runs) -> list[Finding]:
@@ -152,7 +153,10 @@ def flow(case: str, line: str, least: float, most: float, source: str) -> Criter
 
 
 def flow_over_all(case: str, line: str, most: float, source: str) -> Criterion:
-    """Check the mean flow at a line until the last passage against an upper limit [1/s]; nan if an agent stayed."""
+    """Check the number of all agents over the time of the last passage at a line against an upper limit [1/s].
+
+    The figure is nan if an agent never crosses the line.
+    """
 
     def judge(runs: Runs) -> list[Finding]:
         last = float(runs[case].times_at(line).max())
@@ -174,7 +178,7 @@ def keeps_together(case: str, group: str, least: float, source: str) -> Criterio
 
 
 def no_more_flow_behind(case: str, lines: tuple[str, str], source: str) -> Criterion:
-    """Check that the flow at the second line exceeds that at the first by no more than a tolerance of 0.05 [1/s]."""
+    """Check that the flow at the second line exceeds the flow at the first by at most a tolerance of 0.05 [1/s]."""
 
     def judge(runs: Runs) -> list[Finding]:
         first, second = (flow_of(runs[case], line) for line in lines)
@@ -221,7 +225,7 @@ def times_grow(cases: Sequence[str], line: str, group: str, source: str) -> Crit
 
 
 def speed_in(case: str, area: str, band: tuple[float, float], source: str) -> Criterion:
-    """Check the mean speed in an area [m/s]."""
+    """Check the mean speed in an area [m/s] against ``band``, its least and greatest value."""
 
     def judge(runs: Runs) -> list[Finding]:
         value = runs[case].summary["areas"][area]["speed"]
@@ -233,8 +237,8 @@ def speed_in(case: str, area: str, band: tuple[float, float], source: str) -> Cr
 def speed_at_density(case: str, area: str, bands: Sequence[tuple[float, float, float]], source: str) -> Criterion:
     """Check the mean speed in an area [m/s] against the band of the density measured there.
 
-    ``bands`` holds density [1/m2], least and greatest speed [m/s], by density; bands in between are interpolated.
-    Below the first and above the last density, their bands count.
+    ``bands`` holds rows of density [1/m2], least and greatest speed [m/s], by ascending density. Bands between two
+    rows are interpolated; below the first and above the last density, the bands of these rows count.
     """
     densities, least, most = np.array(bands).T
 
@@ -259,7 +263,10 @@ def speeds_fall(cases: Sequence[str], area: str, source: str) -> Criterion:
 
 
 def takes_between(short: str, case: str, long: str, source: str) -> Criterion:
-    """Check that a case takes a time between those of two others [s]: until the last agent leaves, and in the mean."""
+    """Check that a case takes at least as long as ``short`` and at most as long as ``long`` [s].
+
+    This must hold for two figures: the time at which the last agent leaves, and the mean over all agents.
+    """
 
     def judge(runs: Runs) -> list[Finding]:
         last = [runs[each].last for each in (short, case, long)]
@@ -273,7 +280,7 @@ def takes_between(short: str, case: str, long: str, source: str) -> Criterion:
 
 
 def leaves_through(case: str, assigned: Mapping[str, int], source: str) -> Criterion:
-    """Check the number of agents that leave through each exit."""
+    """Check that exactly the ``assigned`` number of agents leaves through each exit."""
 
     def judge(runs: Runs) -> list[Finding]:
         used = runs[case].summary["exits"]
@@ -315,11 +322,11 @@ def flow_of(run: Observed, line: str) -> float:
 
 
 def _ratio(more: float, less: float) -> float:
-    """Return the ratio of two times; nan if one is infinite, as agents stayed, or ``less`` is 0."""
+    """Return ``more / less``, two times; nan if one is infinite because agents stayed, or if ``less`` is 0."""
     return more / less if np.isfinite(more) and np.isfinite(less) and less > 0.0 else float("nan")
 
 
 def _worst(values: NDArray[np.float64], least: float, most: float) -> float:
-    """Return the value (of n) farthest from the middle of a band; nan if any value is unknown."""
+    """Return which of ``values`` (n,) is farthest from the middle of a band; nan if any value is unknown."""
     off = np.abs(values - 0.5 * (least + most))
     return float("nan") if np.isnan(off).any() else float(values[int(np.argmax(off))])

@@ -13,7 +13,7 @@ from crowdsim.scenario.scenario import Scenario
 
 _COLORS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b")
 _INCHES = 7.0
-"""Longer side of the floor in the picture."""
+"""Longer side of the floor in the picture [inches]."""
 _EVERY = 2
 """Steps between two points of a drawn track."""
 

@@ -83,7 +83,12 @@ def run_tests(
     pictures : Path or None
         Folder for a picture of each test's first case with the first seed.
     progress : callable or None
-        Called after each run as ``progress(done, all, what)``.
+        Called after each run as ``progress(done, all, what)``: numbers of runs, and the names of test, case and seed.
+
+    Returns
+    -------
+    list of Outcome
+        A result for each test, in their order.
     """
     tasks = [(test, case, seed) for test in tests for case in test.cases for seed in seeds]
     found: dict[tuple[str, str, int], Observed] = {}
@@ -128,7 +133,7 @@ def load_case(case: Case, seed: int, locomotion: str) -> Scenario:
 
 
 def run_case(case: Case, seed: int, locomotion: str, picture: Path | None = None) -> Observed:
-    """Run a case in this process; draw it into the file ``picture`` unless that is None; return what criteria need."""
+    """Run a case in this process and return what criteria need; draw it into the file ``picture`` if that is given."""
     scenario = load_case(case, seed, locomotion)
     with tempfile.TemporaryDirectory() as folder:
         started = time.perf_counter()
@@ -140,5 +145,6 @@ def run_case(case: Case, seed: int, locomotion: str, picture: Path | None = None
 
 
 def _draw(scenario: Scenario, recording: Recording, picture: Path) -> None:
+    """Draw a run into the file ``picture``; make its folder if necessary."""
     picture.parent.mkdir(parents=True, exist_ok=True)
     draw_run(scenario, recording, picture)

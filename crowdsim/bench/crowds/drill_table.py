@@ -86,6 +86,7 @@ def _last(result: DrillResult) -> float:
 
 
 def _is_late(result: DrillResult, seconds: float) -> bool:
+    """Return whether an agent did not arrive, or arrived after ``seconds``."""
     return bool(np.isnan(result.arrived).any()) or _last(result) > seconds
 
 

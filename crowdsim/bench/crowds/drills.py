@@ -189,7 +189,8 @@ def walk(
     """Step agents until all have arrived, for at most ``seconds``; an agent that has arrived leaves.
 
     ``guide`` is called before each step: it sets ``gx``, ``gy`` and ``togo`` of all rows, the latter to 0 for those
-    that have arrived. The ``id`` of a row is its index in ``state``, which is changed until the first agent leaves.
+    that have arrived. The ``id`` of a row is its index in ``state``. That array is changed in place until the first
+    agent leaves; then a copy of the rest goes on.
     """
     arrived = np.full(len(state), np.nan)
     changes = []
@@ -236,7 +237,7 @@ def make_agents(
 ) -> State:
     """Return agents of usual breadth and speed at ``places`` (n, 2) [m], facing along ``facing`` (n, 2), of any length.
 
-    They stand, with ids 0 to n - 1; where they are guided (``gx``, ``gy``, ``togo``) is left to the caller.
+    They stand, with ids 0 to n - 1; their guidance (``gx``, ``gy``, ``togo``) is left to the caller.
     """
     count = len(places)
     state = np.zeros(count, ROW)

@@ -63,7 +63,7 @@ _LEGS = (6.0, 12.0)  # meters
 
 
 def captured_square(agents: int, seed: int = 1) -> tuple[Scenario, Placement]:
-    """Return an open square with ``agents`` captured agents that walk to and fro endlessly."""
+    """Return an open square, and the cast of ``agents`` captured agents who walk to and fro on it endlessly."""
     rng = np.random.default_rng(seed)
     side = math.sqrt(agents / DENSITY)
     across = math.ceil(math.sqrt(agents))
@@ -98,10 +98,14 @@ def _place_off(rng: np.random.Generator, start: NDArray[np.float64], side: float
 
 
 def staged_step(crowd: CapturedCrowd, writer: RecordingWriter | None = None) -> list[float]:
-    """Take a step to the same state as the crowd itself does; return the processor time of each of STAGES [s]."""
+    """Take a step to the same state as the crowd itself does; return the processor time of each of STAGES [s].
+
+    Each call of ``mark`` ends a stage, in their order. The step is recorded if there is a ``writer``.
+    """
     marks = [time.process_time()]
 
     def mark() -> None:
+        """Note the end of a stage."""
         marks.append(time.process_time())
 
     view = crowd.world.view()

@@ -181,7 +181,7 @@ def _compare(mpiexec: str, folder: str, count: int, seconds: float) -> int:
 
 
 def _run(mpiexec: str, number: int, folder: str, file: str = "square.yaml") -> dict[str, Any]:
-    """Return the figures of one run on ``number`` processes."""
+    """Return the figures of one run of the scenario ``file`` in ``folder`` on ``number`` processes."""
     command = [mpiexec, "-n", str(number), sys.executable, "-m", "crowdsim.bench.crowds.ranked_steps", file]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     if done.returncode:

@@ -99,6 +99,7 @@ def around_corner() -> Drill:
 
 
 def _drill(name: str, parts: list[Polygon], goal: Polygon) -> Drill:
+    """Return a drill in the union of ``parts``, whose people start in the first START meters."""
     return Drill(name, union_all(parts), (Group(COUNT, (0.0, 0.0, START, WIDTH), goal),), SECONDS)
 
 

@@ -74,7 +74,7 @@ def turn_back(state: State, side: float, margin: float = 0.0) -> None:
 
 
 def _step_times(agents: int, density: float, steps: int, threads: int) -> float:
-    """Return the median time of a step for each agent [us], agents at a density [1/m2] on an open square."""
+    """Return the median time of a step on an open square at a density [1/m2], divided by the number of agents [us]."""
     state, side = open_square(agents, density)
     walls = build_walls([])
     times = []
@@ -88,7 +88,10 @@ def _step_times(agents: int, density: float, steps: int, threads: int) -> float:
 
 
 def _stage_times(agents: int, density: float, steps: int) -> np.ndarray:
-    """Return the time of each stage for each agent (steps - 3, 4) [us]: sort, look, decide, commit."""
+    """Return the times of sort, look, decide and commit in each step, divided by the number of agents [us].
+
+    The shape is (steps - 3, 4): the first three steps warm up.
+    """
     state, side = open_square(agents, density)
     walls = build_walls([])
     times = []

@@ -38,7 +38,7 @@ FINE, REFUSED, ANEW, FAKE = "fine", "refused", "anew", "fake"
 
 
 def edited_mesh(number: int) -> str:
-    """Apply a random sequence of edits to a mesh."""
+    """Apply a random sequence of edits to a mesh; "refused" if one of them was."""
     return REFUSED if edit_at_random(number) else FINE
 
 
@@ -96,7 +96,10 @@ def mutated_recording(number: int) -> str:
 
 
 def damaged_map(number: int) -> str:
-    """Request cached motion maps whose file has random faults."""
+    """Request cached motion maps whose file has random faults.
+
+    They must be equal to the undamaged ones (else "fake"); a warning tells that they were made anew.
+    """
     from crowdsim.following.maps.map_file import maps_in_file
 
     graph, folder = _graph(), _folder() / "maps"
@@ -122,7 +125,7 @@ def damaged_kernel(number: int) -> str:
     shutil.copytree(kept, folder)
     try:
         files = sorted(path for path in folder.rglob("*.nb?"))
-        file = files[number % len(files)]
+        file = files[number % len(files)]  # numba's index (.nbi) or compiled code (.nbc)
         file.write_bytes(mutated(file.read_bytes(), np.random.default_rng(number)))
         done = _call_kernel(folder)
     finally:
@@ -194,6 +197,7 @@ def _call_kernel(folder: Path) -> subprocess.CompletedProcess[str]:
 
 @cache
 def _graph() -> GraphArrays:
+    """Return the motion graph of the built-in frontal walk."""
     from crowdsim.behaviors.library import load_behavior_set
 
     return load_behavior_set(["frontal"], [(0.1, 2.0)]).graph.arrays
@@ -211,7 +215,7 @@ def _recorded(number: int) -> dict[str, tuple[Any, ...]]:
 def _recordings() -> list[bytes]:
     """Return the recordings in the folder RECORDINGS, or short real ones.
 
-    These are of all levels, of two groups with a measured area, and of a changing place.
+    The short ones are of all levels, of two groups with a measured area, and of a changing place.
     """
     given = os.environ.get(RECORDINGS)
     if given:

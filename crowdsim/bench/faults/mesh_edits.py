@@ -116,6 +116,7 @@ def _corners(mesh: NavMesh, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def _point(mesh: NavMesh, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return a single place (2,)."""
     place: NDArray[np.float64] = _places(mesh, rng, 1)[0]
     return place
 
@@ -127,6 +128,7 @@ def _points(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry:
 
 
 def _line(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry:
+    """Return a polyline of two to five places; it may cross itself."""
     return shapely.linestrings(_places(mesh, rng, int(rng.integers(2, 6))))
 
 
@@ -146,6 +148,7 @@ def _polygon(mesh: NavMesh, rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 def _box(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry:
+    """Return a box along the axes between two places; it may have no area."""
     one, other = _places(mesh, rng, 2)
     return shapely.box(*np.minimum(one, other), *np.maximum(one, other))
 

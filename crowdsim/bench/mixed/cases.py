@@ -85,6 +85,7 @@ def _last(arrived: Floats) -> float:
 
 
 def _late(arrived: Floats, seconds: float) -> bool:
+    """Return whether an agent did not arrive, or arrived after ``seconds``."""
     return bool(np.isnan(arrived).any()) or _last(arrived) > seconds
 
 
@@ -107,14 +108,14 @@ def neck(drill: Drill, width: float) -> dict[str, Any]:
 
 
 def circle(count: int, most: float) -> dict[str, Any]:
-    """Return the row of a circle on which all change sides, in at most ``most`` times the time of a single agent."""
+    """Return the row of a circle on which all change sides; they may take ``most`` times as long as a single agent."""
     results, steered, free = [], [], 0.0
     for seed in SEEDS:
         there, free = run_circle(count, seed)
         steered.append(_last(there.arrived) / free)
         state = circle_state(count, seed)
         state["goal"] = np.arange(count)
-        edge = CIRCLE_SPACING * count / (2.0 * math.pi) + 3.0
+        edge = CIRCLE_SPACING * count / (2.0 * math.pi) + 3.0  # of the floor [m], 3 m outside of the circle
         square = box(-edge, -edge, edge, edge)
         # Only the number of groups matters: ``state`` has the starts, ``goals`` the goals.
         groups = (Group(1, square.bounds, square),) * count

@@ -18,7 +18,7 @@ TIMES = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Times within a step at which gaps are measured, as parts of the step."""
 
 FAR = 1.0
-"""Distance between the centers of two bodies beyond which they are ignored [m]; also the largest gap that is told."""
+"""Distance between the centers of two bodies beyond which they are ignored [m]; also the largest gap returned."""
 
 KINDS = ("steered_steered", "steered_captured", "captured_captured")
 

@@ -63,7 +63,7 @@ def times_alone(scenario: Scenario) -> MixedResult:
 
 
 def share_row(name: str, seed: int) -> dict[str, Any]:
-    """Return the results of a scenario with a seed."""
+    """Return the results of a scenario with a seed; ``failed`` is 1 if an agent does not arrive, or a bar is missed."""
     scenario = load_scenario(name, (f"seed={seed}", f"steps_per_second={STEERING_RATE}"))
     bar = BARS[name]
     result = walk_mixed(scenario)

@@ -90,7 +90,7 @@ def _strip(piece: int, side: float, deep: float) -> Polygon:
 
 
 def square_row(count: int, density: float, seed: int) -> tuple[dict[str, Any], LeastGaps]:
-    """Return arrivals here and in JuPedSim, and the smallest gaps between bodies."""
+    """Return arrivals here and in JuPedSim at a density [1/m2], and the smallest gaps between bodies here [m]."""
     square = draw_square(count, density, seed)
     scenario = scenario_of(square.drill, seed)
     gaps = LeastGaps()

@@ -40,7 +40,7 @@ Floats = NDArray[np.float64]
 
 
 def switch_rows(recording: Recording) -> list[dict[str, float]]:
-    """Return the figures of each switch that is seen, and that the same agent does not follow by another within LATER.
+    """Return the figures of each switch that is seen, unless its agent switches again within LATER.
 
     ``jump`` [m], ``speed`` and ``lift`` [m/s] are those of :func:`beyond_levels`, ``slip`` [m] is the way of a foot
     that the new level has planted, ``own`` [m] that of the same foot on the new level alone.
@@ -84,13 +84,14 @@ def _joints(recording: Recording, times: Floats, agent: int, blended: bool) -> F
 
 
 def beyond_levels(shown: Floats, plain: Floats) -> tuple[float, float, float]:
-    """Return how far a joint moves in a FRAME [m], and how much the velocity of the root changes to the next one [m/s].
+    """Return the largest motion of a joint in a FRAME [m], and change of the root's velocity between two FRAMEs [m/s].
 
-    The change is given along the floor, as that of the track, and along the vertical. All three are what goes beyond
-    the joint's own: that of the old level just before the switch, that of the new level at the time, or anything
-    between the two. ``shown`` and ``plain`` (T, J, 3) are joints with and without the blend, the root first, the switch
-    at row _BEFORE.
+    The change is given along the floor, as that of the track, and along the vertical. Of all three only what exceeds
+    the levels' own counts: the distance from the nearest value between that of the old level just before the switch
+    and that of the new level at the time. ``shown`` and ``plain`` (T, J, 3) are joints with and without the blend [m],
+    the root first, the switch at row _BEFORE.
     """
+    # Row k is the motion from picture k to k + 1, so row _BEFORE - 1 is the last one before the switch.
     moved, own = np.diff(shown, axis=0), np.diff(plain, axis=0)
     jump = _beyond(moved[_BEFORE - 1], moved[_BEFORE:], own[_BEFORE:])
     changed, alone = np.diff(moved[:, 0], axis=0), np.diff(own[:, 0], axis=0)
@@ -104,7 +105,10 @@ def beyond_levels(shown: Floats, plain: Floats) -> tuple[float, float, float]:
 
 
 def _beyond(old: Floats, values: Floats, new: Floats) -> Floats:
-    """Return the distance (T, ...) of ``values`` (T, ..., 3) from the lines between ``old`` (..., 3) and ``new``."""
+    """Return the distance (T, ...) of ``values`` (T, ..., 3) from the segments from ``old`` (..., 3) to ``new``.
+
+    ``new`` has the shape of ``values``.
+    """
     values, new = values - old, new - old
     share = np.sum(values * new, axis=-1) / np.maximum(np.sum(new * new, axis=-1), 1e-12)
     away: Floats = np.linalg.norm(values - np.clip(share, 0.0, 1.0)[..., None] * new, axis=-1)

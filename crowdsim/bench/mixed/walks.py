@@ -50,7 +50,7 @@ class MixedResult:
     captured : float
         Share of the way that was walked captured.
     stood : float
-        Share of the time in which agents were there that they were on the way and slower than 0.1 m/s.
+        Share of their time in the place in which agents were on their way, but slower than 0.1 m/s.
     gap : float
         Smallest gap between bodies [m], at most CENTER_LIMIT.
     agent_steps : int
@@ -77,6 +77,7 @@ def scenario_of(drill: Drill, seed: int = 1, goals: list[str] | None = None) -> 
 
 
 def _polygon(region: Any) -> str:
+    """Return the outline of a polygon as the text of a goal."""
     return f"{{polygon: {shapely.get_coordinates(region.exterior)[:-1].tolist()}}}"
 
 

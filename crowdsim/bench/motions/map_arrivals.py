@@ -60,7 +60,7 @@ def measure_arrivals(
     path's end for captured walks. Motions that need only a heading do not have to stand, unless branch kinematics is
     used. A motion meets its requirements if it ends within ARRIVAL (with branch kinematics) or TOLERANCE of the goal
     and 15 degrees of the heading, as searches have to, and no joint leaves its section by more than EXCESS. Largest
-    distances, angles and excesses are -1 if no motion is found.
+    distances, angles and excesses are -1 if no motion is found. Names of figures end with ``name``.
     """
     spread = np.pi if motions.name == "default" else np.radians(30.0)
     turns = np.random.default_rng(1).uniform(-spread, spread, len(ground.trials))
@@ -115,7 +115,10 @@ def _arrivals(
     wanted: list[FollowOptions],
     how: Callable[[Trial, FollowOptions], FollowResult],
 ) -> tuple[list[Arrival], Floats]:
-    """Return the ends of the motions that are found, and the times of all trials [ms]."""
+    """Follow each trial by the function ``how`` with its options in ``wanted``.
+
+    Return the ends of the motions that are found, and the times of all trials [ms].
+    """
     how(ground.trials[0], wanted[0])  # compiles kernels
     arrivals, ms = [], []
     for trial, options in zip(ground.trials, wanted, strict=True):

@@ -53,7 +53,10 @@ SIZES = (0.5, 2.0)
 
 CLEARANCE = 0.5
 LENGTHS = (10.0, 18.0)
+"""Distance of paths from obstacles, and their least and greatest length [m]."""
+
 TOLERANCE = 0.1
+"""Largest distance from the end of a path at which a motion has arrived [m]."""
 
 PASSES = 3
 
@@ -172,7 +175,7 @@ def make_ground(behavior: int, trials: int, seed: int = 0) -> Ground:
 
 
 def as_trial(points: Floats, behavior: int) -> Trial:
-    """Return the path through ``points`` (n, 2) with one behavior."""
+    """Return the path through ``points`` (n, 2) [m] with one behavior, given by its number, as a trial."""
     arc = arc_lengths(points)
     samples = AnnotatedPath(points, arc, (Section(behavior, 0.0, float(arc[-1])),), 0.0).sample()
     return Trial(points, samples, samples.pose[0].copy())

@@ -78,7 +78,7 @@ def measure(captures: Path | None = None, sizes: Sequence[int] = FRAMES) -> Meas
 
 
 def _row(name: str, size: int, kind: str, seconds: float, report: GraphReport) -> dict[str, Any]:
-    """Return the row of a graph that was built from ``size`` frames in so many seconds."""
+    """Return the row of a graph that was built from ``size`` frames in the time ``seconds`` [s]."""
     return {
         "set": name,
         "frames": size,

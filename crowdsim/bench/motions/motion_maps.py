@@ -104,6 +104,7 @@ def measure(
                 motions, folder, sizes, max(trials // 10, 1), beside // 4, astar_budget // 10, rows, figures
             )
     names = [motions.name for motions in sets]
+    # Figures whose worst value over all sets is a figure, too.
     worst = {
         "search_ms_median": max,
         "length_ratio_mean": max,
@@ -130,7 +131,7 @@ def _measure_standard(
     rows: list[dict[str, Any]],
     figures: dict[str, float],
 ) -> None:
-    """Add rows and figures of the standard graph of a set's clips."""
+    """Add to ``rows`` and ``figures`` those of the standard graph of a set's clips, with maps of ``sizes`` entries."""
     standard = load_standard(f"{features.name}, standard graph", captures, features)
     ground = make_ground(0, trials)
     for count in sizes:  # what follows the loop is of the last, largest maps
@@ -152,8 +153,9 @@ def _measure_set(
     rows: list[dict[str, Any]],
     figures: dict[str, float],
 ) -> None:
-    """Add rows and figures of one set."""
+    """Add to ``rows`` and ``figures`` those of one set of motions; the parameters are as of :func:`measure`."""
     name = motions.name
+    # Maps of several sizes, along a fifth of the paths.
     fewer = Ground(ground.meshes, ground.trials[: max(len(ground.trials) // 5, 1)])
     for count in entries:
         maps, row = _built(motions, count)
@@ -161,6 +163,7 @@ def _measure_set(
         del maps
         if count == PAPER_ENTRIES:
             figures |= _costs(row, name)
+    # Maps of ``depth``, or as in runs, along all paths.
     maps, row = _built(motions, None, depth)
     if PAPER_ENTRIES not in entries:
         figures |= _costs(row, name)
@@ -170,6 +173,7 @@ def _measure_set(
     figures[f"search_ms_median_{name}"] = rows[-1]["median_ms"]
     figures[f"length_ratio_mean_{name}"] = rows[-1]["length_ratio"]
     figures |= _of_bodies(motions, ground, found, name)
+    # The same maps, but joints may leave the clearance: only the discs of the behaviors are kept clear.
     freely = replace(motions, reach=None)
     free = follow_all(freely, maps, fewer)
     rows.append(row | _summary(freely, fewer, free) | {"search": "maps, discs alone"})

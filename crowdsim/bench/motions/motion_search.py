@@ -44,6 +44,7 @@ STANDARD_BUDGET = 40
 
 _SEARCHES = ("collision tests", "collision tests, bent", "channel", "channel, bent", "channel, to 1 cm")
 _COMPARED = _SEARCHES[:4]
+"""Searches that are compared over the queries that all of them solve; the one to 1 cm solves fewer."""
 _Found = dict[str, list[tuple[SearchResult, float]]]
 """Results by search: for each query the result and its time [ms]."""
 
@@ -77,6 +78,7 @@ def measure(
                 search: _search_all(search, graph, body_probes(graph, radii), place, budget) for search in _SEARCHES
             }
             for search in _SEARCHES:
+                # The same kind of test with and without bending.
                 alike = [found[other] for other in _COMPARED if other.startswith(search.split(",")[0])]
                 rows.append(_row(name, number, place, search, found[search], _solved(alike)))
                 solved[search] += [found[search][i] for i in _solved([found[other] for other in _COMPARED])]
@@ -119,7 +121,10 @@ def _standard(
 
 
 def _graphs(captures: Path | None) -> tuple[NDArray[np.float64], dict[str, GraphArrays]]:
-    """Return radii of the behaviors (B, layers), and the graphs to compare, for captures with the standard one."""
+    """Return radii of the behaviors (B, layers) [m], and the graphs to compare by name.
+
+    These are the graph with all its edges, the same with few, and for captures also their standard graph.
+    """
     names = () if captures is None else _capture_names(captures)
     loaded, standard = load_behaviors(captures, names), {}
     if captures is not None:

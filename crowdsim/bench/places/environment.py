@@ -110,6 +110,7 @@ def prepare(world: Path, seconds: dict[str, float]) -> Prepared:
     """Turn a world, with the floor in the .wkt beside it, into layers and meshes; note times in ``seconds``."""
 
     def timed(step: str, call: Callable[[], Any]) -> Any:
+        """Return what ``call`` returns, and note its time."""
         begin = time.perf_counter()
         result = call()
         seconds[step] = time.perf_counter() - begin
@@ -162,7 +163,7 @@ def measure_layers(table: _Table, name: str, prepared: Prepared) -> None:
 
 
 def measure_reach(table: _Table, name: str, prepared: Prepared) -> None:
-    """Measure reached areas by radius, and whether the mesh joins and separates places as they do."""
+    """Measure the pieces of the reached area by radius, and whether components of the mesh agree with them."""
     floor, obstacles = prepared.place.floor, prepared.layers[0].obstacles
     for radius, expected in REACHED[name].items():
         pieces = pieces_reached(floor, obstacles, radius)

@@ -54,7 +54,10 @@ class _Table:
         self.figures: dict[str, float] = {}
 
     def add(self, where: BenchMap, what: str, seconds: Floats, **more: float) -> None:
-        """Add a row for the times ``seconds`` (n,) of n calls, or a mean (1,) [s]; ``more`` are columns besides."""
+        """Add a row of the map ``where`` for the times ``seconds`` (n,) of n calls, or a mean (1,) [s].
+
+        ``more`` are further columns, see _COLUMNS.
+        """
         figures = {"median_us": float(np.median(seconds) * 1e6)}
         if len(seconds) > _FEW:
             figures["p95_us"] = float(np.quantile(seconds, 0.95) * 1e6)
@@ -203,6 +206,7 @@ def _seconds(calls: Iterable[Callable[[], Any]]) -> Floats:
 
 
 def _found(mesh: NavMesh, start: Floats, goal: Floats, radius: float) -> Any:
+    """Return the path between two places (2,) [m] for a disc of ``radius`` [m]; None if there is none."""
     try:
         return mesh.find_path(start, goal, radius)
     except PathNotFound:
@@ -212,7 +216,8 @@ def _found(mesh: NavMesh, start: Floats, goal: Floats, radius: float) -> Any:
 def _violations(where: BenchMap, paths: Paths, found: NDArray[np.int64]) -> int:
     """Return the number of paths that begin outside of the area, or come closer than the radius to its boundary.
 
-    It is computed with shapely.
+    The number is computed with shapely, from the polygons that the mesh was made of. ``found`` holds the numbers of the
+    queries with a path.
     """
     boundary = where.area.boundary
     shapely.prepare(boundary)

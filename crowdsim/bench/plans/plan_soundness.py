@@ -29,14 +29,15 @@ DEEP = 0.02
 """Depth to which a body may reach into an obstacle [m]."""
 
 _EVERY = 9
-"""Every how many paths one is also walked with stiff legs: an odd number, so that all kinds of plans are."""
+"""One of so many paths is also walked with stiff legs. The number is odd, so that these are of both planners, with and
+without the clearance margin."""
 
 
 def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement:
     """Check ``sections`` sections, shared by the places of :mod:`crowdsim.bench.plans.planner_comparison`.
 
-    A world that is not in the folder ``worlds`` is skipped. "stiff" is for every ninth path, with legs as on a straight
-    path.
+    A world that is not in the folder ``worlds`` is skipped. Figures with "stiff" are of every ninth path, with legs
+    posed as on a straight path. Raise CrowdSimError if a place gives no path.
     """
     rows: list[dict[str, Any]] = []
     for name in PLACES:

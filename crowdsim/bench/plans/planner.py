@@ -40,7 +40,7 @@ PASSES = 3
 PLANNERS = ("layered", "greedy_literal", "collision3d")
 
 _EVERY = 5
-"""Every how many goals one is also planned to in 3D."""
+"""One of so many goals is also planned to in 3D."""
 
 
 def measure(
@@ -49,10 +49,10 @@ def measure(
     worlds: Path | None = None,
     queries: int = planner_comparison.QUERIES,
 ) -> Measurement:
-    """Measure all planners on all places and distances; draw their times to ``picture``.
+    """Measure all planners on all places and distances, with ``goals`` goals each; draw their times to ``picture``.
 
-    ``worlds`` is the folder of worlds for these, by default that of ``ground_of``.
     Then compare costs of ``queries`` plans in each of the places of :mod:`crowdsim.bench.plans.planner_comparison`.
+    ``worlds`` is the folder of the world among them, by default that of ``ground_of``.
     """
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}

@@ -43,7 +43,7 @@ def run_on_ranks(
         run = RankedRun(loaded, comm, workers)
     except CrowdSimError as error:
         failure = error
-    # What stops one stops all; the first that it stops says so.
+    # An error on one rank stops all. The lowest rank with an error raises it; the others exit without a message.
     failed = comm.allgather(None if failure is None else failure.exit_code)
     codes = [code for code in failed if code is not None]
     if codes:

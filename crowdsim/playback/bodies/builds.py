@@ -33,6 +33,6 @@ def builds_of(count: int, skeleton: Skeleton) -> NDArray[np.float32]:
     if SHORTEST <= height <= TALLEST:
         statures = np.clip(statures, SHORTEST / height, TALLEST / height)
     agent = np.arange(count)
-    # The numbers of both have no common divisor, so that all combinations appear.
+    # The numbers of statures and girths have no common divisor, so that all combinations appear.
     builds = np.stack([statures[agent % len(STATURES)], np.array(GIRTHS)[agent % len(GIRTHS)]], axis=1)
     return builds.astype(np.float32)
