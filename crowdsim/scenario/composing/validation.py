@@ -36,7 +36,7 @@ def validated(
     problems : sequence of Problem
         Problems found so far; they are reported with the others.
     progress : callable or None
-        Called as ``progress(done, all)`` with parts of files of triangles, if they are many.
+        Passed on to :func:`~crowdsim.environment.layers.clearance_layers`.
 
     Raises
     ------

@@ -35,7 +35,7 @@ class Walkers(NamedTuple):
 def mean_speed(keys: ScenarioFields) -> float | None:
     """Return the mean walking speed of the agents of all groups that give a ``speed`` [m/s]; None without such agents.
 
-    It does not depend on the seed: of a source, the expected number of agents counts.
+    It does not depend on the seed: a source counts with its expected number of agents, a distribution with its mean.
     """
     speeds, counts = [], []
     for group in keys.agents:
