@@ -147,7 +147,7 @@ def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
 
 
 def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
-    """Raise PlaceError if a hole lies outside of its polygon, where it cuts nothing out."""
+    """Raise PlaceError if a hole lies outside of its polygon: it would cut nothing out."""
     outside = shapely.disjoint(shapely.Polygon(polygon.exterior), shapely.get_rings(polygon)[1:])
     if not polygon.is_valid and outside.any():
         x, y = polygon.interiors[int(np.argmax(outside))].coords[0]
@@ -155,7 +155,7 @@ def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
 
 
 def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
-    """Return the polygons of a geometry; raise PlaceError for an empty collection, or other shapes."""
+    """Return the polygons and multipolygons of a geometry; raise PlaceError if it is empty or holds other shapes."""
     parts = [geometry]
     while any(part.geom_type == "GeometryCollection" for part in parts):
         parts = [
@@ -171,7 +171,7 @@ def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
 
 
 def _doubts(file: Path, shape: BaseGeometry) -> list[str]:
-    """Return a warning if the place is implausibly small or large."""
+    """Return a warning if the place is narrower than 1 m or wider than LARGE_EXTENT; an empty list if it is not."""
     x0, y0, x1, y1 = shape.bounds
     extent = max(x1 - x0, y1 - y0)
     if 1.0 <= extent <= LARGE_EXTENT:
