@@ -56,6 +56,7 @@ def write_analysis(analysis: Analysis, folder: Path) -> list[Path]:
 
 
 def _write_text(file: Path, text: str) -> None:
+    """Write a file of text, which appears whole or not at all."""
     with whole_file(file, (file.suffix,), "analyses") as written:
         written.write_text(text, encoding="utf-8", newline="\n")
 
@@ -68,6 +69,7 @@ def _new_figure() -> Figure:
 
 
 def _drawn(result: Result) -> Figure:
+    """Return the picture of a result."""
     figure = _new_figure()
     if result.draw is not None:
         result.draw(figure)
@@ -88,7 +90,7 @@ def _draw_places(analysis: Analysis) -> Figure:
 
 
 def _page(analysis: Analysis) -> str:
-    """Return the report as a page of HTML, beside whose file those of pictures and tables lie."""
+    """Return the report as a page of HTML; it links to pictures and tables in the folder of the page."""
     values = analysis.values()
     title = html.escape(f"{values['scenario']}, seed {values['seed']}")
     parts = [

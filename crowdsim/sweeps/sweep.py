@@ -80,7 +80,7 @@ def sweep(
     Raises
     ------
     CrowdSimError
-        If the folder cannot be used, or Dask is missing. What goes wrong in a run is told in its row.
+        If the folder cannot be used, or Dask is missing. An error of a run is in its row of the table.
     """
     with Store(folder) as store:
         found = {point: outcome for point in points if (outcome := store.done(point)) is not None}
@@ -97,6 +97,7 @@ def sweep(
         missing = [point for point in points if point not in found]
 
         def tell() -> None:
+            """Report the points that are done and failed so far."""
             if progress is not None:
                 progress(len(found), len(points), sum(bool(outcome.error) for outcome in found.values()))
 
