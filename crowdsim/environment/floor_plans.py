@@ -81,7 +81,7 @@ def read_floor_plan(
     content
         The bytes of the file if it is not on disk (WKT).
     layers
-        Names of the drawing's layers to read (DXF); by default all that are not switched off.
+        Names of the drawing's layers to read (DXF); by default all that are neither switched off nor frozen.
     floor_layer
         Name of the layer whose closed curves and hatches are the walkable floor (DXF).
     units

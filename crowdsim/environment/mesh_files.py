@@ -237,6 +237,7 @@ def _loaded(file: Path, content: bytes, ending: str) -> Any:
             raise PlaceError(
                 f"{file}: DAE files need pycollada; install it with: pip install 'crowdsim[dae]'"
             ) from None
+    # In OBJ files, each object is one part, of whatever materials it is.
     kwargs: dict[str, Any] = {"split_objects": True, "group_material": False, "skip_materials": True}
     try:
         # From bytes, so that a file cannot cause others to be read.

@@ -37,7 +37,7 @@ _CLUTTER_STREAM = 1 << 20
 """Key of the random stream of clutter; keys of other streams begin with the number of a group, which is less."""
 
 _NO_FLOOR = shapely.box(0.0, 0.0, 1.0, 1.0)
-"""What stands for a floor that could not be read; it is never used, as there are complaints."""
+"""Stand-in for a floor that could not be read; it is never used, as there are complaints."""
 
 
 class Site(NamedTuple):
@@ -98,7 +98,7 @@ class _Reader:
         return Site(floor, self.solids, self.report, self.complaints)
 
     def _solids(self, obstacle: Obstacle) -> tuple[AnySolid, ...]:
-        """Return the solids of an obstacle; parts of a file get its name as a prefix."""
+        """Return the solids of an obstacle; if it is a file, with the obstacle's name before the names of its parts."""
         if obstacle.mesh is None and obstacle.plan is None:
             return obstacle.solids()
         found = self._mesh(obstacle.mesh) if obstacle.mesh is not None else self._plan(obstacle)
