@@ -114,7 +114,8 @@ def read_floor_plan(
 
 def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
     """Read the floor from a .wkt file, or from its ``content``; a unit of it is ``meters`` long."""
-    require_regular(file, PlaceError, _MOST_TEXT)
+    if content is None:
+        require_regular(file, PlaceError, _MOST_TEXT)
     try:
         text = (file.read_bytes() if content is None else content).decode("utf-8-sig").strip()
     except OSError as error:
