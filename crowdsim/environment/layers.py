@@ -101,7 +101,7 @@ def clearance_layers(
         The layers to make.
     progress
         Called as ``progress(done, all)`` with numbers of solids, each counted once for each layer, if there are more
-        than some 20 000 triangles.
+        than some 20 000 triangles. Only meshes are reported as done, so ``done`` may stay below ``all``.
 
     Returns
     -------

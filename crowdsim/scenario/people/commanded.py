@@ -13,7 +13,7 @@ from crowdsim.yamlfile.document import Complaint
 
 
 class Called:
-    """The agents on call, less those that earlier commands have added, or removed for good.
+    """The agents on call, and which of them commands have added, or removed for good, so far.
 
     Attributes
     ----------

@@ -110,8 +110,8 @@ def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple
     """Draw when and where each agent starts, and where it goes.
 
     Agents that start in the same step get places that do not overlap: at random if there is room (parties together),
-    else in rows that face their first goal. Agents of a source or on call get no rows but places that overlap, and wait
-    until theirs is free. Each group draws from its own streams of the scenario's seed.
+    else in rows that face their first goal. Agents of a source or on call, instead of rows, get random places that
+    overlap, and wait until their place is free. Each group draws from its own streams of the scenario's seed.
 
     Returns
     -------

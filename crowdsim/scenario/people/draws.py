@@ -146,7 +146,7 @@ def _unbounded(spread: Spread, probabilities: Floats) -> Floats:
 def _share_below(spread: Spread, bound: float) -> float:
     """Return the share of one untruncated distribution, no mix or table, that lies below ``bound``.
 
-    Only gamma distributions have a function for it; for others, bisect their quantiles.
+    For a gamma distribution there is a function; for others, the quantiles are bisected.
     """
     low, high = 0.0, 1.0
     if math.isinf(bound):
