@@ -270,8 +270,8 @@ def _movement(tracks: Floats, frames: NDArray[np.int64], left: NDArray[np.int64]
 def _lead_on(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
     """Return for each node (N,) whether the graph goes on from it: True if all of these hold.
 
-    The node is not idle itself; a node that may follow it is not idle; and it ends standing, or a path leads from it to
-    a stand (``stop_edge``).
+    The node is not idle itself; some node that may follow it is not idle; and it ends standing, or a path leads from it
+    to a stand (``stop_edge``).
     """
     arrays = behavior_set.graph.arrays
     source = np.repeat(np.arange(len(arrays.node_frames)), np.diff(arrays.edge_start))

@@ -139,8 +139,7 @@ def load_behavior_set(
     Raises
     ------
     BehaviorError
-        If a file is wrong, own behaviors are given with ``captures``, no motion leads to a behavior and back, or a
-        behavior would never be used (own behaviors are noted instead).
+        If a file is wrong, own behaviors come with ``captures``, no motion leads to one and back, or one is never used.
     MotionError
         If a clip cannot be read, cut or joined.
 
@@ -155,8 +154,7 @@ def load_behavior_set(
     library = library_folder("behaviors") if library is None else library
     folders = {folder.name: folder for folder in (behavior_folder(name, beside or Path(), library) for name in names)}
     files = {name: read_behavior(name, folder.parent) for name, folder in folders.items()}
-    # Behaviors to be made of captures. An own behavior that lists ``idle`` or ``transitions`` is read like the
-    # library's.
+    # Made of captures. Own behaviors that list ``idle`` or ``transitions`` are read like those of the library.
     captured = {name: file for name, file in files.items() if file.captured}
     if captures is not None:
         if any(is_own(name) for name in names):

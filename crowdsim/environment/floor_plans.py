@@ -156,7 +156,7 @@ def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
 
 
 def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
-    """Return the polygons and multipolygons of a geometry; raise PlaceError if it is empty or holds other shapes."""
+    """Return the polygons and multipolygons of a geometry; raise PlaceError for others or an empty collection."""
     parts = [geometry]
     while any(part.geom_type == "GeometryCollection" for part in parts):
         parts = [

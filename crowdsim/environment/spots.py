@@ -222,7 +222,7 @@ def _party_around(
 ) -> list[tuple[float, float]]:
     """Take spots [m] in an area for a party, the first one at ``middle``, the others within ``reach`` [m] of it.
 
-    They keep the distance of ``crowd``, which they are added to. Fewer spots than ``size`` are taken if :data:`_BATCH`
+    They keep the distance of ``crowd`` and are added to it. Fewer spots than ``size`` are taken if :data:`_BATCH`
     random draws around the middle give no more.
     """
     if not crowd.take(*middle):
