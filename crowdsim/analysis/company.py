@@ -59,6 +59,7 @@ def measure_distances(tracks: Tracks, _: Places) -> Result:
     table = pandas.DataFrame({"from": edges[:-1], "to": edges[1:], "count": counts})
 
     def draw(figure: Figure) -> None:
+        """Draw the histogram of distances, and dashed lines at which zones begin."""
         (axes,) = panels(figure)
         axes.bar(edges[:-1], counts / len(known), BIN, align="edge", color=COLORS[0])
         far = min(edges[-1], max(1.5, 1.3 * values["p95"]))
@@ -136,6 +137,7 @@ def measure_behaviors(tracks: Tracks, places: Places) -> Result:
     shares_table = pandas.DataFrame(rows)
 
     def draw(figure: Figure) -> None:
+        """Draw a bar for each place, divided by the shares of the behaviors."""
         (axes,) = panels(figure, names_beside=True)
         before = np.zeros(len(rows))
         for behavior in header.behaviors:

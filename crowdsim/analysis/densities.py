@@ -182,6 +182,7 @@ def fundamental_diagram(measured: Measured, _: Tracks) -> Result:
     )
 
     def draw(figure: Figure) -> None:
+        """Draw speed (above) and flow (below) over density: a dot for each area and moment, beside people."""
         upper, lower = panels(figure, 2)
         density, least, most = np.array(ONE_WAY_SPEEDS).T
         upper.fill_between(density, least, most, color=BAND, label="people, one way")
@@ -258,6 +259,7 @@ def levels_of_service(measured: Measured, _: Tracks) -> Result:
     shares_table = pandas.DataFrame(rows)
 
     def draw(figure: Figure) -> None:
+        """Draw for each service table a bar for each area, divided by the shares of the levels A to F."""
         look = ("#1a9850", "#91cf60", "#d9ef8b", "#fee08b", "#fc8d59", "#d73027")
         for axes, service in zip(panels(figure, 2, names_beside=True), (WALKWAYS, QUEUES), strict=True):
             mine = shares_table[shares_table.table == service.name]

@@ -64,6 +64,7 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
     table = pandas.concat(parts, ignore_index=True)
 
     def draw(figure: Figure) -> None:
+        """Draw passages (above) and flow for each meter of width (below) over time, a color for each line."""
         upper, lower = panels(figure, 2)
         for number, line_name in enumerate(places.lines):
             mine = table[table.line == line_name]

@@ -65,6 +65,7 @@ def measure_evacuation(tracks: Tracks, _: Places) -> Result:
     table = pandas.DataFrame({"time": steps, "not_arrived": remaining})
 
     def draw(figure: Figure) -> None:
+        """Draw the curve of agents that have not arrived, and dashed lines at t50 and t95."""
         (axes,) = panels(figure)
         axes.step(steps, remaining, where="post", color=COLORS[0])
         for share in (50, 95):
@@ -99,6 +100,7 @@ def measure_groups(tracks: Tracks, _: Places) -> Result:
         sentences.append(_sentence(str(group), values[str(group)]))
 
     def draw(figure: Figure) -> None:
+        """Draw a panel for each quantity: its cumulative distribution in each group."""
         axes = panels(figure, len(_MEASURED))
         for panel, (column, label) in zip(axes, _MEASURED.items(), strict=True):
             for number, (group, members) in enumerate(table.groupby("group", observed=True)):

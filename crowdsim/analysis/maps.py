@@ -91,6 +91,7 @@ def measure_maps(tracks: Tracks, places: Places) -> Result:
     )
 
     def draw(figure: Figure) -> None:
+        """Draw three maps: density, speed, and the last time that people are there."""
         walkable = tracks.recording.walkable()
         for axes, (label, values_shown, shades) in zip(floor_panels(figure, walkable, 3), shown, strict=True):
             image = axes.imshow(values_shown, extent=extent, cmap=shades, origin="upper", vmin=0.0)

@@ -104,6 +104,7 @@ def _document(file: Path) -> Any:
             raise PlaceError(f"{file}: the file is empty; export it again")
         try:
             return ezdxf.readfile(str(file))
+        # The strict reader refuses damaged files; this one repairs what it can.
         except ezdxf.DXFError:
             return recover.readfile(str(file))[0]
     except PlaceError:

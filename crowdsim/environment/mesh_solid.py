@@ -61,6 +61,7 @@ class MeshSolid:
         corners = vertices[triangles]
         if not np.isfinite(corners).all():
             raise GeometryError(f"solid '{self.name}': the mesh has a coordinate that is not a finite number")
+        # Farther out, the grid of exact predicates gets too coarse.
         if (reach := float(np.abs(corners).max())) > MAX_EXTENT:
             raise GeometryError(
                 f"solid '{self.name}': the mesh reaches {reach:g} m from the origin, more than {MAX_EXTENT:g} m; "

@@ -76,8 +76,8 @@ def _signature() -> inspect.Signature:
         key = field.alias or name
         if key not in ScenarioKeys.__annotations__:
             continue  # the version of the format is no keyword
-        # A TypedDict keeps its annotations as text, not evaluated: ``__forward_arg__``.
         default = _USUAL.get(key, inspect.Parameter.empty if field.is_required() else field.default)
+        # A TypedDict keeps its annotations as text, not evaluated: ``__forward_arg__``.
         annotation = ScenarioKeys.__annotations__[key].__forward_arg__
         parameters.append(
             inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)

@@ -126,10 +126,12 @@ def _outcomes(
     points: Sequence[Point], jobs: int, recordings: Path | None, keep: Keep, dask: str | None
 ) -> Iterator[tuple[Point, Outcome]]:
     """Yield the outcome of each point, from processes here or from a cluster of Dask."""
+    # Start no process and no cluster for nothing.
     if not points:
         return iter(())
     if dask is None:
         return run_points(points, jobs, recordings, keep)
+    # Imported only here, as Dask is optional.
     from crowdsim.sweeps.dask_cluster import run_points_on_dask
 
     return run_points_on_dask(points, dask, jobs, recordings, keep)

@@ -177,6 +177,7 @@ def _events(text: str) -> Iterator[Event]:
                 line, column = mark.line + 1, mark.column + 1
             raise _Stop(line, column, _syntax_message(error)) from None
         except YAMLError as error:
+            # A character that YAML does not allow: the error has an offset in the text, not a line.
             offset = getattr(error, "position", None)
             if isinstance(offset, int):
                 line, column = text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)

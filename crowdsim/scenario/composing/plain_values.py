@@ -139,6 +139,7 @@ class _Reader:
         return _pairs(shape.exterior)[:-1]
 
     def _refusal(self, path: KeyPath, message: str) -> ScenarioError:
+        """Return the error that refuses the value at ``path``."""
         return ScenarioError([Problem(self.source, None, None, dotted(path), message)])
 
 

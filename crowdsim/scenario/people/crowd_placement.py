@@ -322,6 +322,7 @@ class _Drawing:
         return None
 
     def _generator(self, number: int, *stream: int) -> np.random.Generator:
+        """Return a generator of group ``number`` that depends on the scenario's seed and on ``stream`` alone."""
         return np.random.default_rng(np.random.SeedSequence(self.keys.seed, spawn_key=(number, *stream)))
 
 

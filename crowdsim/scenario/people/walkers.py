@@ -59,6 +59,7 @@ def draw_walkers(keys: ScenarioFields, number: int, count: int) -> Walkers:
     group = keys.agents[number]
 
     def stream(kind: int) -> np.random.Generator:
+        """Return the generator of one quantity of the group."""
         return np.random.default_rng(np.random.SeedSequence(keys.seed, spawn_key=(number, kind)))
 
     first = first_of_party(keys, number, count)

@@ -91,6 +91,7 @@ class Spread(Part):
         return self.only(*self._kinds())
 
     def _kinds(self) -> tuple[str, ...]:
+        """Return the keys of which exactly one gives the distribution; models with more kinds add theirs."""
         return KINDS
 
     def parts(self) -> tuple[Share, ...]:
@@ -118,6 +119,7 @@ def _within(least: float, most: float) -> Any:
     """Return a validator that keeps a spread within bounds, which become its own ``min`` and ``max`` if it has none."""
 
     def check(name: str, value: float) -> None:
+        """Raise ValueError if a value is out of bounds; ``name`` is its key."""
         if not least <= value <= most:
             raise ValueError(f"'{name}' must be from {least:g} to {most:g}, got {value:g}")
 
@@ -148,6 +150,7 @@ def spread_schema(number: dict[str, Any], model: type[Spread] = Spread, **more: 
     positive = {"type": "number", "exclusiveMinimum": 0.0}
 
     def mapping(model: type[Part], required: tuple[str, ...], **keys: Any) -> dict[str, Any]:
+        """Return the JSON schema of a mapping: the schema of each key, with its description in ``model``."""
         described = {key: {**value, "description": model.model_fields[key].description} for key, value in keys.items()}
         return {"type": "object", "properties": described, "required": list(required), "additionalProperties": False}
 

@@ -110,6 +110,7 @@ class Region(Part):
         return self
 
     def _kinds(self) -> tuple[str, ...]:
+        """Return the keys of which exactly one gives the shape; models with more kinds add theirs."""
         return ("rectangle", "point", "circle", "polygon")
 
     def shape(self) -> Polygon | Point:
