@@ -198,7 +198,7 @@ def _built(
             outline = polygons_only(shapely.make_valid(Polygon(chain))) if chain.is_closed else MultiPolygon()
             if outline.area > MIN_EXTENT * MIN_EXTENT:
                 outlines += [(layer, part) for part in outline.geoms]
-            # Open lines on the floor's layer enclose no floor, and are no walls.
+            # The rest is open, or encloses no area: walls, but not on the floor's layer.
             elif layer != floor_layer:
                 open_lines.append((layer, chain))
     floors += [outline for layer, outline in outlines if layer == floor_layer]

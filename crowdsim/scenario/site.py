@@ -204,7 +204,7 @@ class _Reader:
         return None
 
     def _draw_clutter(self, floor: Polygon | MultiPolygon) -> None:
-        """Draw clutter off starts, goals and other obstacles; remove obstacles that close the way of a group."""
+        """Draw clutter off starts, goals and other obstacles; remove those pieces of it that close a group's way."""
         clutter = self.keys.clutter
         assert clutter is not None
         regions = [

@@ -148,6 +148,7 @@ class Destinations:
         free = self._environment.fixed_layers[0].free
         if meets(region, room_in(free, EXIT_ROOM)):
             return region
+        # A polygon grows to one polygon, which the type of ``buffered`` does not say.
         grown = buffered(region, EXIT_REACH)
         return grown if isinstance(grown, Polygon) else region
 

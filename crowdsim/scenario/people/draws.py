@@ -103,6 +103,7 @@ def quantiles(spread: Spread, probabilities: Floats) -> Floats:
             within = part.model_copy(update={"min": least, "max": most})
             values[mine] = quantiles(within, np.clip(inside, 0.0, 1.0))
         return values
+    # Probabilities between the shares below the two bounds; the clamp is for rounding alone.
     first, last = _share_below(spread, low), _share_below(spread, high)
     inside = first + (last - first) * probabilities
     return np.minimum(np.maximum(_unbounded(spread, inside), low), high)
