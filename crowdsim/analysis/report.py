@@ -83,6 +83,7 @@ def _draw_places(analysis: Analysis) -> Figure:
     (axes,) = floor_panels(figure, walkable, 1)
     outline(axes, walkable, analysis.places)
     for name, (shape, *_) in (*analysis.places.areas.items(), *analysis.places.lines.items()):
+        # The name stands inside of an area, and at the middle of a line.
         at = shape.representative_point() if shape.area else shape.interpolate(0.5, normalized=True)
         frame = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
         axes.annotate(name, (at.x, at.y), fontsize="small", ha="center", va="center", bbox=frame)

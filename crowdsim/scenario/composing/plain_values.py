@@ -102,6 +102,7 @@ class _Reader:
         if shape.geom_type == "Point":
             spot = _pairs(shape)[0]
             return spot if path[-1] in _SPOTS else {"point": spot}
+        # A floor may have holes and parts, which only a file can hold.
         if path == ("floor",):
             if shape.geom_type == "Polygon" and not shape.interiors:
                 return {"polygon": self._ring(shape, path)}

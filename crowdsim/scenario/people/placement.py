@@ -147,6 +147,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
             else:
                 placed = draw_spots(shape, room, crowds, generator)
                 complaint = None if len(placed) == count else too_full(path[2:], shape, len(placed), count, radius)
+                # The first entry is the start, the others are the goals.
                 if k == 0:
                     starts += placed
                 else:
