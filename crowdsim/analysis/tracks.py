@@ -148,7 +148,7 @@ def _usual_rate(recording: Recording) -> int:
 def _stretches(
     rows: TrackRows, x: NDArray[np.float64], y: NDArray[np.float64], order: NDArray[np.int64], ends: Ends | None
 ) -> NDArray[np.int64]:
-    """Return the number of its stretch of a track for each row (R,), in ``order`` (R,) of agents and frames.
+    """Return, for each row in the ``order`` (R,) of agents and frames, the number (R,) of its stretch of a track.
 
     ``x`` and ``y`` (R,) are positions of ``rows`` [m]. A stretch ends if frames are missing, or if an agent jumps
     across the ends of a periodic floor. If each agent has one stretch, its number is the agent's.

@@ -160,9 +160,9 @@ class Scenario(ScenarioFields):
         path : Path or None
             The file; None without one.
         files : Files
-            What the scenario names.
+            Files that the scenario names.
         environment : Environment
-            What the keys describe.
+            Environment built from the keys.
 
         Returns
         -------

@@ -33,7 +33,7 @@ def key_complaints(keys: ScenarioFields, folder: Path) -> list[Complaint]:
 
 
 def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
-    """Complain about names given twice. Doors and obstacles share theirs, as events name both."""
+    """Complain about names given twice. No door may have the name of an obstacle, as events name both."""
     named: dict[str, Sequence[str]] = {
         "obstacles": [obstacle.name for obstacle in keys.obstacles],
         "doors": [door.name for door in keys.doors],

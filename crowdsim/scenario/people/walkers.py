@@ -41,6 +41,7 @@ def mean_speed(keys: ScenarioFields) -> float | None:
     for group in keys.agents:
         if "speed" not in group.model_fields_set:
             continue
+        # A number is exact; a distribution is averaged over its quantiles.
         fixed = group.speed.mean if group.speed.sd == 0.0 else None
         speeds.append(float(quantiles(group.speed, _PROBABILITIES).mean()) if fixed is None else fixed)
         count = np.inf if group.count is None else float(group.count)
