@@ -43,7 +43,8 @@ def weidmann_speed(density: ArrayLike) -> Floats:
 class FlowBand(NamedTuple):
     """Flows through bottlenecks whose width is from ``narrowest`` to below ``widest`` [m].
 
-    ``studied`` is their number; ``least``, ``median`` and ``most`` of their flows for each meter [1/(m s)].
+    ``studied`` is the number of these bottlenecks; ``least``, ``median`` and ``most`` are of their flows for each meter
+    of width [1/(m s)].
     """
 
     narrowest: float

@@ -21,6 +21,7 @@ from crowdsim.motion.graph.segmentation import Segment, is_locomotion, segment_c
 
 Floats = NDArray[np.float64]
 Band = tuple[float, float]
+"""Lowest and highest height above the floor of a range in which bodies are measured [m]."""
 Key = tuple[str, int, int]
 """Identifies a piece: name of the clip, first and last frame."""
 
@@ -111,6 +112,7 @@ def _pieces_of(clip: Clip, detectors: Sequence[str], bands: Sequence[Band]) -> l
         aside = abs(float(wrap_angle(float(atan2(way[1], way[0])) - facing)))
         kind = SPOT if length < _ON_THE_SPOT else WALK if aside <= _AHEAD else ASIDE
         inside = np.flatnonzero((frames >= segment.first) & (frames <= segment.last))
+        # ``frames`` are those in which the body moves on: there may be none in a piece on the spot.
         reach, at = np.zeros(len(bands)), np.full(len(bands), segment.first)
         if len(inside):
             widest = inside[np.argmax(reaches[inside], axis=0)]
@@ -121,7 +123,7 @@ def _pieces_of(clip: Clip, detectors: Sequence[str], bands: Sequence[Band]) -> l
 
 
 def room_of(pieces: Sequence[Piece]) -> Room | None:
-    """Return the largest space that a piece may take, from the walking ones among ``pieces``; None without any."""
+    """Return the largest space that a piece may take, by the ``pieces`` that walk ahead; None if none does."""
     walks = [piece for piece in pieces if piece.kind == WALK]
     if not walks:
         return None
@@ -130,7 +132,10 @@ def room_of(pieces: Sequence[Piece]) -> Room | None:
 
 
 def sort_out(pieces: Sequence[Piece], room: Room, layers: Sequence[str]) -> tuple[list[Piece], list[tuple[Piece, str]]]:
-    """Return the pieces to use for walking, and the pieces to leave out, each with the reason."""
+    """Return the pieces to use for walking, and the pieces to leave out, each with the reason.
+
+    ``layers`` names the height bands in the reasons.
+    """
     kept: list[Piece] = []
     out: list[tuple[Piece, str]] = []
     for piece in pieces:

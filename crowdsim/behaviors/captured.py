@@ -269,7 +269,7 @@ def captured_set(
 
 
 def _left_out(out: Sequence[tuple[Piece, str]]) -> list[str]:
-    """Return a sentence for each clip of which pieces are left out."""
+    """Return a sentence for each clip with pieces that are left out: their frames and the reasons."""
     by_clip: dict[str, dict[str, list[str]]] = {}
     for piece, reason in out:
         frames = f"{piece.segment.first} to {piece.segment.last}"
@@ -341,13 +341,13 @@ def _rest(walks: Sequence[Clip], room: Room) -> Clip | None:
     walk, cut, end = max(stills, key=lambda still: abs(still[2] - still[1]))
     frames = round(REST_SECONDS * CAPTURE_RATE)
     phase = np.linspace(0.0, 2.0 * np.pi, frames + 1)
-    # Frames of the stretch pass at the rate of pi * length / frames in the middle.
+    # In the middle, where time runs fastest, pi * length / frames frames of the stretch pass in a frame: 1 at most.
     length = min(max(end - cut, -frames / np.pi), frames / np.pi)
     return _at(walk, cut + length * (1.0 - cos(phase)) / 2.0, f"{walk.name}_rest")
 
 
 def _still_stretches(walk: Clip) -> list[tuple[int, int]]:
-    """Return (cut, farthest frame) for every cut that stands, once onward and once backward in time.
+    """Return (frame of the cut, farthest frame) for each standing cut, once onward and once backward in time.
 
     A stretch ends before an ankle moves, or before the body is SWAY away from its place at the cut.
     """

@@ -15,7 +15,7 @@ from crowdsim.geometry.elementary import cos, sin
 from crowdsim.geometry.polygons import buffered
 
 _TRIES = 500
-"""Draws in a row that find no place before the floor counts as full."""
+"""Number of draws in a row without a place after which the region counts as full."""
 
 _HEIGHTS = ((0.30, 0.60), (0.72, 1.10), (1.40, 2.20))
 """Heights [m] of seats, tables and cupboards."""
@@ -115,10 +115,11 @@ class _Taken:
 def open_ways(
     solids: Sequence[Solid], free: Polygon | MultiPolygon, joined: Sequence[Sequence[Polygon]], radius: float
 ) -> tuple[Solid, ...]:
-    """Remove the solids that would separate the regions of any entry of ``joined``, for a disc of ``radius``.
+    """Return the solids without those that would separate the regions of an entry of ``joined``, for a disc.
 
-    Between two rooms the fewest solids are removed that open a way. A region in which the disc has no place at all does
-    not count.
+    The middle of the disc can move within parts of the free floor, called rooms here. As long as the regions of an
+    entry meet two rooms, the fewest solids between the first room and another one are removed. A region in which the
+    disc has no place at all does not count.
 
     Parameters
     ----------
@@ -146,9 +147,11 @@ def open_ways(
 def _barring(
     solids: Sequence[Solid], free: Polygon | MultiPolygon, regions: Sequence[Polygon], radius: float
 ) -> set[int]:
-    """Return the indices of the fewest solids that, one behind the other, separate two rooms that the regions meet.
+    """Return the indices of the fewest solids, one behind the other, between two rooms that the regions meet.
 
-    Return none if the regions meet fewer than two rooms: parts of the free floor for the middle of the disc.
+    The first of the two is the first room in order; a room is a part of the free floor for the middle of the disc. The
+    set is empty if the regions meet fewer than two rooms. Raise GeometryError if other things than ``solids`` separate
+    them.
     """
     outlines = np.array([solid.footprint for solid in solids], dtype=object)
     rooms = shapely.get_parts(buffered(shapely.difference(free, shapely.union_all(outlines)), -radius))
@@ -159,7 +162,8 @@ def _barring(
     # are closer than the disc is wide there is no room.
     beside, room = shapely.STRtree(rooms).query(outlines, predicate="dwithin", distance=1.02 * radius)
     one, other = shapely.STRtree(outlines).query(outlines, predicate="dwithin", distance=2.0 * radius)
-    # Breadth-first search from the solids around the first room, from solid to close solid or across a room.
+    # Breadth-first search from the solids around the first room: from a solid to one that is close, or to one across a
+    # room. It ends at a solid beside another room that the regions meet.
     before: dict[int, int | None] = dict.fromkeys(beside[room == met[0]].tolist())
     reached = list(before)
     for here in reached:

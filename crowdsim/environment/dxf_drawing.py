@@ -44,7 +44,11 @@ class Drawing:
 
 
 def read_dxf(file: Path, layers: Sequence[str] | None, floor_layer: str | None, units: str | None) -> Drawing:
-    """Read the model space of a drawing; see :func:`crowdsim.environment.floor_plans.read_floor_plan`."""
+    """Read the lines and areas of a drawing's model space, in meters.
+
+    Arguments are those of :func:`crowdsim.environment.floor_plans.read_floor_plan`. Entities that draw no curve or are
+    damaged are left out and reported. Raise PlaceError if the file cannot be read, or nothing is on a named layer.
+    """
     document = _document(file)
     report: list[str] = []
     meters = _meters(file, document, units, report)
@@ -60,8 +64,8 @@ def read_dxf(file: Path, layers: Sequence[str] | None, floor_layer: str | None, 
         name = str(entity.dxf.layer)
         seen.add(name)
         hidden = name in known and (known[name].is_off() or known[name].is_frozen())
-        # Layers that are asked for by name are read even if they are hidden; without names, those that are shown, and
-        # the floor's in any case.
+        # Named layers are read even if they are hidden. Without names, all layers that are shown are read, and the
+        # floor's in any case.
         if name not in wanted if wanted is not None else hidden and name != floor_layer:
             continue
         try:
@@ -76,7 +80,7 @@ def read_dxf(file: Path, layers: Sequence[str] | None, floor_layer: str | None, 
             others[entity.dxftype()] = others.get(entity.dxftype(), 0) + 1
         else:
             (areas if kind == "area" else lines).append((name, shape))
-    # A layer that was asked for by name and has nothing on it is a mistake in the name.
+    # A named layer with nothing on it is a mistake in the name.
     missing = sorted((wanted or ({floor_layer} if floor_layer is not None else set())) - seen)
     if missing:
         raise PlaceError(
@@ -100,6 +104,7 @@ def _document(file: Path) -> Any:
             raise PlaceError(f"{file}: the file is empty; export it again")
         try:
             return ezdxf.readfile(str(file))
+        # The strict reader refuses damaged files; this one repairs what it can.
         except ezdxf.DXFError:
             return recover.readfile(str(file))[0]
     except PlaceError:
@@ -143,7 +148,7 @@ def _resolved(entities: Any, depth: int) -> Iterator[Any]:
 
 
 def _shape(entity: Any, meters: float) -> tuple[str, BaseGeometry | None]:
-    """Return an entity as ("area" or "line", shape [m]); the shape is None if it draws neither."""
+    """Return an entity as ("area" or "line", shape [m]); the shape is None if the entity draws neither."""
     from ezdxf import path
 
     kind = entity.dxftype()

@@ -81,7 +81,7 @@ def read_floor_plan(
     content
         The bytes of the file if it is not on disk (WKT).
     layers
-        Names of the drawing's layers to read (DXF); by default all that are not switched off.
+        Names of the drawing's layers to read (DXF); by default all that are neither switched off nor frozen.
     floor_layer
         Name of the layer whose closed curves and hatches are the walkable floor (DXF).
     units
@@ -114,7 +114,8 @@ def read_floor_plan(
 
 def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
     """Read the floor from a .wkt file, or from its ``content``; a unit of it is ``meters`` long."""
-    require_regular(file, PlaceError, _MOST_TEXT)
+    if content is None:
+        require_regular(file, PlaceError, _MOST_TEXT)
     try:
         text = (file.read_bytes() if content is None else content).decode("utf-8-sig").strip()
     except OSError as error:
@@ -147,7 +148,7 @@ def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
 
 
 def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
-    """Raise PlaceError if a hole lies outside of its polygon, where it cuts nothing out."""
+    """Raise PlaceError if a hole lies outside of its polygon: it would cut nothing out."""
     outside = shapely.disjoint(shapely.Polygon(polygon.exterior), shapely.get_rings(polygon)[1:])
     if not polygon.is_valid and outside.any():
         x, y = polygon.interiors[int(np.argmax(outside))].coords[0]
@@ -155,7 +156,7 @@ def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
 
 
 def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
-    """Return the polygons of a geometry; raise PlaceError for an empty collection, or other shapes."""
+    """Return the polygons and multipolygons of a geometry; raise PlaceError for others or an empty collection."""
     parts = [geometry]
     while any(part.geom_type == "GeometryCollection" for part in parts):
         parts = [
@@ -171,7 +172,7 @@ def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
 
 
 def _doubts(file: Path, shape: BaseGeometry) -> list[str]:
-    """Return a warning if the place is implausibly small or large."""
+    """Return a warning if the place is narrower than 1 m or wider than LARGE_EXTENT; an empty list if it is not."""
     x0, y0, x1, y1 = shape.bounds
     extent = max(x1 - x0, y1 - y0)
     if 1.0 <= extent <= LARGE_EXTENT:
@@ -197,7 +198,7 @@ def _built(
             outline = polygons_only(shapely.make_valid(Polygon(chain))) if chain.is_closed else MultiPolygon()
             if outline.area > MIN_EXTENT * MIN_EXTENT:
                 outlines += [(layer, part) for part in outline.geoms]
-            # Open lines on the floor's layer enclose no floor, and are no walls.
+            # The rest is open, or encloses no area: walls, but not on the floor's layer.
             elif layer != floor_layer:
                 open_lines.append((layer, chain))
     floors += [outline for layer, outline in outlines if layer == floor_layer]

@@ -171,8 +171,9 @@ def derive_floor(
     Raises
     ------
     PlaceError
-        If there is no part, no level floor at ``height``, or if ``height`` is not given and two heights over one point
-        both offer standing room, on :data:`LEAST_LEVEL` or more.
+        If there is no part, or no level floor at ``height``; if there is no floor at all, and the parts enclose less
+        ground than :data:`LEAST_LEVEL`; or if ``height`` is not given, and two heights over one point both offer
+        standing room, on :data:`LEAST_LEVEL` or more.
     """
     if not solids:
         raise PlaceError("floor: there are no parts to find a floor from; give a floor")
@@ -227,7 +228,7 @@ def _outline_points(solid: AnySolid) -> NDArray[np.float64]:
 
 
 def _large(levels: Sequence[Level], hull: BaseGeometry) -> list[Level]:
-    """Return the levels large enough to be the floor of a place with this hull."""
+    """Return the levels that cover at least _LEAST_SHARE of the ``hull`` of a place: large enough to be its floor."""
     return [level for level in levels if level.surface.area >= _LEAST_SHARE * hull.area]
 
 

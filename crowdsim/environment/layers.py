@@ -100,7 +100,8 @@ def clearance_layers(
     bands
         The layers to make.
     progress
-        Called as ``progress(done, all)`` if there are more than some 20 000 triangles; a solid counts once a layer.
+        Called as ``progress(done, all)`` with numbers of solids, each counted once for each layer, if there are more
+        than some 20 000 triangles. Only meshes are reported as done, so ``done`` may stay below ``all``.
 
     Returns
     -------
@@ -143,16 +144,17 @@ def taken_between(solid: AnySolid, low: float, high: float) -> BaseGeometry:
 
 
 def _tell(progress: Callable[[int, int], None], before: int, total: int, done: int) -> None:
-    """Tell ``progress`` that ``done`` solids are done after ``before`` others, of ``total`` in all layers."""
+    """Call ``progress`` with the solids that are done, ``before`` and ``done`` more, of ``total`` in all layers."""
     progress(before + done, total)
 
 
 def areas_between(
     solids: Sequence[AnySolid], low: float, high: float, progress: Callable[[int], None] | None = None
 ) -> list[BaseGeometry]:
-    """Return what :func:`taken_between` gives for each solid; those of triangles together take less time.
+    """Return the area that each solid takes between two heights [m], or at a plane, as :func:`taken_between` does.
 
-    ``progress`` is called with the number of solids of triangles that are done, if they are many.
+    Solids of triangles are treated together, which takes less time. ``progress`` is called with the number of these
+    that are done, if they have many triangles.
     """
     if low == high:
         return [taken_between(solid, low, high) for solid in solids]

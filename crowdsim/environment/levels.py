@@ -54,7 +54,7 @@ Surfaces = tuple[NDArray[np.object_], NDArray[np.float64], NDArray[np.int64]]
 
 
 def level_surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
-    """Find level triangles that face up or, with ``both``, up or down, and the tops of prisms."""
+    """Return the level triangles of meshes that face up or, with ``both``, up or down, and the tops of prisms."""
     shapes: list[NDArray[np.object_]] = []
     heights, owners = [], []
     for number, solid in enumerate(solids):
@@ -119,9 +119,10 @@ def one_storey(levels: list[Level], solids: Sequence[AnySolid], report: list[str
     """
     kept: list[Level] = []
     for level in levels:
-        # Closer levels leave no headroom, so people cannot stand on the lower one below the other.
+        # People can stand on a lower level only if this level leaves headroom over it.
         for lower in [other for other in kept if level.height >= other.height + HEADROOM]:
             both = _wide(lower.surface.intersection(level.surface))
+            # What solids block costs more to compute: only if the levels overlap at all.
             if both.area >= LEAST_LEVEL:
                 both = _wide(both.difference(_blocked(lower, solids)).difference(_blocked(level, solids)))
             if both.area < LEAST_LEVEL:

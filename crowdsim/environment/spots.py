@@ -84,9 +84,9 @@ class _Sampler:
 
 
 def pieces_of(area: MultiPolygon) -> list[MultiPolygon]:
-    """Cut the area across its longer side until each piece triangulates fast.
+    """Cut an area across its longer side until no piece has more than _PIECE_CORNERS corners, to triangulate it fast.
 
-    The time grows with the square of its corners.
+    The time of a triangulation grows with the square of the number of corners.
     """
     if shapely.get_num_coordinates(area) <= _PIECE_CORNERS:
         return [area]
@@ -107,10 +107,11 @@ def pieces_of(area: MultiPolygon) -> list[MultiPolygon]:
 def draw_spots(
     region: Polygon | Point, room: MultiPolygon, crowds: Sequence[Spots | None], generator: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Draw a spot of a region in ``room`` for each of ``crowds``, away from the spots in it.
+    """Draw spots [m] of a region in ``room``, one for each entry of ``crowds``.
 
-    Stop at the first that is full, so there may be fewer spots [m]. Spots are entered into their crowds; if there is
-    no crowd (None) any draw will do. The region :func:`meets` the room.
+    An entry holds the spots from which the new one must keep its distance; the new one is added to it. If the entry is
+    None, any draw is taken. Drawing ends at the first entry for which no spot is found, so there may be fewer spots.
+    The region :func:`meets` the room.
     """
     placed: list[tuple[float, float]] = []
     draws = _Sampler(region, room, generator).draws()
@@ -183,8 +184,8 @@ def scatter_parties(
 ) -> NDArray[np.float64]:
     """Draw spots like :func:`scatter_spots`, but in parties: each ``together`` spots in a row lie beside each other.
 
-    ``distance`` [m] must be above 0. The spots of a party lie in a disc of which they, as discs of that diameter, fill
-    less than a quarter. There are fewer than ``count`` if :data:`_TRIES` draws in a row find no room for a party.
+    The least ``distance`` [m] must be above 0. All spots of a party lie within ``distance * (0.6 + sqrt(together))`` of
+    its first one. There are fewer than ``count`` if :data:`_TRIES` draws in a row find no room for a party.
     """
     if together == 1 or isinstance(region, Point):
         return scatter_spots(region, room, count, distance, taken, generator)
@@ -193,7 +194,7 @@ def scatter_parties(
     crowd, draws = Spots(distance), _Sampler(region, room, generator).draws()
     for x, y in taken.reshape(-1, 2).tolist():
         crowd.take(x, y)
-    # The disc of a party is so wide that random draws find room in it.
+    # Discs with the distance as diameter fill less than a quarter of a party's disc, so random draws find room there.
     reach = distance * (0.6 + math.sqrt(together))
     spots: list[tuple[float, float]] = []
     for first in range(0, count, together):
@@ -219,9 +220,10 @@ def _party_around(
     crowd: Spots,
     generator: np.random.Generator,
 ) -> list[tuple[float, float]]:
-    """Take spots in an area for a party, the first one in the middle, the others within ``reach`` [m] of it.
+    """Take spots [m] in an area for a party, the first one at ``middle``, the others within ``reach`` [m] of it.
 
-    If there is not enough room, fewer spots than ``size`` are taken.
+    They keep the distance of ``crowd`` and are added to it. Fewer spots than ``size`` are taken if :data:`_BATCH`
+    random draws around the middle give no more.
     """
     if not crowd.take(*middle):
         return []
@@ -235,10 +237,10 @@ def _party_around(
 
 
 def gathered(spots: NDArray[np.float64], together: int) -> NDArray[np.float64]:
-    """Order the spots (n, 2) in parties of spots beside each other.
+    """Return the spots (n, 2) in an order in which parties, of up to ``together`` spots, lie beside each other.
 
-    Each party takes the first spot that is left, and up to ``together`` - 1 of the nearest ones that are left among the
-    few around it; there may be fewer.
+    Each party takes the first spot that is left, and the nearest spots that are left among the 4 * ``together`` + 8
+    around it; so a party may be smaller.
     """
     if not len(spots):  # a tree of nothing has no nearest
         return spots
@@ -273,7 +275,7 @@ def arrange_spots(
     count
         Number of spots.
     apart
-        Least distance beside and behind each other [m]; the first one also from ``taken``.
+        Least distances beside and behind each other [m]; the one beside is also kept from ``taken``.
     heading
         Heading of the rows [rad].
     taken

@@ -27,7 +27,7 @@ def meters_per_unit(name: str) -> float:
 def doubt_about_height(height: float, meters: float) -> str | None:
     """Return a warning if a place ``height`` [m] high is implausible, else None.
 
-    ``meters`` is the length of a unit of the file, to suggest a better one.
+    ``meters`` is the length of the unit that the file was read with [m]; the warning suggests better units.
     """
     low, high = ROOM_HEIGHTS
     if low <= height <= high:

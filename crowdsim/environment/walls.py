@@ -20,7 +20,7 @@ DOOR_HEIGHT = 2.05
 """Height above the floor up to which a door is open [m]."""
 
 _CUT_EXCESS = 1.0 + 1e-6
-"""Width of the cut of an opening, in thicknesses of the wall, so that rounding leaves no film across it."""
+"""Thickness of the cut of an opening, in thicknesses of the wall, so that rounding leaves no film across it."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _line(points: Sequence[tuple[float, float]], what: str) -> LineString:
 
 
 def _along(line: LineString, thickness: float) -> BaseGeometry:
-    """Return the area of a wall along a line."""
+    """Return the area of a wall of some ``thickness`` [m] along a line, mitered at corners and flat at its ends."""
     return buffered(line, 0.5 * thickness, cap_style="flat", join_style="mitre")
 
 

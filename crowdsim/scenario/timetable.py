@@ -19,8 +19,8 @@ from crowdsim.yamlfile.document import Path as KeyPath
 from crowdsim.yamlfile.messages import nearest
 
 Placing = tuple[float, float, float, float, float, float]
-"""Position of a thing: coefficients (a, b, d, e, x, y) of the affine map from its outline in the file to where it
-stands."""
+"""Position of a thing: coefficients (a, b, d, e, x0, y0) of the affine map from a point (x, y) of its outline in the
+file to the place (a x + b y + x0, d x + e y + y0) at which it stands [m]."""
 
 AS_DRAWN: Placing = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 """Placing of a thing where the file draws it."""
@@ -50,7 +50,7 @@ class Movable:
     placing: Placing | None
 
     def footprint(self, placing: Placing) -> BaseGeometry:
-        """Return its outline on the floor if it stands at ``placing``."""
+        """Return its outline on the floor if it stands at ``placing`` [m]."""
         return placed(shapely.union_all([solid.footprint for solid in self.solids]), placing)
 
 
@@ -159,7 +159,7 @@ class TimetableReader:
         return Timetable(tuple(self._fixed), tuple(self._movables), tuple(self._events))
 
     def append(self, path: KeyPath, command: Command) -> str | None:
-        """Read a command that comes after all others; return why it is impossible, or None."""
+        """Read a command that comes after all others; return why it is impossible and is not added, or None."""
         complaint = self._complaint(command)
         if complaint is None:
             self._number(path, command)
@@ -186,6 +186,7 @@ class TimetableReader:
                 self._fixed_names.add(door.name)
 
     def _add(self, name: str, solids: tuple[AnySolid, ...], placing: Placing | None) -> None:
+        """Add a movable that stands at ``placing`` at the start; None if it is absent then."""
         self._where[name] = len(self._movables), placing
         self._movables.append(Movable(name, solids, placing))
 
@@ -224,6 +225,7 @@ class TimetableReader:
                 if name in {*self._where, *self._fixed_names}:
                     return f"'{name}' is an obstacle; list it under 'doors'"
                 return f"no door '{name}'; {nearest(name, sorted(self._doors), 'the doors are')}"
+            # A closed door is there, an open one is not.
             if there == (action == "close"):
                 return f"'{name}' is {'closed' if there else 'open'} already, {since}"
             return None
@@ -233,6 +235,7 @@ class TimetableReader:
             if there or name in self._fixed_names:
                 return f"the name '{name}' is taken by something that is there, {since}"
             return None
+        # The action is ``move`` or ``remove``: a movable must be there. The rest finds the reason why it is not.
         if there:
             return None
         if name in self._where:

@@ -34,7 +34,7 @@ class KeptRunner(distributed.WorkerPlugin):
 def run_points_on_dask(
     points: Sequence[Point], address: str, jobs: int, recordings: Path | None, keep: Keep
 ) -> Iterator[tuple[Point, Outcome]]:
-    """Yield what comes of each point, as they are done, in any order.
+    """Run points on Dask; yield each point with its outcome as it is done, in any order.
 
     Parameters
     ----------
@@ -65,14 +65,14 @@ def run_points_on_dask(
                 outcome = future.result()
             except distributed.KilledWorker:
                 outcome = Outcome({}, DIED, lasting=False)
-            except Exception as error:  # of Dask, as errors of runs are outcomes
+            except Exception as error:  # an error of Dask: errors of runs are outcomes
                 outcome = Outcome({}, f"Dask: {type(error).__name__}: {error}", lasting=False)
             yield futures[future], outcome
             future.release()
 
 
 def run_here(point: Point, wanted: str) -> Outcome:
-    """Run a point in the worker that this is called in, if its code is the ``wanted`` one."""
+    """Run a point in the Dask worker that calls this; fail if its :func:`engine` is not ``wanted``."""
     if engine() != wanted:
         where = distributed.get_worker().address
         return Outcome(
@@ -99,7 +99,7 @@ def _client(address: str, jobs: int) -> Any:
 
 
 class _LocalClient:
-    """The client of a local cluster, which ends with it."""
+    """A local cluster and its client, as a context; leaving it closes both."""
 
     def __init__(self, cluster: Any) -> None:
         self._cluster, self._client = cluster, distributed.Client(cluster)

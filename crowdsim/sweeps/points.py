@@ -26,7 +26,7 @@ class Point(NamedTuple):
     text : str
         Text of the scenario file.
     file : str
-        Absolute path of that file, which relative names in it start from.
+        Absolute path of the scenario file; relative names in it start from its folder.
     settings : tuple of (str, str)
         Changed keys with their values, as YAML.
     seed : int
@@ -45,7 +45,7 @@ class Point(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return the hash of what is run: text, changes and seed."""
+        """Return the hash of what is run, text, changes and seed, as a name for files."""
         parts = [self.text, *self.overrides]
         return hashlib.sha256(json.dumps(parts, ensure_ascii=False).encode()).hexdigest()
 
@@ -91,7 +91,7 @@ def points_of(scenario: str, seeds: str | None = None, settings: Sequence[str] =
 
 
 def read_seeds(text: str) -> list[int]:
-    """Return seeds from ``1-20`` or ``1,3,10-12``, each once, in that order."""
+    """Return seeds from ``1-20`` or ``1,3,10-12``, each once, in that order; raise CrowdSimError for other texts."""
     seeds: list[int] = []
     for part in text.split(","):
         first, dash, last = part.strip().partition("-")

@@ -15,7 +15,7 @@ from crowdsim.sweeps.points import Point
 from crowdsim.sweeps.running import Keep, Outcome, Runner
 
 TRIES = 3
-"""Number of processes that have died of a point when it counts as failed."""
+"""Number of processes that die while they run a point, after which it counts as failed."""
 
 DIED = "the process died; is there too little memory?"
 
@@ -23,7 +23,7 @@ DIED = "the process died; is there too little memory?"
 def run_points(
     points: Sequence[Point], jobs: int, recordings: Path | None, keep: Keep
 ) -> Iterator[tuple[Point, Outcome]]:
-    """Yield what comes of each point, as they are done, in any order.
+    """Run points in processes; yield each point with its outcome as it is done, in any order.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def run_points(
     """
     waiting, tries = deque(points), dict.fromkeys(points, 0)
     at_work: dict[Connection, tuple[SpawnProcess, Point]] = {}
-    # Where no kernel is compiled yet, one process compiles them for all.
+    # If no kernel is compiled yet, one process compiles them for all.
     most = jobs if compiled_kernels() else 1
     try:
         while waiting or at_work:
@@ -50,6 +50,7 @@ def run_points(
                 process, point = at_work.pop(ready)
                 try:
                     outcome = ready.recv()
+                # The process died.
                 except (EOFError, OSError):
                     process.join()
                     ready.close()
@@ -90,7 +91,7 @@ def _begin(
     try:
         connection.send(point)
     except (BrokenPipeError, ConnectionResetError):
-        return  # it died in between: reading will tell
+        return  # it died in between, as reading from it will show
 
 
 def _end(process: SpawnProcess, connection: Connection) -> None:

@@ -80,7 +80,7 @@ def sweep(
     Raises
     ------
     CrowdSimError
-        If the folder cannot be used, or Dask is missing. What goes wrong in a run is told in its row.
+        If the folder cannot be used, or Dask is missing. An error of a run is in its row of the table.
     """
     with Store(folder) as store:
         found = {point: outcome for point in points if (outcome := store.done(point)) is not None}
@@ -97,6 +97,7 @@ def sweep(
         missing = [point for point in points if point not in found]
 
         def tell() -> None:
+            """Report the points that are done and failed so far."""
             if progress is not None:
                 progress(len(found), len(points), sum(bool(outcome.error) for outcome in found.values()))
 
@@ -125,10 +126,12 @@ def _outcomes(
     points: Sequence[Point], jobs: int, recordings: Path | None, keep: Keep, dask: str | None
 ) -> Iterator[tuple[Point, Outcome]]:
     """Yield the outcome of each point, from processes here or from a cluster of Dask."""
+    # Start no process and no cluster for nothing.
     if not points:
         return iter(())
     if dask is None:
         return run_points(points, jobs, recordings, keep)
+    # Imported only here, as Dask is optional.
     from crowdsim.sweeps.dask_cluster import run_points_on_dask
 
     return run_points_on_dask(points, dask, jobs, recordings, keep)

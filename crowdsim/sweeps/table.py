@@ -36,7 +36,10 @@ def _text(value: Value) -> str:
 
 
 class Mean(NamedTuple):
-    """Mean of a figure over the seeds of a setting; the 95 % band of the mean is nan for a single run."""
+    """Mean of a figure over the seeds of a setting, with the number of runs that have the figure.
+
+    ``low`` to ``high`` is the 95 % band of the mean, nan for a single run.
+    """
 
     settings: tuple[tuple[str, str], ...]
     runs: int

@@ -130,7 +130,7 @@ def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
     try:
         return data.decode("utf-8"), []
     except UnicodeDecodeError as error:
-        # A file that is too long may be cut within a character; it is refused for its length.
+        # A file that is too long may be cut within a character; let read_document refuse it for its length.
         if len(data) > MAX_BYTES:
             return data.decode("utf-8", "replace"), []
         lines = data[: error.start].decode("utf-8").split("\n")
@@ -139,7 +139,10 @@ def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
 
 
 def read_document(text: str, file: str) -> tuple[Document, list[Problem]]:
-    """Read one YAML document; return everything that could be read, and what is wrong."""
+    """Read one YAML document; return everything that could be read, and what is wrong.
+
+    ``file`` is its name in messages. After a syntax error nothing more is read, and the document is not ``complete``.
+    """
     if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
         message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; is it the right file?"
         return Document(file), [Problem(file, 1, 1, "", message)]
@@ -174,6 +177,7 @@ def _events(text: str) -> Iterator[Event]:
                 line, column = mark.line + 1, mark.column + 1
             raise _Stop(line, column, _syntax_message(error)) from None
         except YAMLError as error:
+            # A character that YAML does not allow: the error has an offset in the text, not a line.
             offset = getattr(error, "position", None)
             if isinstance(offset, int):
                 line, column = text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)
@@ -204,7 +208,7 @@ class _Reader:
         self.problems: list[Problem] = []
 
     def read(self) -> None:
-        """Read all events; a second document is refused. Without any, the value stays None."""
+        """Read all events; refuse a second document. If the text holds no document, the value stays None."""
         documents = 0
         for event in self.events:
             if isinstance(event, DocumentStartEvent):
@@ -236,13 +240,18 @@ class _Reader:
         return value
 
     def _list(self, path: Path) -> list[Any]:
+        """Read a list up to its end."""
         values: list[Any] = []
         while not isinstance(event := next(self.events), SequenceEndEvent):
             values.append(self._value(event, (*path, len(values))))
         return values
 
     def _mapping(self, path: Path) -> dict[str, Any]:
-        """Read a mapping up to its end; note where keys stand, and as problems keys that are doubled or no words."""
+        """Read a mapping up to its end; record the positions of its keys.
+
+        Keys that are given twice, are no words or are not allowed are problems; of the same keys, the first value
+        counts.
+        """
         values: dict[str, Any] = {}
         while not isinstance(event := next(self.events), MappingEndEvent):
             position = Position(self.document.file, *_spot(event))
@@ -278,6 +287,7 @@ class _Reader:
 
 
 def _spot(event: Event) -> tuple[int, int]:
+    """Return line and column at which an event begins, both from 1."""
     return event.start_mark.line + 1, event.start_mark.column + 1
 
 

@@ -66,7 +66,7 @@ def named_from(keys: Any, files: Files, folder: Path, renamed: Mapping[str, str]
         # Imported only here, as it loads the modules of clips.
         from crowdsim.behaviors.behavior import is_own
 
-        # ``./`` tells the path of a folder from a name in the library.
+        # A new path without a slash would read as a name in the library: put ``./`` before it.
         paths = [seen(each) if is_own(each) else each for each in keys["behaviors"]]
         pairs = zip(keys["behaviors"], paths, strict=True)
         given["behaviors"] = [path if is_own(each) == is_own(path) else f"./{path}" for each, path in pairs]

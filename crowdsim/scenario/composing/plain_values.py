@@ -73,6 +73,7 @@ class _Reader:
         if len(path) > MAX_DEPTH:
             raise self._refusal(path, f"nested more than {MAX_DEPTH} levels deep")
         if value is None or isinstance(value, str | bool | int | float):
+            # A numpy.float64 is a float, too.
             return float(value) if isinstance(value, np.floating) else value
         if isinstance(value, BaseModel):
             return self.mapping(value.model_dump(by_alias=True, exclude_unset=True), path)
@@ -101,9 +102,11 @@ class _Reader:
         if shape.geom_type == "Point":
             spot = _pairs(shape)[0]
             return spot if path[-1] in _SPOTS else {"point": spot}
+        # A floor may have holes and parts, which only a file can hold.
         if path == ("floor",):
             if shape.geom_type == "Polygon" and not shape.interiors:
                 return {"polygon": self._ring(shape, path)}
+            # With all digits (-1), so that the floor stays the same to the bit.
             text = shapely.to_wkt(shape, rounding_precision=-1, output_dimension=2)
             return {"file": self._made("floor.wkt", text.encode())}
         if _is_obstacle(path):
@@ -116,6 +119,7 @@ class _Reader:
             raise self._refusal(path, "a mesh stands among 'obstacles'; give a polygon here")
         from trimesh.exchange.ply import export_ply
 
+        # The index of the obstacle, so that each mesh has a file name of its own.
         number = next((part for part in path if isinstance(part, int)), 0)
         name = self._made(f"obstacle-{number}.ply", export_ply(mesh, vertex_normal=False, include_attributes=False))
         if path[-1] == "file":
@@ -123,6 +127,7 @@ class _Reader:
         return {"file": name} if path[-1] == "mesh" else {"name": f"obstacle {path[1]}", "mesh": {"file": name}}
 
     def _made(self, name: str, content: bytes) -> str:
+        """Keep the content of a file in memory; return its name."""
         self.made[name] = content
         return name
 
@@ -135,13 +140,16 @@ class _Reader:
         return _pairs(shape.exterior)[:-1]
 
     def _refusal(self, path: KeyPath, message: str) -> ScenarioError:
+        """Return the error that refuses the value at ``path``."""
         return ScenarioError([Problem(self.source, None, None, dotted(path), message)])
 
 
 def _is_obstacle(path: KeyPath) -> bool:
+    """Return whether a key path is that of a whole obstacle, as ``("obstacles", 2)``."""
     return len(path) == 2 and path[0] == "obstacles"
 
 
 def _pairs(shape: BaseGeometry) -> list[list[float]]:
+    """Return the points of a shape as lists [x, y] [m]."""
     pairs: list[list[float]] = shapely.get_coordinates(shape).tolist()
     return pairs

@@ -10,7 +10,7 @@ from crowdsim.scenario.schema.agents import MAX_COUNT
 from crowdsim.scenario.schema.schema import ScenarioFields
 
 NEVER = 2**40
-"""Start step of agents who come only if a command adds them, and of those who were removed."""
+"""Start step of agents that come only if a command adds them, and of agents that were removed: beyond any run."""
 
 _ARRIVAL_STREAM = 2
 _BATCH = 256
@@ -30,8 +30,8 @@ def start_times(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
     """Return the start times (n,) of the agents of group ``number`` [s], ascending.
 
     A party starts with its first member. Times of a random source are drawn from the group's own stream of the
-    scenario's seed. An unbounded source gives :data:`~crowdsim.scenario.schema.agents.MAX_COUNT` + 1 times at most, so
-    that the check of the count refuses it. The times of agents on call are infinite.
+    scenario's seed. A source without ``count`` gives :data:`~crowdsim.scenario.schema.agents.MAX_COUNT` + 1 times at
+    most: enough for the check of the count to refuse it. The times of agents on call are infinite.
     """
     if keys.agents[number].on_call:
         return np.full(keys.agents[number].count or 0, np.inf)
@@ -40,9 +40,9 @@ def start_times(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
 
 
 def start_steps(keys: ScenarioFields, number: int) -> NDArray[np.int64]:
-    """Return the steps (n,) nearest to the times at which the agents of group ``number`` start.
+    """Return the simulation steps (n,) nearest to the times at which the agents of group ``number`` start.
 
-    The step of those on call is :data:`NEVER`.
+    The step of agents on call is :data:`NEVER`.
     """
     times = start_times(keys, number)
     on_call = np.isinf(times)
@@ -54,6 +54,7 @@ def _alone(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
     group = keys.agents[number]
     if group.rate is None:
         return group.start_time + np.arange(group.count or 0, dtype=np.float64) * group.interval
+    # The rest is about sources.
     most = MAX_COUNT + 1 if group.count is None else group.count
     until = keys.duration if group.until is None else group.until
     if group.arrivals == "regular":

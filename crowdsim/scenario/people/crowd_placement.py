@@ -41,7 +41,8 @@ SPARE = 0.02
 """Least gap between two agents that start in one step, and between them and walls [m]."""
 
 CAPTURED_APART = 0.9
-"""Distance between the centers of two that start in one step if there is room, so that both can begin captured [m]."""
+"""Distance between the centers of agents that start in one step, if there is room, so that all can begin captured
+[m]."""
 
 _START_STREAM, _GOAL_STREAM, _EXIT_STREAM = 0, 1, 7
 
@@ -108,9 +109,9 @@ class CrowdPlacement(NamedTuple):
 def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple[CrowdPlacement, list[Complaint]]:
     """Draw when and where each agent starts, and where it goes.
 
-    Agents that start in the same step get places beside each other: at random if there is room (parties together),
-    else in rows that face their first goal; but without room, those of a source or on call get places that overlap, and
-    wait until theirs is free. Each group draws from its own streams of the scenario's seed.
+    Agents that start in the same step get places that do not overlap: at random if there is room (parties together),
+    else in rows that face their first goal. Agents of a source or on call, instead of rows, get random places that
+    overlap, and wait until their place is free. Each group draws from its own streams of the scenario's seed.
 
     Returns
     -------
@@ -141,6 +142,8 @@ class _Drawing:
     def __init__(self, keys: ScenarioFields, environment: Environment) -> None:
         self.keys, self.environment = keys, environment
         self.complaints: list[Complaint] = []
+        # Rooms by the free floor around [m]; places (k, 2) [m] taken so far by the agents that start, by step, and by
+        # the agents that stay at a goal.
         self._rooms: dict[float, list[MultiPolygon]] = {}
         self._starting: defaultdict[int, list[Floats]] = defaultdict(list)
         self._standing: list[Floats] = []
@@ -261,6 +264,7 @@ class _Drawing:
         """
         regions = self.keys.regions(number)
         spots = np.full((count, len(regions) + (group.exits is not None), 2), np.nan)
+        # Each exit has to be open to some agent; it needs no room for a body, see ``Destinations.exit_region``.
         for exit_number in self.keys.exits_of(group):
             if not meets(self._destinations.exit_region(exit_number), self.environment.fixed_layers[0].free):
                 message = "lies off the floor, or inside of an obstacle"
@@ -301,10 +305,11 @@ class _Drawing:
     def _room(
         self, number: int, path: tuple[str | int, ...], region: Polygon | Point, radius: float
     ) -> tuple[MultiPolygon, float] | None:
-        """Return the floor with ``radius`` of free floor around it, if ``region`` meets it; else complain, return None.
+        """Return the places with enough free floor around them, and how much that is [m].
 
-        Captured agents need NOMINAL_RADIUS at least; ``auto`` ones get it if there is room. The second value is the
-        free floor around [m].
+        Steered agents of group ``number`` need ``radius`` [m]. Captured ones need NOMINAL_RADIUS at least; ``auto``
+        ones get it if ``region`` has such a place, else ``radius``. If ``region`` has no place, record a complaint with
+        its key ``path``, and return None.
         """
         radii = {"steered": [radius], "captured": [max(radius, NOMINAL_RADIUS)], "auto": [NOMINAL_RADIUS, radius]}
         for least in radii[self.keys.agents[number].level]:
@@ -317,6 +322,7 @@ class _Drawing:
         return None
 
     def _generator(self, number: int, *stream: int) -> np.random.Generator:
+        """Return a generator of group ``number`` that depends on the scenario's seed and on ``stream`` alone."""
         return np.random.default_rng(np.random.SeedSequence(self.keys.seed, spawn_key=(number, *stream)))
 
 
@@ -330,7 +336,8 @@ def _rows_by_step(steps: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]
 def captured_placement(cast: CrowdPlacement) -> Placement:
     """Return the placement of the same agents for captured motion; each goes to its own places in its goals.
 
-    It shares ``starts`` and ``start_steps`` with ``cast``: those who come, and commands, change both for both levels.
+    It shares the arrays ``starts`` and ``start_steps`` with ``cast``: if an agent comes elsewhere or later, or a
+    command adds or removes it, the change counts on both levels.
     """
     # Groups that are never steered walk at the speed of their clips, unless the file gives a speed.
     own = np.array(cast.paced) | (np.array(cast.locomotions) != "captured")

@@ -73,7 +73,7 @@ class Itinerary(NamedTuple):
 
 
 class Destinations:
-    """Numbers the regions that groups go to, without duplicates.
+    """Numbers the regions that groups go to; equal regions get one number.
 
     Attributes
     ----------
@@ -148,6 +148,7 @@ class Destinations:
         free = self._environment.fixed_layers[0].free
         if meets(region, room_in(free, EXIT_ROOM)):
             return region
+        # A polygon grows to one polygon, which the type of ``buffered`` does not say.
         grown = buffered(region, EXIT_REACH)
         return grown if isinstance(grown, Polygon) else region
 
@@ -161,14 +162,14 @@ class Destinations:
         if not isinstance(group.exits, dict) or not len(itinerary.exits):
             return np.full(count, NONE, np.int32)
         shares = np.array([group.exits[self._keys.exits[number].name] for number in self._keys.exits_of(group)])
-        # The number of parties of each exit is its share of all, rounded.
+        # The number of parties of each exit is its share of all, rounded so that the sum is right.
         parties = -(-count // group.together)
         ends = np.rint(np.cumsum(shares) / shares.sum() * parties).astype(np.int64)
         which = np.searchsorted(ends, np.arange(parties), side="right")
         return itinerary.exits[which[generator.permutation(parties)]].repeat(group.together)[:count]
 
     def regions_of(self, number: int) -> list[BaseGeometry]:
-        """Return the regions that group ``number`` goes to; the union of its exits counts as one region."""
+        """Return the regions that group ``number`` goes to, its route first; its exits, as one union, are the last."""
         if self._keys.agents[number].exits is not None:
             return [shape for _, shape in self._keys.destinations(number)]
         goals = [goal for _, goal in self._keys.regions(number)]

@@ -43,8 +43,9 @@ class GoalPlaces(NamedTuple):
 def places_in(environment: Environment, region: Region, count: int) -> GoalPlaces:
     """Return the polygon of a region, and ``count`` places to stand at in it, or as many as have room.
 
-    The places are points of a square lattice around the middle of the goal which have free floor around them and a free
-    straight line to the middle. An agent must be able to stand in the region (:func:`region_complaint`).
+    The places are points of a square lattice around the middle of the goal. Each has free floor around it, and a free
+    straight line to the middle. The region must have a place to stand (:func:`region_complaint`). If it is a point, the
+    places lie around it.
     """
     shape = region.shape()
     room = room_in(environment.fixed_layers[0].free, NOMINAL_RADIUS)
@@ -80,6 +81,7 @@ def new_goal_complaint(keys: ScenarioFields, environment: Environment, asked: Ne
     wrong = region_complaint(environment, asked.goal)
     if wrong is not None or asked.on_arrival == "leave":
         return wrong
+    # Agents that stay need a place each.
     wanted = len(set(asked.agents))
     found = len(places_in(environment, asked.goal, wanted).places)
     if found < wanted:

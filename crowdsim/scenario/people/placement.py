@@ -132,7 +132,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
         regions = keys.regions(number)
         places = np.full((count, len(regions), 2), np.nan)
         start = ("agents", number, "start")
-        # Agents on call come one by one, so that their starts may lie beside each other.
+        # Agents on call come one by one, so that their starts may overlap.
         beside = [None if group.on_call else starts_by_step[step] for step in group_steps]
         wanted: list[_Wanted] = [(start, group.start.shape(), (_START_STREAM,), beside)]
         for k, (path, region) in enumerate(regions):
@@ -147,6 +147,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
             else:
                 placed = draw_spots(shape, room, crowds, generator)
                 complaint = None if len(placed) == count else too_full(path[2:], shape, len(placed), count, radius)
+                # The first entry is the start, the others are the goals.
                 if k == 0:
                     starts += placed
                 else:
@@ -182,7 +183,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
 
 
 def _speeds(keys: ScenarioFields, counts: list[int]) -> list[NDArray[np.float64]]:
-    """Return the walking speeds of each group [m/s]; nan, for that of the clips, if the file gives none."""
+    """Return the walking speeds (n,) of each group [m/s]; nan, for the speed of the clips, if the file gives none."""
     return [
         draw_walkers(keys, number, count).speeds if "speed" in group.model_fields_set else np.full(count, np.nan)
         for number, (group, count) in enumerate(zip(keys.agents, counts, strict=False))
@@ -207,13 +208,14 @@ def head_count_complaint(count: int) -> str | None:
 
 
 def rooms_around(keys: ScenarioFields, environment: Environment, radius: float) -> list[MultiPolygon]:
-    """Return the floor that always has ``radius`` of free floor around it; then the floor that has it at some time.
+    """Return the places with ``radius`` [m] of free floor around them: at all times, and then at some time.
 
-    The second is missing if no movable is ever in a layer. It serves only regions that meet none of the first.
+    The second area counts movables as absent. It is missing if no movable is ever in a layer. Callers use it only for
+    regions that do not meet the first one.
     """
     timetable = environment.timetable
     bands = [layer.band() for layer in keys.bands]
-    # Footprints of all places that a movable ever has, unless all of its solids are in no layer (above or below all).
+    # Footprints of movables at all places that they ever have, unless all solids lie above or below all layers.
     taken = [
         movable.footprint(placing)
         for movable, placing in [
@@ -229,7 +231,7 @@ def rooms_around(keys: ScenarioFields, environment: Environment, radius: float) 
 
 
 def unusable(environment: Environment, region: Polygon | Point, radius: float) -> str:
-    """Return why no agent can ever stand in ``region``."""
+    """Return why no agent with ``radius`` [m] of free floor around it can ever stand in ``region``."""
     if not meets(region, environment.floor):
         return "lies off the floor"
     if not meets(region, environment.fixed_layers[0].free):

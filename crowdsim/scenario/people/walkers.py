@@ -35,12 +35,13 @@ class Walkers(NamedTuple):
 def mean_speed(keys: ScenarioFields) -> float | None:
     """Return the mean walking speed of the agents of all groups that give a ``speed`` [m/s]; None without such agents.
 
-    It does not depend on the seed: of a source, the expected number of agents counts.
+    It does not depend on the seed: a source counts with its expected number of agents, a distribution with its mean.
     """
     speeds, counts = [], []
     for group in keys.agents:
         if "speed" not in group.model_fields_set:
             continue
+        # A number is exact; a distribution is averaged over its quantiles.
         fixed = group.speed.mean if group.speed.sd == 0.0 else None
         speeds.append(float(quantiles(group.speed, _PROBABILITIES).mean()) if fixed is None else fixed)
         count = np.inf if group.count is None else float(group.count)
@@ -59,6 +60,7 @@ def draw_walkers(keys: ScenarioFields, number: int, count: int) -> Walkers:
     group = keys.agents[number]
 
     def stream(kind: int) -> np.random.Generator:
+        """Return the generator of one quantity of the group."""
         return np.random.default_rng(np.random.SeedSequence(keys.seed, spawn_key=(number, kind)))
 
     first = first_of_party(keys, number, count)

@@ -79,7 +79,7 @@ class Floor(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Floor:
-        """Refuse a period that is short or of a floor that is not drawn, and keys of a file without one."""
+        """Refuse a period on a floor that is short or not drawn, and keys about a file without ``file``."""
         if self.periodic is not None and self.rectangle is None and self.polygon is None:
             raise ValueError(
                 "'periodic' is of a floor that the scenario draws; give 'rectangle' or 'polygon', or drop it"
@@ -122,7 +122,7 @@ class Box(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Box:
-        """Refuse a box that is given by anything else than two corners, or center and size."""
+        """Refuse a box that is not given by two corners, or by center and size; and corners out of order."""
         corners, centered = (self.min, self.max), (self.center, self.size)
         given = sum(value is not None for value in (*corners, *centered))
         if given != 2 or not (None not in corners or None not in centered):

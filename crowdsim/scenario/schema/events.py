@@ -13,10 +13,11 @@ ACTIONS = ("open", "close", "insert", "move", "remove")
 
 
 def _require_shape(obstacle: Obstacle, what: str) -> None:
+    """Raise ValueError if a door or an inserted obstacle is a file, or has ``movable``; messages name it ``what``."""
     if obstacle.mesh is not None or obstacle.plan is not None:
         raise ValueError(f"{what} is a box, cylinder, polygon or wall; files are read before the run")
     if "movable" in obstacle.model_fields_set:
-        raise ValueError(f"'movable' is of obstacles that are there from the start; {what} always is; drop it")
+        raise ValueError(f"'movable' is for obstacles that are there from the start; drop it: {what} is movable anyway")
 
 
 class Door(Obstacle):

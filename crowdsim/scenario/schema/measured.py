@@ -13,6 +13,7 @@ from crowdsim.scenario.schema.values import Name, Pair, Part, Region, Seconds, o
 
 
 def _check_times(start_time: float, until: float | None) -> None:
+    """Raise ValueError unless a measurement ends after it starts; times in [s]."""
     if until is not None and until <= start_time:
         raise ValueError(f"'until' ({until:g} s) must lie after 'start_time' ({start_time:g} s)")
 
@@ -37,6 +38,7 @@ class Area(Region):
 
 
 def _checked_points(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """Return the points of a line [m]; raise ValueError if two successive ones are equal."""
     for first, second in itertools.pairwise(points):
         if max(abs(first[0] - second[0]), abs(first[1] - second[1])) < MIN_EXTENT:
             raise ValueError(f"two points of a line lie on each other: [{first[0]:g}, {first[1]:g}]")

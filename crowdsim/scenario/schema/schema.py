@@ -94,7 +94,10 @@ class ScenarioFields(Part):
     @model_validator(mode="before")
     @classmethod
     def _take_their_rate(cls, keys: Any) -> Any:
-        """Default to CAPTURED_RATE steps per second if all agents are captured."""
+        """Default to CAPTURED_RATE steps per second if all agents are captured.
+
+        The keys are not validated yet: those of wrong types are left to validation.
+        """
         if not isinstance(keys, dict) or "steps_per_second" in keys:
             return keys
         groups = keys.get("agents")
@@ -195,7 +198,7 @@ class ScenarioFields(Part):
     def destinations(self, number: int) -> list[tuple[tuple[str | int, ...], Polygon | MultiPolygon | Point]]:
         """Return the shapes that a group goes to in turn.
 
-        The union of all exits counts as one place; endless ways are left out.
+        The union of the group's exits is one shape, the last. Endless ways are left out.
 
         Parameters
         ----------

@@ -91,6 +91,7 @@ class Spread(Part):
         return self.only(*self._kinds())
 
     def _kinds(self) -> tuple[str, ...]:
+        """Return the keys of which exactly one gives the distribution; models with more kinds add theirs."""
         return KINDS
 
     def parts(self) -> tuple[Share, ...]:
@@ -115,14 +116,18 @@ def _as_mean(value: Any) -> Any:
 
 
 def _within(least: float, most: float) -> Any:
-    """Return a validator: all values lie within these bounds, which become the bounds of a spread that has none."""
+    """Return a validator that keeps a spread within bounds, which become its own ``min`` and ``max`` if it has none."""
 
     def check(name: str, value: float) -> None:
+        """Raise ValueError if a value is out of bounds; ``name`` is its key."""
         if not least <= value <= most:
             raise ValueError(f"'{name}' must be from {least:g} to {most:g}, got {value:g}")
 
     def bounded(spread: Spread) -> Spread:
-        """Return the spread, and those that it mixes, cut off at ``least`` and ``most``; check all of its values."""
+        """Return the spread, and those that it mixes, truncated to ``least`` and ``most``.
+
+        Raise ValueError if its mean, its uniform range or its own bounds lie outside. Other values are truncated.
+        """
         low = least if spread.min is None else spread.min
         high = most if spread.max is None else spread.max
         if spread.mean is not None:
@@ -140,11 +145,12 @@ def _within(least: float, most: float) -> Any:
 def spread_schema(number: dict[str, Any], model: type[Spread] = Spread, **more: dict[str, Any]) -> dict[str, Any]:
     """Return the JSON schema of a distribution of numbers, each with the JSON schema ``number``.
 
-    ``more`` adds kinds that ``model`` has, by their keys.
+    ``more`` holds JSON schemas of further kinds that ``model`` has, by their keys.
     """
     positive = {"type": "number", "exclusiveMinimum": 0.0}
 
     def mapping(model: type[Part], required: tuple[str, ...], **keys: Any) -> dict[str, Any]:
+        """Return the JSON schema of a mapping: the schema of each key, with its description in ``model``."""
         described = {key: {**value, "description": model.model_fields[key].description} for key, value in keys.items()}
         return {"type": "object", "properties": described, "required": list(required), "additionalProperties": False}
 

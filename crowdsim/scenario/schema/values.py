@@ -29,6 +29,7 @@ SizePair = Annotated[tuple[Extent, Extent], Field(strict=False)]
 
 
 def _checked_rectangle(rectangle: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Return the rectangle if it has an extent along both axes; else raise ValueError."""
     xmin, ymin, xmax, ymax = rectangle
     if xmax - xmin < MIN_EXTENT or ymax - ymin < MIN_EXTENT:
         raise ValueError("a rectangle is [xmin, ymin, xmax, ymax] with xmin below xmax and ymin below ymax")
@@ -109,6 +110,7 @@ class Region(Part):
         return self
 
     def _kinds(self) -> tuple[str, ...]:
+        """Return the keys of which exactly one gives the shape; models with more kinds add theirs."""
         return ("rectangle", "point", "circle", "polygon")
 
     def shape(self) -> Polygon | Point:
