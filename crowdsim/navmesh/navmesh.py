@@ -116,7 +116,8 @@ class NavMesh(MeshQueries):
         Raises
         ------
         PathNotFound
-            If start or goal is closer than ``radius`` to an obstacle, or no passage is wide enough.
+            If start or goal is closer than ``radius`` to an obstacle, or no passage is wide enough. Hardly ever also
+            if there is a passage, but no path through it could be traced.
         GeometryError
             If an argument is not finite, the radius is negative, or ``optimality`` is unknown. If the ``radius`` of a
             fast path is below :data:`crowdsim.navmesh.paths.paths.MIN_RADIUS` or, in areas of many kilometers, below

@@ -137,9 +137,9 @@ class PathSearch:
         return out
 
     def are_apart(self, starts: Floats, goals: Floats, radius: float, least: float) -> NDArray[np.bool_]:
-        """Return (n,) True if no way leads from a start to its goal (n, 2), and the disc is free at both.
+        """Return (n,) True if the disc is free at a start and at its goal, but no way leads from one to the other.
 
-        Arguments are those of :meth:`find`, for one radius. The labels of components show that at once; a search would
+        Arguments are those of :meth:`find`, for one radius. The labels of components show this at once; a search would
         have to look everywhere.
         """
         one, other = self.components(np.concatenate([starts, goals]), radius, least).reshape(2, -1)
@@ -147,7 +147,11 @@ class PathSearch:
         return apart
 
     def _find_joined(self, batch: Batch, workers: int | None, find: Callable[[Batch, int | None], Floats]) -> Floats:
-        """Let ``find`` search those of the batch that may have a path; fill in all results, and return their points."""
+        """Let ``find`` search the queries of the batch that may have a path; return the points (k, 2) [m] of all.
+
+        The results of the batch are filled in, also of queries without a path. ``find(batch, workers)`` fills in the
+        results of a batch and returns its points, as :meth:`_find_fast` does.
+        """
         apart = np.zeros(len(batch.radii), np.bool_)
         for radius in np.unique(batch.radii).tolist():
             rows = np.flatnonzero(batch.radii == radius)
@@ -193,6 +197,7 @@ class PathSearch:
         regions = self.regions()
 
         def work(first: int, last: int) -> Floats:
+            """Search the queries from ``first`` up to ``last`` (exclusive); return their points (k, 2) [m]."""
             part = batch.part(first, last)
             with self._workspaces.lent(self._triangles) as scratch:
                 points: Floats = path_kernels.plan_paths(self._mesh, regions, scratch, part)
@@ -216,6 +221,7 @@ class PathSearch:
         graph = self.graph(float(batch.radii[0]), float(batch.least[0]))
 
         def work(first: int, last: int) -> Floats:
+            """Search the queries from ``first`` up to ``last`` (exclusive); return their points (k, 2) [m]."""
             part = batch.part(first, last)
             with graph.scratch() as scratch:
                 points: Floats = shortest_kernels.shortest_paths(

@@ -6,7 +6,8 @@ obstacle's outline grown by the radius: circles around its ends and lines beside
 entirely too close or entirely clear; the caller tests the middle to see which.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``arc`` is a record :data:`ARC`; ``lo`` and
-``hi`` bound the roots that count [rad]; ``roots`` holds the first ``count`` of them in ascending order; n = (nx, ny) is
+``hi`` bound the roots that count [rad]; ``roots`` (:data:`MOST_ROOTS`,) float64 holds ``count`` of them [rad] in
+ascending order; n = (nx, ny) is
 the unit normal of a line, p, q, v, a and b are points [m]; ``radius`` is that of the disc [m].
 """
 
@@ -19,7 +20,10 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt
 
 ARC = np.dtype([(name, np.float64) for name in ("x", "y", "radius", "start", "turn")], align=True)
-"""A circular arc: center x, y [m], radius [m], bearing of its start from the center [rad], signed angle [rad]."""
+"""A circular arc: center x, y [m], radius [m], bearing of its start from the center [rad], signed angle [rad].
+
+(tangent_graph_arrays has another ARC.)
+"""
 
 FLAT = 1e-8
 """Arcs of a smaller bulge count as straight: their middle is less than 1e-8 of their length off the chord.

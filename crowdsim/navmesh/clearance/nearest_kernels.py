@@ -8,7 +8,7 @@ triangle is farther than the best place.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, t a triangle; p = (px, py) is the query
 point [m]; ``one`` and ``other`` are records _OUTLINE, ``radius`` is that of the disc [m]; ``tolerance`` is a distance
-that rounding may take [m]; ``triangle_marks`` and ``vertex_marks`` say what was visited already.
+that rounding may take [m]; ``triangle_marks`` (nt,) and ``vertex_marks`` (nv,), int32, say what was visited already.
 """
 
 import math
@@ -137,9 +137,9 @@ def _side_to_triangle2(m, h, t):
 def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, vertex_marks):
     """Collect the outlines of obstacles within ``near`` [m] of the free triangle ``root``.
 
-    Only obstacles that open sides lead to count: those behind walls are left out. Circles of some vertices farther off
-    are among the outlines. Return (outlines, count, stack), as the arrays grow if they are
-    full; ``stack`` is scratch. The marks hold ``root`` + 1 for what was visited.
+    Only obstacles that open sides lead to count: obstacles behind walls are left out. Circles of some vertices farther
+    off are among the outlines. Return (outlines, count, stack), as the arrays grow if they are full: records _OUTLINE,
+    their number, and the scratch ``stack`` (int64). The marks hold ``root`` + 1 for what was visited.
     """
     sides = m.sides
     vertices = m.vertices
@@ -252,7 +252,7 @@ def nearest_free(m, px, py, radius, tolerance, limit):
     tolerance : float
         What rounding may take from the clearance of the place [m].
     limit : float
-        Greatest distance from p [m].
+        Greatest distance from p [m]; may be infinite.
 
     Returns
     -------

@@ -112,7 +112,7 @@ class Obstacles:
             self._free.append(len(self._slots))
             self._slots.append(_Slot())
         number = self._free[-1]
-        # The slot stays free if there is no room for the obstacle, which raises an error.
+        # If the obstacle cannot be put in, this raises an error and the slot stays free.
         self._put(number, shape, snapped)
         self._free.pop()
         return Handle(number, self._slots[number].generation)
@@ -220,10 +220,13 @@ class Obstacles:
         return Shape(snapped, shape.ends, shape.winding)
 
     def _put(self, number: int, shape: Dots | Shape, snapped: Shape) -> None:
-        """Insert ``shape`` as slot ``number``; if that fails the mesh is as before, and GeometryError is raised."""
+        """Insert ``shape`` as slot ``number``; if that fails, leave the obstacle out and raise GeometryError.
+
+        A mesh that became useless is built again, for which see :meth:`rebuild`.
+        """
         slot = self._slots[number]
         slot.shape, slot.snapped = shape, snapped
-        # The mesh may have become useless: build it again without this obstacle (``ids`` None), and try once more.
+        # If that fails the mesh is useless: build it again without this obstacle (``ids`` None), and try once more.
         if not self._enter(number, slot):
             slot.ids = None
             self.rebuild()
@@ -266,8 +269,8 @@ class Obstacles:
         Return False if the mesh is useless afterwards.
         """
         for i, (x, y) in enumerate(points):
-            # Vertices and uses to add room for if the kernel finds none: more than `has_room` wants for a point, and
-            # twice as many each time. For repairs as many as the mesh has.
+            # Vertices and uses to add room for if the kernel finds none: 128, more than `has_room` wants for a point,
+            # and twice as many each time. For repairs as many vertices as there is room for now.
             job, wanted = what, 128
             while (v := point_kernels.edit_point(self._places, job, x, y, ids[i])) < -1:
                 if v == UNSETTLED:
@@ -285,7 +288,7 @@ class Obstacles:
         Return False if the mesh is useless afterwards.
         """
         # Vertices and uses to add room for if the kernel finds none: what `has_room` wants, and twice as many each
-        # time. For repairs as many as the mesh has.
+        # time. For repairs as many vertices as there is room for now.
         shape, wanted = slot.snapped, 8 * len(slot.snapped.points) + 64
         while True:
             status = edit_kernels.edit(self._places, what, shape.points, shape.ends, shape.winding, number, slot.ids)

@@ -32,6 +32,7 @@ def hint_cell(m, t):
         v = m.vertices[m.sides[h].org]
         x += v.x
         y += v.y
+    # A center lies inside of the box, but rounding may put it beyond the last cell.
     column = min(int((x / 3.0 - frame.x0) / frame.hint_cell), frame.nx - 1)
     row = min(int((y / 3.0 - frame.y0) / frame.hint_cell), frame.ny - 1)
     return row * frame.nx + column
@@ -88,9 +89,9 @@ def _flip_spokes(m, w, v):
     """Flip spokes of vertex v away until four are left or none can be: (a spoke, number of spokes, of fixed ones).
 
     Four are few enough: the caller joins two opposite ones to one side, which leaves two triangles. A spoke is flipped
-    if both new triangles have an area, by exact tests. If none is constrained, at least one of five or more can be
-    flipped: only those are blocked whose neighbors are half a turn or more apart, or whose end is a corner of the
-    outline that does not bend outward, and these are too few to block all.
+    if both new triangles have an area, by exact tests. Of five or more spokes, none of them constrained, at least one
+    can be flipped. A spoke is blocked only if its two neighbors are half a turn or more apart, or if the outline of the
+    triangles around v does not bend outward at the spoke's end. Too few spokes are like this to block all.
     """
     sides = m.sides
     vertices = m.vertices
@@ -246,8 +247,8 @@ def remove_vertex(m, w, v):
     not be Delaunay are stacked in ``pairs`` of the workshop w, for the caller to flip.
     """
     sides = m.sides
-    # Down to four spokes, if there are more. Of four, two opposite ones become one side (the two
-    # constrained ones, if there are such); three without constraints go at once. Anything else cannot be removed.
+    # Down to four spokes, if there are more. Of four, two opposite ones become one side (the two constrained ones, if
+    # there are such); three without constraints go at once. Otherwise v cannot be removed.
     h, degree, fixed = _flip_spokes(m, w, v)
     if degree == 4:
         h = _spoke_to_join(m, h, fixed)

@@ -92,7 +92,10 @@ def _forget_seen(m, w):
 
 @helper
 def _touch_around(m, w, v):
-    """Touch the corners of changed triangles around vertex v, and neighbors of v that may not be needed any longer."""
+    """Touch the corners of changed triangles around vertex v, and mark them CHANGED; touch its feet and crossings.
+
+    Feet and crossings are neighbors of v that are no corner of an obstacle (vref 0); they may have lost their use.
+    """
     sides = m.sides
     vertices = m.vertices
     first = vertices[v].vhe
@@ -100,7 +103,7 @@ def _touch_around(m, w, v):
     for _ in range(sides.size):
         p = prv(h)
         u = sides[nxt(h)].org
-        # A changed triangle touches its corners; otherwise a neighbor that is a foot or crossing may have lost its use.
+        # Corners of a changed triangle; else the neighbor alone, if it may have lost its use.
         if is_dirty(sides, h // 3):
             touch(w, u)
             w.to_do[u].mark |= CHANGED
@@ -122,7 +125,7 @@ def _has_changed(m, w, v):
     sides = m.sides
     first = m.vertices[v].vhe
     h = first
-    # Noted already, or to be seen at a triangle.
+    # Marked already. Otherwise a triangle around v shows it.
     if w.to_do[v].mark & CHANGED != 0:
         return True
     for _ in range(sides.size):

@@ -39,7 +39,10 @@ def soil(sides, t):
 
 @helper
 def side(vertices, a, b, x, y):
-    """Return twice the signed area of vertices a, b and the point (x, y) [m2]: positive if it lies left of a -> b."""
+    """Return twice the signed area of the triangle of vertices a and b and the point (x, y) [m2].
+
+    It is positive if the point lies left of a -> b, and exact if the point is on the grid.
+    """
     p = vertices[a]
     q = vertices[b]
     return orient2d(p.x, p.y, q.x, q.y, x, y)
@@ -47,7 +50,7 @@ def side(vertices, a, b, x, y):
 
 @helper
 def snapped(cell, v):
-    """Return the multiple of the grid ``cell`` nearest to the coordinate v [m]."""
+    """Return the multiple of ``cell``, the side of a grid cell [m], that is nearest to the coordinate v [m]."""
     return np.rint(v / cell) * cell
 
 
@@ -78,7 +81,7 @@ def locate(m, x, y, hint):
     t = hint
     if t < 0 or t >= frame.triangles:
         # No usable hint: start from the triangle kept for this cell of the coarse hint grid. After an edit its number
-        # may be out of date, but any triangle is a start.
+        # may be out of date, but any triangle is a start. A point on the far sides of the box belongs to the last cell.
         column = min(int((x - frame.x0) / frame.hint_cell), frame.nx - 1)
         row = min(int((y - frame.y0) / frame.hint_cell), frame.ny - 1)
         t = min(m.hints[row * frame.nx + column], frame.triangles - 1)

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 NONE = np.int64(-1)
 """No half-edge, triangle or vertex.
 
-A helper that also takes other numbers here is passed np.int64(NONE): numba gives the constant a type of its own and
-would compile the helper twice.
+A helper of which an argument may be NONE or another number is passed np.int64(NONE): numba gives the bare constant a
+type of its own and would compile the helper twice.
 """
 
 BOX_CORNERS = 4
@@ -70,7 +70,7 @@ FRAME = np.dtype(
 """Size of a mesh.
 
 cell: grid cell [m]. x0, y0, x1, y1: box [m]. hint_cell: cell of the hint grid [m]. vertices: how many records are
-filled, also with removed ones. triangles: how many there are. nx, ny: cells of the hint grid in x and y. spare: first
+filled, also with removed ones. triangles: number of triangles. nx, ny: cells of the hint grid in x and y. spare: first
 removed vertex, 0 for none.
 """
 
@@ -84,9 +84,10 @@ and never changed, so that both halves of a split side can share one.
 TO_DO = np.dtype([(name, np.int64) for name in ("waiting", "touched", "mark", "changed", "cell")], align=True)
 """Work lists of an edit, as columns side by side.
 
-waiting, touched: lists of vertices; mark: bits that say which of them a vertex is in (see work_kernels). changed: list
-of triangles that the edit changed or renumbered; cell: hint cell that points to them. Triangles at the end of the mesh
-that no longer exist or are new may be missing from ``changed``.
+waiting, touched: lists of vertices. mark: for each vertex, bits that say which of these lists it is in, and more (see
+work_kernels). changed: list of triangles that the edit changed or renumbered; cell: for each of them, the cell of the
+hint grid that holds its center. Triangles at the end of the mesh that no longer exist or are new may be missing from
+``changed``.
 """
 
 PROGRESS = np.dtype(
@@ -96,11 +97,11 @@ PROGRESS = np.dtype(
 )
 """State of an edit.
 
-head, waiting: first index and length of the ring buffer ``waiting``. touched, changed: lengths of these lists. uses:
-used records of the pool of uses. pairs, gone: lengths of the stack ``pairs`` and of ``gone``. full: 1 if the pool of
-uses was too small. rerouted: 1 if a crossing bent a constrained side instead of splitting it. removal: what the edit
-removes: 0 for nothing, SIDES or POINT (see removal_kernels). vertex: vertex of the point that was edited. left: loop
-turns left before the edit counts as stuck.
+head, waiting: first index and length of the ring buffer ``waiting``. touched: length of this list. changed: length of
+this list, or more than its room if triangles were left out. uses: used records of the pool of uses. pairs, gone:
+lengths of the stack ``pairs`` and of ``gone``. full: 1 if the pool of uses was too small. rerouted: 1 if a crossing
+bent a constrained side instead of splitting it. removal: what the edit removes: 0 for nothing, SIDES or POINT (see
+removal_kernels). vertex: vertex of the point that was edited. left: loop turns left before the edit counts as stuck.
 """
 
 SIGHT = np.dtype(
@@ -110,7 +111,8 @@ SIGHT = np.dtype(
 
 lo, hi: in a search from a wall, the part of the wall on which a foot may be, from 0 at its origin to 1 at its end. rx,
 ry, lx, ly: in a search from a vertex, the right and the left ray of its view through this half-edge, relative to the
-vertex [m]. Each search sets only its own fields.
+vertex [m]. Each search sets only its own fields. (Searches for shortest paths have a SIGHT of their own, see
+view_arrays.)
 """
 
 SEGMENT = np.dtype([(name, np.float64) for name in ("ax", "ay", "bx", "by")], align=True)

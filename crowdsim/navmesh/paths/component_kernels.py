@@ -84,8 +84,9 @@ def are_joined(m, labels, start, sx, sy, goal, gx, gy, width):
 def components(m, labels, count, points, radius, least, out):
     """Fill ``out`` (n,) int64 with the component of a disc at each of ``points`` (n, 2) [m], -1 if not free there.
 
-    ``labels`` and ``count`` are those of :func:`label_sides` for the width 2 ``least``. Discs that cannot leave their
-    triangle form a component of their own, numbered ``count`` plus the triangle.
+    ``labels`` (3 nt,) int32 and ``count`` are those of :func:`label_sides` for the width 2 ``least``, more than 0. A
+    place from which the disc cannot leave the triangle is in a component of that triangle alone, numbered ``count``
+    plus the triangle.
     """
     for i in range(points.shape[0]):
         x = points[i, 0]

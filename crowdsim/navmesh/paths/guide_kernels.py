@@ -4,7 +4,7 @@ Sides are known by the vertices at their ends, which keep their numbers when obs
 those of the mesh without these obstacles. A guide only says where to look first, so an unknown or changed side does no
 harm.
 
-``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``guide`` is a table of rows :data:`GUIDE`;
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``guide`` (k,) are records :data:`GUIDE`;
 a side goes from vertex ``origin`` to vertex ``end``; ``radius`` is that of the disc [m].
 """
 
@@ -52,8 +52,8 @@ def _row(guide, origin, end):
 def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     """Estimate the length [m] of a way from the start over the label's interval to the goal; meters to go are weighted.
 
-    Return ``otherwise``, the estimate [m] without a guide, if that is more or the side is not in ``guide``. ``label``
-    is a record LABEL of the workspace; the weight is GREED.
+    The weight is GREED. The estimate is at most the limit of ``guide``, but at least ``otherwise``, the estimate [m]
+    without a guide; it is ``otherwise`` if the side is not in ``guide``. ``label`` is a record LABEL of the workspace.
     """
     h = np.int64(label.h)
     origin = sides[h].org
@@ -113,8 +113,9 @@ def clear_guide(guide):
 def fill_guide(m, labels, used, radius, limit, guide):
     """Enter the first ``used`` labels of a search from the goal, complete up to keys of ``limit`` [m], into ``guide``.
 
-    Keys estimate whole ways between goal and start, and count meters to go GREED times. So the search is complete only
-    up to ways of about limit / GREED. Distances only get less here: clear the guide before.
+    ``labels`` are records LABEL of the workspace. Keys estimate whole ways between goal and start, and count meters
+    to go GREED times. So the search is complete only up to ways of about limit / GREED. Distances only get less here:
+    clear the guide before.
     """
     guide[guide.size - 1].left = limit
     sides = m.sides

@@ -93,7 +93,8 @@ def _estimate(label, x, y):
 def _key(m, regions, waypoints, guide, label, gx, gy, radius):
     """Return the key of a label in the heap: about how long a way over it is [m], with meters to go times GREED.
 
-    Either ``guide`` or ``regions`` is None, not both. A guide without sides leaves the plain estimate to the goal.
+    One of ``guide`` and ``regions`` is None, the other is not. A guide without sides leaves the plain estimate to the
+    goal.
     """
     key = 0.0
     if guide is not None:
@@ -332,7 +333,8 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
 def string_along(m, labels, last, sx, sy, gx, gy, radius):
     """Return the nodes (STRING_NODE) that the way over label ``last`` to the goal bends around, and their number.
 
-    They begin with the start and end with the goal. The array has 64 rows to spare, for repairs of the string.
+    They begin with the start and end with the goal. STRING_NODE is of tangent_kernels. The array has 64 rows to spare
+    or more, for repairs of the string.
     """
     label = labels[last]
     h = np.int64(label.h)

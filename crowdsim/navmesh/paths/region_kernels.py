@@ -5,8 +5,9 @@ form a tree. So a way from start to goal crosses the bridges between them one by
 way need no search, and in each region the next bridge is a better aim than the goal. Bridges are found as by Tarjan
 (1974).
 
-``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``waypoints`` (nt,) and ``stamp``, the
-number of the query, are those of the :class:`crowdsim.navmesh.paths.workspace.Workspace`; g = (gx, gy) is the goal [m].
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``regions`` (nt,) are records
+:data:`REGION`; ``waypoints`` (nt,), records WAYPOINT, and ``stamp``, the number of the query, are those of the
+:class:`crowdsim.navmesh.paths.workspace.Workspace`; g = (gx, gy) is the goal [m].
 """
 
 import numpy as np

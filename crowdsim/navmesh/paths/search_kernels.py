@@ -3,7 +3,8 @@
 A state is a half-edge by which the path leaves its triangle, with the best point to cross it. In a refined mesh the
 widths of sides and corners decide exactly if the disc fits; near the ends of the path `can_leave` decides.
 
-``sides`` and ``vertices`` are the records SIDE and VERTEX of the mesh; p = (px, py) is a place before side h, g = (gx,
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
+SIDE and VERTEX; p = (px, py) is a place before side h, g = (gx,
 gy) the goal [m].
 """
 
@@ -88,10 +89,10 @@ def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
 
 @helper
 def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
-    """Return the half-edges (k,) int64 that a short way from triangle ``start`` to ``goal`` crosses.
+    """Return the half-edges (k,) int64 that a short way from triangle ``start`` to ``goal`` crosses, in order.
 
-    It is empty if all ways are too narrow. A channel is found if there is one; only how short it is depends on the
-    limit of expansions (_IMPROVING). If start and goal are in one triangle, the channel leads out of it and back.
+    The array is empty if all ways are too narrow. A channel is found if there is one; only how short it is depends on
+    the limit of expansions (_IMPROVING). If start and goal are in one triangle, the channel leads out of it and back.
 
     Parameters
     ----------

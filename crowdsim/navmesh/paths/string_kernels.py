@@ -1,8 +1,9 @@
 """Turn the taut string of a disc into a path: check its polyline piece by piece and repair it where it is too close.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
-SIDE and VERTEX; ``nodes`` are records :data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`, the first ``count``
-of them in use; ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; a and b are unit vectors.
+SIDE and VERTEX; ``nodes`` (k,) are records :data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`, the first
+``count`` of them in use; ``stack`` is scratch, (k,) SWEPT of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; a = (ax,
+ay) and b = (bx, by) are unit vectors.
 """
 
 import math
@@ -33,9 +34,9 @@ _MARK = np.dtype([("points", np.int64), ("triangle", np.int64)], align=True)
 def tighten(nodes, count, i, last):
     """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and those that this affects.
 
-    ``nodes`` is changed: later nodes move to lower indices. The index ``last`` stays, so it comes to mean a later node.
-    i is at least 1. Return the new number of nodes, or -1 if two are too close for a tangent, and the first node with
-    new neighbors (i if none).
+    Return (number of nodes, first node with new neighbors). The number is -1 if two nodes are too close for a tangent;
+    the node is i if none was dropped. ``nodes`` is changed: later nodes move to lower indices. The index ``last``
+    stays, so it comes to mean a later node. i is at least 1.
     """
     first = i
     before, ax, ay = tangent(nodes[i - 1], nodes[i])
@@ -195,7 +196,10 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
 
 @helper
 def _turns_right(nodes, count, i):
-    """Return True if both tangents of node i exist and the string turns towards its obstacle, or if i is an end."""
+    """Return True if the string turns to the correct side at node i, and both tangents there exist, or if i is an end.
+
+    The correct side is that of the node's obstacle, on the left or on the right.
+    """
     if i <= 0 or i >= count - 1:
         return True
     before, ax, ay = tangent(nodes[i - 1], nodes[i])
@@ -278,6 +282,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
                 node.bulge = FINE if node.bulge > FINE else max(0.125 * node.bulge, finest)
                 fine = True
             if fine:
+                # Trace again from node i; the start, node 0, has no arc.
                 first = max(1, i)
                 continue
         if taut:
@@ -300,5 +305,6 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
         i = max(1, i - 1)
         # Only the new node and those next to it have new tangents.
         count, first = tighten(nodes, count, i, i + 4)
+        # The first new tangent leaves the node before, whose arc it changes: trace from there.
         first = max(1, first - 1)
     return False, points[:0]

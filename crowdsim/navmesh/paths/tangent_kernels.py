@@ -72,9 +72,10 @@ def tangent(a, b):
 def arc_corners(q, dx, dy, angle, bulge):
     """Find corners around a node that the string reaches in direction d and leaves turned by ``angle`` [rad].
 
-    The angle is positive to the left, as q; d is a unit vector. Return (count, x, y of the first one from the node [m],
-    cosine, sine of the turn to the next). The polyline is circumscribed and stands off the arc by at most ``bulge``
-    [m]. Start and goal (q = 0) are the only corner themselves.
+    The angle is positive to the left, as q; d is a unit vector. Return (count, x, y of the first corner relative to the
+    node [m], cosine, sine of the turn from one corner to the next). There is at least one corner. The polyline is
+    circumscribed and stands off the arc by at most ``bulge`` [m]. Start and goal (q = 0) are the only corner
+    themselves.
     """
     radius = abs(q)
     if radius == 0.0:
@@ -104,11 +105,11 @@ def _swallowed(one, other):
 def funnel(m, channel, count, reach, sx, sy, gx, gy):
     """Pull a string taut through the first ``count`` sides of the channel, from (sx, sy) to (gx, gy) [m].
 
-    ``channel`` holds the half-edges that are crossed, in order. Return the string's nodes (STRING_NODE), in an array
-    with room for more, and their number.
+    ``channel`` (k,) int64 holds the half-edges that are crossed, in order. Return the string's nodes (STRING_NODE), in
+    an array with room for more, and their number.
 
-    The string keeps reach[v] [m] away from each vertex v (Lee and Preparata 1984, with circles for points). With no
-    sides, ``channel`` and ``reach`` may be empty, and it is the straight line.
+    The string keeps reach[v] [m] away from each vertex v (Lee and Preparata 1984, with circles for points); ``reach``
+    is (nv,) float64. If ``count`` is 0, the string is the straight line, and ``channel`` and ``reach`` may be empty.
     """
     # The funnel is a deque in ``chain``: the left chain (outwards to lower indices), the apex, the right chain (to
     # higher ones).

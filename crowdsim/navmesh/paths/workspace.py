@@ -22,7 +22,8 @@ LABEL = np.dtype(
 rx, ry: the root, the last place where the way bends [m]. spent: length of the way up to it [m]. lx, ly, px, py: left
 and right end of the part of side h [m]. corner: twice the half-edge that the root is an end of, plus 1 for its right
 end; -1 for the start. before: the label whose end became the root, or -1. ends: 1 if the left end is also the left end
-of the cut side, so that the way may bend there; plus 2 if the right end is also its right end.
+of the cut side, so that the way may bend there; plus 2 if the right end is also its right end. (Searches for shortest
+paths have another LABEL, see :mod:`crowdsim.navmesh.shortest.shortest_scratch`.)
 """
 
 REACHED = np.dtype([("spent", np.float64), ("stamp", np.int64)], align=True)
@@ -38,9 +39,9 @@ class Workspace(NamedTuple):
     labels: NDArray[Any]
     """(6 nt,) records :data:`LABEL`."""
     heap: NDArray[Any]
-    """(6 nt,) records :data:`HEAP_ROW`."""
+    """(6 nt,) records HEAP_ROW of :mod:`crowdsim.navmesh.mesh.heap_kernels`."""
     reached: NDArray[Any]
-    """(6 nt,) records :data:`REACHED` of the left (even) and right ends of half-edges."""
+    """(6 nt,) records :data:`REACHED`: row 2 h is for the left end of half-edge h, row 2 h + 1 for its right end."""
     waypoints: NDArray[Any]
     """(nt,) records :data:`WAYPOINT` of regions, at their top triangles."""
     stamp: NDArray[np.int64]
@@ -71,7 +72,10 @@ class Workspaces:
 
     @contextmanager
     def lent(self, triangles: int) -> Iterator[Workspace]:
-        """Yield a workspace for a mesh of ``triangles`` to one thread; keep it then, but drop it after an error."""
+        """Yield a workspace for a mesh of so many ``triangles`` to one thread.
+
+        It is kept for the next search afterwards, but dropped after an error.
+        """
         with self._lock:
             fit = next((k for k, idle in enumerate(self._idle) if len(idle.waypoints) >= triangles), None)
             found = None if fit is None else self._idle.pop(fit)

@@ -1,8 +1,10 @@
 """Arcs around the corners of a mesh where a disc of one radius stands free, so that a taut string may bend there.
 
 Arguments of all helpers: ``radius`` of the disc and ``least``, the clearance that counts as enough, slightly less [m];
-angles are measured from the direction n, up to ``extent`` [rad]; ``sights``, ``found`` and ``spans`` are scratch: a
-stack of views, what is seen, and the intervals of angles that are taken. ``m`` is the mesh (MeshArrays) of
+angles are measured from the direction n, up to ``extent`` [rad]; ``arcs`` (na,) are records ARC of
+:mod:`crowdsim.navmesh.shortest.tangent_graph_arrays`. Scratch are ``sights``, a stack of views (records SIGHT of
+:mod:`crowdsim.navmesh.shortest.view_arrays`), ``found``, what is seen (int64), and ``spans``, the intervals of angles
+that are taken (records _SPAN). ``m`` is the mesh (MeshArrays) of
 :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records SIDE and VERTEX; n = (nx, ny) is a
 unit vector, c = (cx, cy) a direction of any length, v a vertex or its place (vx, vy), a and b the ends of a wall, p the
 place of a corner, all in mesh coordinates [m]. The half-edges that leave a vertex are its spokes; two constrained ones
@@ -214,9 +216,9 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
 
 @helper
 def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spans):
-    """Add the arcs of vertex v between its spokes ``first`` and ``last`` to ``arcs``; all around if they are -1.
+    """Add the arcs of vertex v between its spokes ``first`` and ``last`` to ``arcs``; all around if both are -1.
 
-    Return (arcs, count).
+    Return (arcs, their number), as the array grows if it is full. ``count`` is their number before.
     """
     sides = m.sides
     vertices = m.vertices

@@ -1,11 +1,10 @@
 """The search for a shortest path that keeps all arrivals at an arc, for the few queries in which one is not enough.
 
-Arguments are those of :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`; ``arrivals`` are records ARRIVAL, and
-``first`` (nodes,) is the arrival last added at each node, -1 for none.
-
-``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``radius`` is that of the disc [m],
-``cost``, ``turned`` and ``before`` are fields of an arrival, ``count`` is the number of arrivals. ``graph``,
-``scratch``, ``start`` and ``goal`` are those of the other search.
+Arguments are those of :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`: ``m``, ``graph``, ``scratch``,
+``start``, ``goal``, ``disc`` and ``longest``. ``arrivals`` (k,) are records ARRIVAL of
+:mod:`crowdsim.navmesh.shortest.shortest_scratch`, the first ``count`` of them in use, and ``first`` (nodes,) int64 is
+the index of the arrival last added at each node, -1 for none. ``radius`` is that of the disc [m]; ``cost``, ``turned``
+and ``before`` are fields of an arrival.
 """
 
 import numpy as np
@@ -24,9 +23,8 @@ from crowdsim.navmesh.shortest.tangent_search_kernels import SAME, begin_search,
 def _is_beaten(arrivals, k, first, radius):
     """Return True if another arrival at the node of arrival k is as good, however the string goes on.
 
-    ``first`` is the arrival last added at that node.
-    An arrival that has turned by more can go back along the arc; see
-    :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`.
+    ``first`` is here the index of the arrival last added at that node, -1 for none. An arrival that has turned by more
+    can go back along the arc; see :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`.
     """
     one = arrivals[k]
     i = first
@@ -63,9 +61,10 @@ def _arrive(arrivals, count, first, n, cost, turned, before, radius):
 
 @helper
 def search_all(m, graph, scratch, start, goal, disc, longest):
-    """Search for the shortest path of at most ``longest`` meters.
+    """Search for the shortest path of at most ``longest`` meters, which may be infinite.
 
-    Return (arrivals, last arrival, length [m]); the last arrival is -1, and the length infinite, if there is no path.
+    Return (arrivals, index of the last arrival, length [m]). If there is no path, the index is -1 and the length
+    infinite.
     """
     nodes = graph.nodes
     goals = scratch.goals

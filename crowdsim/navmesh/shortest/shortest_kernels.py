@@ -1,7 +1,8 @@
 """The shortest path of a disc: straight if possible, otherwise along arcs and tangents.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``graph`` is the TangentGraph of the disc,
-``scratch`` a ShortestScratch.
+of :mod:`crowdsim.navmesh.shortest.tangent_graph_arrays`; ``scratch`` is a ShortestScratch and ``disc`` a Disc of
+:mod:`crowdsim.navmesh.shortest.shortest_scratch`.
 """
 
 import math
@@ -33,9 +34,10 @@ _DETOUR = 1.06
 
 @helper
 def _widen(string, radius):
-    """Give the discs of a taut string the given radius, close to their old one, and the coarse bulge.
+    """Give the discs of a taut string ``radius`` [m], which is close to their old one, and the coarse bulge.
 
-    Return True if all tangents exist and the string still turns around each disc on the disc's side, up to rounding; a
+    ``string`` (k,) are records STRING_NODE of tangent_kernels, changed in place; start and goal get radius 0. Return
+    True if all tangents exist and the string still turns around each disc on the disc's side, up to rounding; a
     turn of more than half a circle counts as one to the other side.
     """
     for i in range(string.size):

@@ -56,7 +56,7 @@ class RadiusGraph:
         arcs, begin = arc_kernels.find_arcs(mesh, self.disc.radius, self.disc.least)
 
         def tangents(first: int, last: int) -> np.ndarray:
-            """Return the tangents from nodes ``first`` up to ``last``."""
+            """Return the tangents (k,), records _TANGENT, from nodes ``first`` up to ``last`` (exclusive)."""
             view = empty_view(self._vertices, self._triangles)
             part: np.ndarray = tangent_graph_kernels.find_tangents(mesh, arcs, begin, *self.disc, view, first, last)
             return part
@@ -73,7 +73,7 @@ class RadiusGraph:
 
     @contextmanager
     def scratch(self) -> Iterator[ShortestScratch]:
-        """Lend scratch memory to one thread; it is kept for the next search, but dropped after an error."""
+        """Yield scratch memory to one thread; it is kept for the next search, but dropped after an error."""
         with self._lock:
             found = self._idle.pop() if self._idle else None
         if found is None:

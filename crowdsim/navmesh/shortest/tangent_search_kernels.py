@@ -7,12 +7,14 @@ way, and once as the cost counts the angle). An arrival that costs more than thi
 costs less may, but hardly ever does; then all arrivals have to be kept, see
 :mod:`crowdsim.navmesh.shortest.complete_search_kernels`.
 
-Arguments of all helpers: ``graph`` (TangentGraph); ``scratch``, ``disc``, ``start`` and ``goal`` (Stand), labels and
-``goals`` (END, the tangents to the goal) as of :mod:`crowdsim.navmesh.shortest.shortest_scratch`; ``stamp``, the number
-of the query; ``n``, a node: a way around an arc, counter-clockwise if even. ``turned`` is the angle from the begin of
-the arc to the place of arrival [rad], ``straight`` the length of the tangent before it [m]. ``m`` is the mesh
+Arguments of all helpers: ``graph`` is the TangentGraph of :mod:`crowdsim.navmesh.shortest.tangent_graph_arrays`. Of
+:mod:`crowdsim.navmesh.shortest.shortest_scratch` are ``scratch`` (ShortestScratch), ``disc`` (Disc), ``start`` and
+``goal`` (Stand), ``label`` and ``labels`` (records LABEL), ``end``, ``ends`` and ``goals`` (records END; ``goals`` are
+the tangents to the goal). ``stamp`` is the number of the query; ``n`` is a node: a way around an arc, counter-clockwise
+if even. ``turned`` is the angle from the begin of the arc to the place of arrival [rad], ``straight`` the length of the
+tangent before it [m]. ``m`` is the mesh
 (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``longest`` is the length beyond which no way is followed
-[m]; ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
+[m]; ``stack`` is scratch, (k,) SWEPT of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
 """
 
 import numpy as np
@@ -39,11 +41,10 @@ def _is_better(cost, turned, label):
 
 @helper
 def _is_shorter(back, radius, one, other):
-    """Return True if two tangents of one arc cross, so that a string can change from the first to the other.
+    """Return True if two tangents of one arc cross, so that a string can change from the first to the second.
 
-    It then need not go back along the arc, and a way over the crossing is shorter.
-
-    ``back`` is the angle between their points of contact [rad]; one and other are their lengths [m].
+    The string then need not go back along the arc, and a way over the crossing is shorter. ``back`` is the angle
+    between the points of contact [rad]; ``one`` and ``other`` are the lengths of the tangents [m].
     """
     # Tangents at two points of a circle meet at this distance from both; nearly half a turn apart, too far away.
     reach = radius * tan(0.5 * back) if back < 3.0 else np.inf
@@ -107,9 +108,10 @@ def _settle(graph, goals, stamp, goal, disc, n, label, cost, turned, straight, b
 
 @helper
 def begin_search(m, graph, scratch, start, goal, disc, longest):
-    """Mark the arcs that the goal sees, and find the tangents from the start; return the number of these.
+    """Mark the arcs that the goal sees, and find the tangents from the start; return the number of the latter.
 
-    Of ``scratch``, ``stamp`` gets a new number, ``goals`` the tangents to the goal, ``ends`` those from the start.
+    In ``scratch``, ``stamp`` gets a new number, ``outlook`` the ellipse of the search, ``goals`` the tangents to the
+    goal at their nodes, and ``ends`` the tangents from the start. ``longest`` may be infinite.
     """
     scratch.stamp[0] += 1
     # Only corners in the ellipse can be on a way of at most ``longest``; the discs widen it.
@@ -135,8 +137,8 @@ def is_free_end(m, stack, stand, disc, end):
 def search_tangents(m, graph, scratch, start, goal, disc, longest):
     """Search for the shortest path of at most ``longest`` meters; return (last node, length, lost).
 
-    The labels lead back from the last node. The node is -1 if there is no path, with an infinite length. If there is a
-    still shorter path, it is at least ``lost`` long.
+    The labels lead back from the last node. The node is -1 if there is no path, with an infinite length. A path that
+    the search has lost is at least ``lost`` long [m]; this is infinite if none was lost.
     """
     nodes = graph.nodes
     labels = scratch.labels
@@ -216,7 +218,7 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
 def string_through(graph, ways, count, start, goal, radius):
     """Return the string (count + 2,) STRING_NODE from start to goal through ``count`` nodes of the graph.
 
-    ``ways`` lists these nodes backwards.
+    ``ways`` (count,) int64 lists these nodes backwards; STRING_NODE is of tangent_kernels.
     """
     string = np.empty(count + 2, STRING_NODE)
     set_node(string[0], start.x, start.y, 0.0, NONE)

@@ -16,7 +16,7 @@ SIGHT = np.dtype(
 
 r, l: directions that bound the view on the right and left. a, b: unit vectors that bound the headings of tangents on
 the right and left, for corners at least ``a_from`` or ``b_from`` away [m]. clipped: 1 if the view was cut to what the
-headings can reach.
+headings can reach, or need not be.
 """
 
 ELLIPSE = np.dtype([(name, np.float64) for name in ("x", "y", "ux", "uy", "per_major", "per_minor")], align=True)

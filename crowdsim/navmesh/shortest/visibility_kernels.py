@@ -1,8 +1,10 @@
 """The corners to which a disc can go straight: the view from a point or an arc across the triangles around it.
 
-``aim``, ``sight``, ``seen`` and ``ellipse`` are records AIM, SIGHT, SEEN and ELLIPSE of
-:mod:`crowdsim.navmesh.shortest.view_arrays`; ``radius`` is that of the disc [m], ``reach`` the distance behind a vertex
-from which on it bounds headings [m]; point 0 is (x0, y0), point 1 is (x1, y1) [m]. ``eye`` is the Viewpoint.
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
+SIDE and VERTEX. ``aim``, ``sight`` and ``ellipse`` are records AIM, SIGHT and ELLIPSE of
+:mod:`crowdsim.navmesh.shortest.view_arrays`, ``seen`` (k,) are records SEEN; ``radius`` is that of the disc [m],
+``reach`` the distance behind a vertex from which on it bounds headings [m]; point 0 is (x0, y0), point 1 is (x1, y1)
+[m]. ``eye`` is the Viewpoint.
 """
 
 import math
@@ -88,7 +90,10 @@ def _report(seen, count, v, radius, aim, sight, margin):
 
 @helper
 def _tighten_right(sight, aim, reach):
-    """Bound the headings on the right by a vertex that tangents have on their right, unless the circles overlap."""
+    """Bound the headings on the right by a vertex that tangents have on their right.
+
+    The bound of the view stays if it is tighter, or if the vertex's circle overlaps that of the eye.
+    """
     if aim.right_s >= -1.0 and sight.ax * aim.right_y - sight.ay * aim.right_x > 0.0:
         sight.ax = aim.right_x
         sight.ay = aim.right_y
@@ -97,7 +102,10 @@ def _tighten_right(sight, aim, reach):
 
 @helper
 def _tighten_left(sight, aim, reach):
-    """Bound the headings on the left by a vertex that tangents have on their left, unless the circles overlap."""
+    """Bound the headings on the left by a vertex that tangents have on their left.
+
+    The bound of the view stays if it is tighter, or if the vertex's circle overlaps that of the eye.
+    """
     if aim.left_s <= 1.0 and aim.left_x * sight.by - aim.left_y * sight.bx > 0.0:
         sight.bx = aim.left_x
         sight.by = aim.left_y
@@ -146,7 +154,7 @@ def _meets(ellipse, a, b):
 
 @inlined
 def _leads_on(sight, h, vertices, sides, eye, ellipse):
-    """Return True if a tangent may lead across side h, if that is open, at the headings of a view.
+    """Return True if side h is open and a tangent may lead across it at the headings of the view ``sight``.
 
     Only sides seen from inside count: a view that sees slightly past vertices would otherwise go round and round those
     in line.

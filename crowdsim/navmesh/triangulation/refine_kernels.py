@@ -5,10 +5,10 @@ opposite points touches nothing else. Refinement makes the foot of each bottlene
 sides and the heights of corners alone decide what fits where (docs/navmesh.md, "Refinement").
 
 ``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
-:mod:`crowdsim.navmesh.mesh.mesh_arrays`; h and s are half-edges, v a vertex, t a triangle; ``sight`` is a record SIGHT.
-A segment leads from a to b, and a part lo..hi of it is a pair of shares, 0 at a and 1 at b, empty if lo > hi; l = (l0,
-l1) is a ray; vectors are relative to the vertex that looks [m], as (wx, wy) to a vertex w that it sees. Of what is
-returned, FULL and STUCK are negative.
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sight`` is a record SIGHT of that module; h and s are half-edges, v a
+vertex, t a triangle. A segment leads from a to b, and a part lo..hi of it is a pair of shares, 0 at a and 1 at b, empty
+if lo > hi; l = (l0, l1) is a ray; vectors are relative to the vertex that looks [m], as (wx, wy) to a vertex w that it
+sees. Statuses: 0 for success; FULL and STUCK are negative, so they differ from any vertex.
 """
 
 import math
@@ -42,7 +42,8 @@ def _cut(lo, hi, at0, at1):
 def _nearer(lo, hi, ax, ay, bx, by, wx, wy):
     """Return the part of lo..hi of segment ab that lies, along the direction of w, no farther than vertex w itself.
 
-    Other feet than these are out: the disc on the looking vertex and its foot f holds w if f . w > w . w.
+    Other feet are ruled out: the disc with the looking vertex and its foot f as opposite points holds w if
+    f . w > w . w.
     """
     most = wx * wx + wy * wy
     return _cut(lo, hi, ax * wx + ay * wy - most, bx * wx + by * wy - most)
@@ -50,7 +51,11 @@ def _nearer(lo, hi, ax, ay, bx, by, wx, wy):
 
 @helper
 def set_sight(sight, side, rx, ry, lx, ly):
-    """Set the view from a vertex across ``side``, between the ray r on the right and l on the left."""
+    """Set the view from a vertex across ``side``, between the ray r on the right and l on the left.
+
+    ``sight`` is a record SIGHT of mesh_arrays or of :mod:`crowdsim.navmesh.shortest.view_arrays`; r and l are relative
+    to the vertex [m].
+    """
     sight.side = side
     sight.rx, sight.ry = rx, ry
     sight.lx, sight.ly = lx, ly
@@ -79,10 +84,11 @@ def _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
 
 @helper
 def _foot_at(m, s, part, x, y, near):
-    """Test for a bottleneck between (x, y) and the place at ``part`` (0 to 1) of wall s: (found, foot x, foot y) [m].
+    """Test for a bottleneck between (x, y) and its foot at share ``part`` of wall s: (found, foot x, foot y) [m].
 
-    It is one if the disc around the middle, as wide as the two are apart, touches nothing else. ``near`` is a triangle
-    nearby. Close to an end of the side there is none, as the side to that end measures the passage as well.
+    The two are a bottleneck if the disc with both as opposite points touches nothing else. The foot moves to the grid.
+    ``near`` is a triangle nearby. Close to an end of the wall the answer is False: the side from (x, y) to that end
+    measures the passage as well. It is False, too, if a split of the wall there could invert a triangle.
     """
     cell = m.frame[0].cell
     a = m.vertices[m.sides[s].org]
@@ -361,7 +367,8 @@ def refine(m, w):
 def measure_triangle(m, t):
     """Fill ``corner_clearance`` of triangle t: the diameter [m] of the largest disc that can turn around each corner.
 
-    It is the shorter of the two sides at the corner, and at most the distance to the third side if that is a wall.
+    It is 0 if the triangle is blocked or one of the two sides at the corner is a wall. Otherwise it is the shorter of
+    these two sides, and at most the distance to the third side if that is a wall.
     """
     sides = m.sides
     vertices = m.vertices

@@ -61,11 +61,12 @@ def _set_way(way, start, goal, constraints, winding, use, back):
 
 @helper
 def _cross(m, e, ways, top, w):
-    """Let the last of the ``top`` ``ways`` cross the constrained side e; return how many there are then, FULL or STUCK.
+    """Let the last of the ``top`` ``ways`` cross the constrained side e.
 
-    The crossing moves to the grid. If it is then inside the two triangles at e, e is split there. Otherwise e is taken
-    out, and both the way and e go through the vertex nearest to the crossing, or through a new one if none is near. So
-    the two never cross again. ``ways`` are records _WAY, with room for three more.
+    Return the new number of ways, FULL or STUCK. The crossing moves to the grid. If it is then inside the two triangles
+    at e, e is split there. Otherwise e is taken out (``rerouted`` of the progress becomes 1), and both the way and e go
+    through the vertex nearest to the crossing, or through a new one if none is near. So the two never cross again.
+    ``ways`` are records _WAY, with room for three more.
     """
     sides = m.sides
     vertices = m.vertices
@@ -145,11 +146,11 @@ def _cross(m, e, ways, top, w):
 
 @helper
 def _clear_way(m, w, a, b, crossed):
-    """Flip the ``crossed`` sides in ``pairs`` until vertices a and b are joined; return 0, FULL or STUCK.
+    """Flip the first ``crossed`` sides in ``pairs``, which a-b crosses, until vertices a and b are joined.
 
-    Sloan's algorithm (1993): flip a crossed side if the two triangles at it are convex together, otherwise try it again
-    after the others. Afterwards the new sides are made Delaunay. ``pairs`` is first the ring buffer of crossed sides,
-    then the stack of new ones.
+    Return 0, FULL or STUCK. Sloan's algorithm (1993): flip a crossed side if the two triangles at it are convex
+    together, otherwise try it again after the others. Afterwards the new sides are made Delaunay. ``pairs`` is first
+    the ring buffer of crossed sides, then the stack of new ones.
     """
     sides = m.sides
     vertices = m.vertices

@@ -126,6 +126,7 @@ def _legalize(m, w, top):
     while top > 0:
         if is_spent(w):
             return STUCK
+        # A flip stacks two sides for the one that is taken off.
         if top + 1 > stack.size:
             return FULL
         top -= 1
@@ -144,7 +145,7 @@ def _legalize(m, w, top):
 def restore_delaunay(m, w, top):
     """Flip the sides in the first ``top`` of ``pairs`` that are not Delaunay, and those this affects.
 
-    Return 0, FULL or STUCK.
+    Triangles that change are touched (:func:`touch_triangle`). Return 0, FULL or STUCK.
     """
     sides = m.sides
     vertices = m.vertices

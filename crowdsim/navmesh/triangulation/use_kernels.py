@@ -114,9 +114,9 @@ def same_uses(uses, one, other):
 
 @kernel
 def keep_used(m, uses, kept):
-    """Copy the lists of ``uses`` (k,) that half-edges refer to, to the start of ``kept`` (k,); return how many items.
+    """Copy the lists that half-edges refer to from ``uses`` to the start of ``kept``; return the number of items.
 
-    The half-edges then refer to ``kept``, and what no half-edge refers to any longer is left behind.
+    Both are (k,) records USE. The half-edges then refer to ``kept``. Items that no half-edge refers to are left out.
     """
     sides = m.sides
     # ``place``: where an item was copied to.
