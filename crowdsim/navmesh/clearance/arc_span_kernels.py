@@ -7,8 +7,8 @@ entirely too close or entirely clear; the caller tests the middle to see which.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``arc`` is a record :data:`ARC`; ``lo`` and
 ``hi`` bound the roots that count [rad]; ``roots`` (:data:`MOST_ROOTS`,) float64 holds ``count`` of them [rad] in
-ascending order; n = (nx, ny) is
-the unit normal of a line, p, q, v, a and b are points [m]; ``radius`` is that of the disc [m].
+ascending order; n = (nx, ny) is the unit normal of a line, p, q, v, a and b are points [m]; ``radius`` is that of the
+disc [m].
 """
 
 import math
@@ -90,7 +90,7 @@ def _add_circle_roots(arc, vx, vy, radius, lo, hi, roots, count):
     dy = vy - arc.y
     distance = hypot(dx, dy)
     gap = abs(arc.radius - distance)
-    # One circle lies outside or inside of the other: no crossing.
+    # The centers agree, or one circle lies outside or inside of the other, or touches it: no crossing.
     if distance == 0.0 or gap >= radius or arc.radius + distance <= radius:
         return count
     # Law of cosines for the angle ``half`` at the arc's center between v and the crossing. ``sine2``, the square of
@@ -115,7 +115,8 @@ def add_line_roots(arc, nx, ny, at, lo, hi, roots, count):
 def side_roots(arc, ax, ay, bx, by, radius, lo, hi, roots):
     """Fill ``roots`` with the angles in (lo, hi) where the arc meets the circles around, or lines beside, segment ab.
 
-    Return their count. All where the arc is ``radius`` from the segment, which may be a point, are among them.
+    Return their count. All angles at which the arc is ``radius`` from the segment are among them. The segment may be a
+    point.
     """
     count = _add_circle_roots(arc, ax, ay, radius, lo, hi, roots, np.int64(0))
     ex = bx - ax

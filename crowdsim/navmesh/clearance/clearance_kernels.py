@@ -131,8 +131,8 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     """Return the obstacle feature nearest to the segment (x0, y0) -> (x1, y1): (distance, triangle, vertex, half-edge).
 
     The feature is a vertex or the inside of a constrained half-edge; the other number is -1. If none is nearer than
-    ``limit`` [m], that is the distance, and both are -1. The distance is -1.0 if the segment starts outside of free
-    space, or after rounding errors. The triangle holds the start; it is -1 outside of the box.
+    ``limit`` [m], the distance is ``limit``, and vertex and half-edge are -1. The distance is -1.0 if the segment
+    starts outside of free space, or after rounding errors. The triangle holds the start; it is -1 outside of the box.
 
     The ends of a side are measured before the side, so only its inside counts after that. Otherwise a side that faces
     away from the segment would measure the same as its end, or less by rounding, and the walk would circle around a

@@ -78,7 +78,7 @@ def _nearest_of(one, px, py, radius):
 def _try_meetings(m, t, px, py, one, other, radius, tolerance, best):
     """Try the points where two outlines meet; arguments as of :func:`_try`.
 
-    An outline lies ``radius`` from a corner of an obstacle, a circle, or from a side, a line beside it.
+    An outline is a circle of ``radius`` around a corner of an obstacle, or a segment beside a side, at that distance.
     """
     # A segment first, if there is one.
     if one.length == 0.0:
@@ -86,21 +86,22 @@ def _try_meetings(m, t, px, py, one, other, radius, tolerance, best):
     dx = other.x - one.x
     dy = other.y - one.y
     # Two circles of the same radius meet on the bisector of their centers, off the middle by the share ``up`` of the
-    # distance of the centers.
+    # distance of the centers. They do not meet if their centers agree or are more than two radii apart.
     if one.length == 0.0:
         distance2 = dx * dx + dy * dy
         if distance2 == 0.0 or distance2 > 4.0 * radius * radius:
             return
         up = math.sqrt(max(radius * radius / distance2 - 0.25, 0.0))
-        for sign in (-up, up):
-            x = one.x + 0.5 * dx - sign * dy
-            y = one.y + 0.5 * dy + sign * dx
+        for share in (-up, up):
+            x = one.x + 0.5 * dx - share * dy
+            y = one.y + 0.5 * dy + share * dx
             _try(m, t, px, py, x, y, radius, tolerance, best)
     # A segment and a circle meet half a chord on both sides of the foot of the circle's center.
     elif other.length == 0.0:
         along = dx * one.ux + dy * one.uy
         across = dx * one.uy - dy * one.ux
         half2 = radius * radius - across * across
+        # The circle does not reach the line of the segment.
         if half2 < 0.0:
             return
         half = math.sqrt(half2)

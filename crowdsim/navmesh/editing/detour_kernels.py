@@ -100,7 +100,8 @@ def find_detour(search, x, y):
     nothing = np.empty((0, 2))
     if not has_room(m, workshop_at(places), _ROOM):
         return NO_ROOM, nothing
-    # v is NONE if the obstacle is outside of the box; then the mesh stays as it is. (Nothing is removed: no vertex.)
+    # v is NONE if the obstacle is outside of the box; then the mesh stays as it is. (The last argument is for
+    # removals.)
     v = edit_point(places, _INSERT, x, y, NONE)
     # The edit failed, or is not settled for lack of room.
     if v < NONE:

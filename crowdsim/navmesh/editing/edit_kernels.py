@@ -49,7 +49,7 @@ def _collect(m, owner, ids, w):
         h = first
         for _ in range(sides.size):
             if sides[h].constraints != 0:
-                # Half-edges with the obstacle are listed; both directions lead on.
+                # List half-edges that run with the obstacle; go on along both directions.
                 mine = count_use(w.uses, sides[h].use, owner) > 0
                 if mine:
                     w.pairs[count, 0] = h

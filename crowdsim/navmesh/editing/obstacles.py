@@ -31,7 +31,7 @@ from crowdsim.navmesh.paths.paths import as_numbers
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 
 _LEAST_USES = 4096
-"""Least room in the pool of uses. Each edit needs about one; a full pool is cleared of those no half-edge refers to."""
+"""Least room in the pool of uses. Each edit needs about one; a full pool is cleared of uses without half-edges."""
 
 
 class Handle(NamedTuple):
@@ -96,14 +96,15 @@ class Obstacles:
 
     def copy(self) -> Obstacles:
         """Return a copy that can be edited on its own, with the same handles."""
-        twin = object.__new__(Obstacles)
-        twin._base = self._base
-        twin._slots = [replace(slot) for slot in self._slots]
-        twin._free = list(self._free)
+        other = object.__new__(Obstacles)
+        other._base = self._base
+        other._slots = [replace(slot) for slot in self._slots]
+        other._free = list(self._free)
+        # Between edits only the uses and the state of the workshop matter.
         work = workshop(len(self.mesh.vertices), len(self._work.uses))
         work.uses[:], work.progress[:] = self._work.uses, self._work.progress
-        twin._set(resized(self.mesh, len(self.mesh.vertices)), work)
-        return twin
+        other._set(resized(self.mesh, len(self.mesh.vertices)), work)
+        return other
 
     def insert(self, geometry: Any) -> Handle:
         """Insert an obstacle and return its handle (see :meth:`crowdsim.navmesh.navmesh.NavMesh.insert_obstacle`)."""

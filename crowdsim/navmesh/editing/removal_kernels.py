@@ -149,8 +149,8 @@ def _flip_spokes(m, w, v):
 def _spoke_to_join(m, h, fixed):
     """Return one of four spokes, h or the next, that can become one side with the opposite spoke; -1 if neither can.
 
-    Two opposite spokes can if both new triangles have an area, and if both are constrained or none of the four is
-    (``fixed`` 0).
+    Two opposite spokes can if both new triangles have an area, and if either both spokes or none of the four spokes
+    (``fixed`` 0) are constrained.
     """
     sides = m.sides
     vertices = m.vertices
@@ -201,7 +201,7 @@ def _join_four(m, w, h0):
         _push(w, middle, end)
     link(sides, h0, h2)
     _push(w, a, c)
-    # Both are corners of both triangles. The walks around them find the changed triangles and touch b and d, see
+    # a and c are corners of both new triangles. The walks around them find the changed triangles and touch b and d, see
     # settle_kernels.
     touch(w, a)
     touch(w, c)

@@ -36,15 +36,15 @@ def _number(w, k, first):
 def copy_back(places, before):
     """Undo the INSERT of `edit_point` that was the last edit of the mesh at ``places``, and that returned a vertex.
 
-    Return False if the list of changed triangles overflowed; then nothing is copied. Changed are the triangles listed,
-    new or gone, all that they point to and all that points to them, before or after the edit.
+    Return False if the list of changed triangles overflowed; then nothing is copied. Otherwise copied are the triangles
+    that are listed, new or gone, all that they point to and all that points to them, before or after the edit.
 
     Parameters
     ----------
     places : (12, 2) int64
         Addresses of the mesh and its workshop, see address_kernels.
     before : (5, 2) int64
-        Addresses of a copy of the mesh as it was, with as much room.
+        Addresses of a copy of the mesh as it was before the edit, with as much room.
     """
     w = workshop_at(places)
     # The mesh as it was, and the mesh to restore.

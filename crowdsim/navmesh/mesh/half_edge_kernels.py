@@ -101,6 +101,7 @@ def locate(m, x, y, hint):
             tested += 1
         if tested == 3:
             return t
+        # The point is in the box, so h is no side of the hull.
         came = sides[h].twin
         t = came // 3
     # The walk took too many steps.

@@ -41,7 +41,7 @@ def push(heap, count, key, item):
 def pop(heap, count):
     """Remove the least of ``count`` rows, at least one, from a heap.
 
-    The caller reads it at index ``count - 1``, where it is left.
+    The row is left at index ``count - 1``, where the caller reads it.
     """
     last = count - 1
     key = heap[last].key

@@ -19,10 +19,10 @@ GUIDE = np.dtype([("side", np.int64), ("left", np.float64), ("right", np.float64
 """A row of a hash table of sides. The table has one row more than a power of two.
 
 side: one more than the origin, shifted left by 32 bits, plus the vertex at the other end; 0 if the row is empty. left,
-right: distances to the goal [m] from the left and the right end of the side, after both ends are cut by the radius, for
-ways that leave the side's triangle across it; infinite if no way was followed there. The last row belongs to no side:
-its ``left`` is the limit [m] up to which ways were followed. It bounds keys of the search, in which meters to go count
-GREED times.
+right: distances to the goal [m] from the left and the right end of the side, which is cut by the radius at both ends,
+at most to its middle, for ways that leave the side's triangle across it; infinite if no way was followed there. The
+last row belongs to no side: its ``left`` is the limit [m] up to which ways were followed. It bounds keys of the search,
+in which meters to go count GREED times.
 """
 
 GREED = 1.05
@@ -80,8 +80,8 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     low = (label.px - a.x) * ux + (label.py - a.y) * uy - inset
     high = (label.lx - a.x) * ux + (label.ly - a.y) * uy - inset
     # At a point ``at`` of the side, the way to go is at least the way from either end less the piece of the side up to
-    # that end. Take the point with both bounds equal: elsewhere the greater one is more, by at least as much as the
-    # root comes nearer.
+    # that end. Take the point at which both bounds are equal: at any other point the greater bound is more, by at least
+    # as much as the way from the root to the point can be less.
     width = length - 2.0 * inset
     at = min(max(0.5 * (row.right - row.left + width), low), high)
     rest = max(row.right - at, row.left - width + at)

@@ -1,8 +1,8 @@
 """Search for a short way over intervals of sides, after Polyanya (Cui, Harabor and Grastien, IJCAI 2017).
 
-Each side is cut by the radius at both ends. A way crosses the rest in straight lines from root to root; roots are ends
-of cut sides, where the way bends. The cost of a way is its length with chords in place of arcs. The widths of sides and
-corners decide what can be crossed, as in :mod:`crowdsim.navmesh.paths.search_kernels`.
+Each side is cut by the radius at both ends, at most to its middle. A way crosses the rest in straight lines from root
+to root; roots are ends of cut sides, where the way bends. The cost of a way is its length with chords in place of arcs.
+The widths of sides and corners decide what can be crossed, as in :mod:`crowdsim.navmesh.paths.search_kernels`.
 
 Arguments of all helpers are those of :func:`find_way`; ``label`` is a record LABEL of the workspace (not the behavior
 of a section): an interval of a side that is seen from a root r, between the ends l (left) and p (right). ``spent`` is
@@ -10,7 +10,8 @@ the length up to the root [m]. ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.
 the :class:`crowdsim.navmesh.paths.workspace.Workspace`, of which ``labels`` (the first ``used`` in use), ``waypoints``
 and ``reached`` are arrays and ``stamp`` is the number of the query; ``regions`` (nt,) are records
 :data:`crowdsim.navmesh.paths.region_kernels.REGION`; s = (sx, sy) is the start and g = (gx, gy) the goal [m]. h,
-``before`` and ``corner`` are fields of a label.
+``before`` and ``corner`` are fields of a label; np.int64 gives these int32 the type of other numbers, as numba would
+compile a helper again for each type.
 """
 
 import math
@@ -230,12 +231,14 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, farther=None, longest=None):
     """Search for a short way from triangle ``start`` to ``goal``; return (last label or -1, number of labels, limit).
 
-    The way passes widths of at least ``width`` [m], the diameter less the tolerance. A way that crosses a bridge of
-    regions and comes back over it, to turn around behind it, is not found, nor one for which the workspace has no room.
-    ``guide`` is None, or a guide to this goal, with ``regions`` None. ``farther`` is None, or (factor, meters): go on
-    until all keys exceed the limit, the estimate [m] of the shortest way found times the factor plus the meters, with
-    no last label then. The limit is infinite if there is no such way, or no ``farther``. ``longest`` is None, or a
-    length [m] beyond which no way is followed.
+    The way passes widths of at least ``width`` [m], the diameter less the tolerance. Two kinds of ways are not found:
+    one that crosses a bridge of regions and comes back over it, to turn around behind it, and one for which the
+    workspace has no room. ``guide`` is None, or a guide to this goal, (k,) GUIDE; with a guide, ``regions`` is None.
+
+    ``farther`` is None, or (factor, meters). With it, the search goes on until all keys exceed the limit [m], and
+    returns no last label. The limit is the estimate of the shortest way found, times the factor, plus the meters. It is
+    infinite if no way was found, or without ``farther``. ``longest`` is None, or a length [m] beyond which no way is
+    followed.
     """
     labels = work.labels
     heap = work.heap
@@ -245,11 +248,12 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
     vertices = m.vertices
     work.stamp[0] += 1
     stamp = work.stamp[0]
+    # Free space does not join start and goal.
     if regions is not None and not lay_waypoints(m, regions, waypoints, heap, stamp, start, goal, gx, gy, radius):
         return NONE, np.int64(0), math.inf
     # Corners of closed sides have a clearance of 0: never pass them.
     width = max(width, 1e-30)
-    most = 6 * m.frame[0].triangles - 6  # a step adds up to six labels
+    most = 6 * m.frame[0].triangles - 6  # a step adds up to six labels, three for each of two sides
     limit = math.inf
     # In one triangle the straight line is a way, from which the limit is known at once.
     if farther is not None and start == goal:

@@ -124,7 +124,7 @@ def _lay(m, waypoints, stamp, region, following, h, radius):
     ux = b.x - a.x
     uy = b.y - a.y
     length = hypot(ux, uy)
-    # The foot of the next waypoint, on the bridge cut by the radius at both ends.
+    # The foot of the next waypoint, on the bridge cut by the radius at both ends, at most to its middle.
     inset = min(radius / length, 0.5)
     at = ((after.x - a.x) * ux + (after.y - a.y) * uy) / (length * length)
     at = min(max(at, inset), 1.0 - inset)
@@ -153,8 +153,8 @@ def lay_waypoints(m, regions, waypoints, stack, stamp, start, goal, gx, gy, radi
     last.rest = 0.0
     last.stamp = stamp
     count = 0
-    # Climb from both ends to their common region. Waypoints are set from the goal on, so those of the start's branch
-    # wait on the stack.
+    # Climb from both ends to their common region, from the deeper one first. Waypoints are set from the goal on, so
+    # those of the start's branch wait on the stack.
     while a != b:
         if regions[a].depth > regions[b].depth:
             stack[count].item = a

@@ -4,8 +4,7 @@ A state is a half-edge by which the path leaves its triangle, with the best poin
 widths of sides and corners decide exactly if the disc fits; near the ends of the path `can_leave` decides.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
-SIDE and VERTEX; p = (px, py) is a place before side h, g = (gx,
-gy) the goal [m].
+SIDE and VERTEX; p = (px, py) is a place before side h, g = (gx, gy) the goal [m].
 """
 
 import numpy as np

@@ -128,7 +128,7 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
     Return (points, their number, node, inside, vertex, edge, distance, x0, y0, x1, y1). ``node`` is -1 if nothing is
     too close. Otherwise the piece (x0, y0) -> (x1, y1) runs around node ``node`` (``inside``) or from there to the
     next, and comes as near as ``distance`` [m] to ``vertex`` or to the half-edge ``edge``; the other one is -1. If the
-    piece starts outside of free space, or after rounding errors, ``distance`` is -1.0 and both are -1.
+    piece starts outside of free space, or after rounding errors, ``distance`` is -1.0, ``vertex`` and ``edge`` are -1.
     """
     sides = m.sides
     vertices = m.vertices
@@ -259,7 +259,8 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
         vy = vertices[vertex].y
         left = dx * (vy - py) - dy * (vx - px) > 0.0
         if distance > least - 2.0 * COARSE:
-            # The corners of the polyline stand off the arc. If only that is wrong, make them finer.
+            # The corners of the polyline stand off the arc. If that alone can be the cause (the piece is too close by
+            # less than two coarse bulges), make them finer.
             fine = False
             size = math.sqrt(dx * dx + dy * dy)
             along = (dx * (vx - px) + dy * (vy - py)) / size if size > 0.0 else 0.0
@@ -294,7 +295,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
             break
         if count == nodes.size:
             break
-        # Insert the node after node i. If the string does not turn around both then, they are in the wrong order.
+        # Insert the node after node i. If the string then does not turn around these two, they are in the wrong order.
         for k in range(count, i + 1, -1):
             nodes[k] = nodes[k - 1]
         set_node(nodes[i + 1], vx, vy, q, vertex)

@@ -4,11 +4,10 @@ Arguments of all helpers: ``radius`` of the disc and ``least``, the clearance th
 angles are measured from the direction n, up to ``extent`` [rad]; ``arcs`` (na,) are records ARC of
 :mod:`crowdsim.navmesh.shortest.tangent_graph_arrays`. Scratch are ``sights``, a stack of views (records SIGHT of
 :mod:`crowdsim.navmesh.shortest.view_arrays`), ``found``, what is seen (int64), and ``spans``, the intervals of angles
-that are taken (records _SPAN). ``m`` is the mesh (MeshArrays) of
-:mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records SIDE and VERTEX; n = (nx, ny) is a
-unit vector, c = (cx, cy) a direction of any length, v a vertex or its place (vx, vy), a and b the ends of a wall, p the
-place of a corner, all in mesh coordinates [m]. The half-edges that leave a vertex are its spokes; two constrained ones
-bound a wedge of free ground.
+that are taken (records _SPAN). ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides``
+and ``vertices`` are its records SIDE and VERTEX; n = (nx, ny) is a unit vector, c = (cx, cy) a direction of any length,
+v a vertex or its place (vx, vy), a and b the ends of a wall, p the place of a corner, all in mesh coordinates [m]. The
+half-edges that leave a vertex are its spokes; two constrained ones bound a wedge of free ground.
 """
 
 import math
@@ -74,7 +73,8 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
         ry = sight.ry
         lx = sight.lx
         ly = sight.ly
-        # The far corner w of the triangle behind the side divides the view; both parts go on if they are not empty.
+        # The far corner w of the triangle behind the side divides the view. Both parts go on if they are not empty: the
+        # right one in the same row of the stack, the left one in the row after it.
         w = sides[prv(g)].org
         zx = vertices[w].x - px
         zy = vertices[w].y - py
@@ -134,7 +134,7 @@ def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
     # v is left of the wall: its height over the wall, and its foot along the wall.
     height = tx * (vy - a.y) - ty * (vx - a.x)
     along = tx * (vx - a.x) + ty * (vy - a.y)
-    # Places closer than ``least`` to the wall's line are those whose part towards the wall is more than ``below``.
+    # A place is closer than ``least`` to the wall's line if it lies more than ``below`` radii from v towards the wall.
     below = (height - least) / radius
     if below >= 1.0:
         return count

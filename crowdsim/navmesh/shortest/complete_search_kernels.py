@@ -31,7 +31,7 @@ def _is_beaten(arrivals, k, first, radius):
     while i >= 0:
         other = arrivals[i]
         if i != k:
-            # What the other costs more, with the way back along the arc. Of equals the first one stays.
+            # By how much the other costs more, with its way back along the arc. Of two equals the earlier one stays.
             off = other.cost + 2.0 * radius * max(other.turned - one.turned, 0.0) - one.cost
             if off < -SAME or (off <= SAME and i < k):
                 return True
@@ -47,6 +47,7 @@ def _arrive(arrivals, count, first, n, cost, turned, before, radius):
     """
     if count == arrivals.size:
         arrivals = longer(arrivals)
+    # Fill the next row, which stays unused if the arrival is beaten.
     arrival = arrivals[count]
     arrival.cost = cost
     arrival.turned = turned

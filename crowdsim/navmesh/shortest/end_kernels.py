@@ -90,7 +90,7 @@ def sees(m, t, x0, y0, x1, y1):
     """Return True if a point can go straight from (x0, y0), in the closure of free triangle t, to (x1, y1).
 
     If the line passes through a corner, or starts at one and leaves t there, the answer is False: the tangent graph
-    knows of those paths. It may end at a corner.
+    knows of such paths. The line may end at a corner.
     """
     sides = m.sides
     vertices = m.vertices

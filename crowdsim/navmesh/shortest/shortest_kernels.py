@@ -58,9 +58,9 @@ def _widen(string, radius):
 def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
     """Find the shortest path of a disc; return (status, points (n, 2), length [m]).
 
-    The length is that of the arcs and tangents of the search, not of the polyline, which keeps outside of the arcs. It
-    is nan, and there are no points, unless the status is OK. TANGLED means here that the search found a path, but that
-    its arcs could not be turned into points.
+    The length is that of the arcs and tangents of the search, not of the polyline, which keeps outside of the arcs. The
+    length is nan, and there are no points, unless the status is OK. TANGLED means here that the search found a path,
+    but that its arcs could not be turned into points.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
 
 @kernel
 def shortest_paths(m, graph, scratch, batch, asked, disc):
-    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2), path after path.
+    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2) [m], path by path.
 
     Fill the batch's ``status``, ``lengths`` [m] (nan if there is no path) and ``counts``. All paths are for the one
     ``disc`` of the graph, so the batch's ``radii`` and ``least`` are not read. For ``asked``, a radius [m], and the

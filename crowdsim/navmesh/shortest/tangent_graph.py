@@ -33,6 +33,9 @@ class RadiusGraph:
     room, more than corners can lose by moving to the grid. A disc of exactly that radius would be stuck between arcs
     that touch or miss each other by rounding, although the tolerance lets it pass.
 
+    ``asked`` is the requested radius [m], 0 for a point; ``disc`` is the Disc of the graph, ``arrays`` its
+    TangentGraph.
+
     Parameters
     ----------
     mesh

@@ -144,7 +144,7 @@ def find_tangents(m, arcs, begin, radius, least, tolerance, view, first_node, la
     for i in range(first_node, last_node):
         arc = arcs[i >> 1]
         q = 1 - 2 * (i & 1)
-        # Look in the headings at which an arc can be left, a quarter turn at a time.
+        # Look in the headings at which an arc can be left, at most a quarter turn at a time; once if its extent is 0.
         parts = max(1, math.ceil(arc.extent / (0.5 * math.pi)))
         stamp += 1
         for part in range(parts):

@@ -1,20 +1,20 @@
 """A* in the tangent graph, from the arcs that the start sees to those the goal sees, with one arrival at each node.
 
 The cost of an arrival is the length up to its arc less radius * the angle turned there, so that arrivals at different
-places of one arc compare. A string can leave an arc only behind its place of arrival. Take a cheaper arrival that has
-turned by more: its disc can go back along the arc, which is free, for twice the radius * the angle back (once for the
-way, and once as the cost counts the angle). An arrival that costs more than this leads to no shortest path. One that
-costs less may, but hardly ever does; then all arrivals have to be kept, see
-:mod:`crowdsim.navmesh.shortest.complete_search_kernels`.
+places of one arc compare. A string can leave an arc only behind its place of arrival. Compare an arrival with a cheaper
+one that has turned by more. From the cheaper one the disc can go back along the arc, which is free, for twice the
+radius * the angle back (once for the way, and once as the cost counts the angle). If the other arrival still costs
+more, it leads to no shortest path. If it costs less, it may, but hardly ever does; then all arrivals have to be kept,
+see :mod:`crowdsim.navmesh.shortest.complete_search_kernels`.
 
 Arguments of all helpers: ``graph`` is the TangentGraph of :mod:`crowdsim.navmesh.shortest.tangent_graph_arrays`. Of
 :mod:`crowdsim.navmesh.shortest.shortest_scratch` are ``scratch`` (ShortestScratch), ``disc`` (Disc), ``start`` and
 ``goal`` (Stand), ``label`` and ``labels`` (records LABEL), ``end``, ``ends`` and ``goals`` (records END; ``goals`` are
 the tangents to the goal). ``stamp`` is the number of the query; ``n`` is a node: a way around an arc, counter-clockwise
 if even. ``turned`` is the angle from the begin of the arc to the place of arrival [rad], ``straight`` the length of the
-tangent before it [m]. ``m`` is the mesh
-(MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``longest`` is the length beyond which no way is followed
-[m]; ``stack`` is scratch, (k,) SWEPT of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
+tangent before it [m]. ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``longest`` is the
+length beyond which no way is followed [m]; ``stack`` is scratch, (k,) SWEPT of
+:mod:`crowdsim.navmesh.clearance.sweep_kernels`.
 """
 
 import numpy as np
@@ -46,7 +46,8 @@ def _is_shorter(back, radius, one, other):
     The string then need not go back along the arc, and a way over the crossing is shorter. ``back`` is the angle
     between the points of contact [rad]; ``one`` and ``other`` are the lengths of the tangents [m].
     """
-    # Tangents at two points of a circle meet at this distance from both; nearly half a turn apart, too far away.
+    # Tangents at two points of a circle meet at this distance from both points; if these are nearly half a turn apart,
+    # too far away.
     reach = radius * tan(0.5 * back) if back < 3.0 else np.inf
     return one >= reach and other >= reach
 
@@ -68,7 +69,8 @@ def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kep
     nodes = graph.nodes
     for k in range(nodes[n].begin, nodes[n + 1].begin):
         link = graph.links[k]
-        # Lost are those of them that the kept arrival's tangent does not cross. The bound is the estimate of A*.
+        # Of these tangents, the ones that the kept arrival's tangent does not cross are lost. The bound is A*'s
+        # estimate.
         if link.leave >= turned - SAME and link.leave < until:
             straight = link.cost - radius * (link.leave - link.arrive)
             if not _is_shorter(kept_turned - link.leave, radius, kept_straight, straight):
@@ -117,6 +119,7 @@ def begin_search(m, graph, scratch, start, goal, disc, longest):
     # Only corners in the ellipse can be on a way of at most ``longest``; the discs widen it.
     set_ellipse(scratch.outlook.ellipse[0], start.x, start.y, goal.x, goal.y, longest + 2.0 * disc.radius)
     ends = scratch.ends
+    # Copy each tangent to the goal into the row of its node, and mark that row as one of this query.
     for i in range(find_ends(m, graph, scratch, goal, disc, np.bool_(True))):
         end = scratch.goals[ends[i].node]
         scratch.goals[ends[i].node] = ends[i]

@@ -40,7 +40,8 @@ def _aim(aim, x, y, q0, radius):
     aim.dx = dx
     aim.dy = dy
     # The sine s of the angle between a tangent and the line of the centers is (q - q0) / distance, q = radius on the
-    # left and -radius on the right. If the circles overlap, s exceeds 1 and is kept so; the heading is the one at 1.
+    # left and -radius on the right. If the circles overlap, s exceeds 1 and is kept so; the heading is the one at 1. If
+    # s is 0, as for a point, there is no need for the square root.
     s = (radius - q0) * scale
     c = 1.0 if s == 0.0 else math.sqrt(max(1.0 - s * s, 0.0))
     aim.left_s = s
@@ -307,7 +308,7 @@ def see_corners(m, arc_begin, eye, h, view, count):
     ellipse = view.ellipse[0]
     aim = view.aim[0]
     radius = eye.radius
-    # The ends of the first side are reported, and bound the headings.
+    # The ends of the first side are reported, and bound the headings. An end at the eye itself has no tangent.
     v = sides[h].org
     w = sides[nxt(h)].org
     sight = sights[0]
@@ -323,6 +324,7 @@ def see_corners(m, arc_begin, eye, h, view, count):
         count = _report(view.seen, count, v, radius, aim, sight, eye.margin)
     _tighten_right(sight, aim, reach)
     top = 1 if _leads_on(sight, h, vertices, sides, eye, ellipse) else 0
+    # From four radii on views may be clipped, see `_clip`.
     near2 = (4.0 * radius) * (4.0 * radius)
     turns = LOOKS * sides.size
     while top > 0:

@@ -290,11 +290,11 @@ def _load(m, w, along, way):
 
 @helper
 def insert_segment(m, a, b, winding, use, w):
-    """Constrain the way from vertex a to b, with ``winding`` and ``use`` on its half-edges; return 0, FULL or STUCK.
+    """Constrain the straight way from vertex a to b; return 0, FULL or STUCK.
 
-    Their twins get minus ``winding``, and no use. Vertices on the way, or close to it, split the segment. Constrained
-    sides it meets are split at the crossing, or led through a vertex near it (:func:`_cross`).
-    winding, use: fields of half-edges, see :mod:`crowdsim.navmesh.mesh.mesh_arrays`. w: workshop of the edit.
+    ``winding`` and the list ``use`` are added to the half-edges from a to b. Their twins get minus ``winding``, and no
+    use. Vertices on the way, or close to it, split the way. A constrained side that the way meets is split at the
+    crossing, or led through a vertex near it (:func:`_cross`).
     """
     sides = m.sides
     vertices = m.vertices

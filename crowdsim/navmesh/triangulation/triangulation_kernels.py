@@ -54,7 +54,7 @@ def flip(sides, vertices, e):
     Half-edge e = u -> v of triangle (u, v, p) and its twin f of (v, u, q) become u -> q of (u, q, p) and v -> p of (v,
     p, q).
     """
-    # en, fn: the half-edges after e and f in their triangles; ep, fp: those before. p and q: vertices.
+    # en, fn: the half-edges after e and f in their triangles; ep, fp: those before e and f. p and q: vertices.
     f = sides[e].twin
     en = nxt(e)
     ep = prv(e)
@@ -143,7 +143,7 @@ def _legalize(m, w, top):
 
 @helper
 def restore_delaunay(m, w, top):
-    """Flip the sides in the first ``top`` of ``pairs`` that are not Delaunay, and those this affects.
+    """Flip the sides in the first ``top`` of ``pairs`` that are not Delaunay, and sides that these flips affect.
 
     Triangles that change are touched (:func:`touch_triangle`). Return 0, FULL or STUCK.
     """
