@@ -178,9 +178,9 @@ def _touch_corners(m, w):
 def settle(m, w):
     """Bring refinement and corner clearances up to date around touched vertices; return 0, STUCK or FULL.
 
-    A bottleneck is new only if the triangle at its wall is new, or its vertex, or if something between the two was
-    removed. So it is seen from a wall of a changed triangle, from a new vertex, or from a vertex that lies next to what
-    was removed or beyond it. After FULL, which asks for larger arrays, what is left to do is in the workshop.
+    A bottleneck is new only if the triangle at its wall is new, if its vertex is new, or if something between the two
+    was removed. So it is seen from a wall of a changed triangle, from a new vertex, or from a vertex that lies next to
+    what was removed or beyond it. After FULL, which asks for larger arrays, what is left to do is in the workshop.
     """
     sides = m.sides
     vertices = m.vertices

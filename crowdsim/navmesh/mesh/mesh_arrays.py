@@ -204,7 +204,7 @@ def workshop(vertices: int, uses: int = 0) -> Workshop:
 
 
 def empty_mesh(vertices: int, frame: NDArray[Any]) -> MeshArrays:
-    """Return arrays with room for ``vertices`` vertices and with empty hints; ``frame`` (1,) is copied."""
+    """Return arrays with room for ``vertices`` vertices and with empty hints; ``frame``, (1,) FRAME, is copied."""
     # Zeros cost nothing, as the operating system gives zeros only when pages are touched. The first triangles of
     # a build need them: no constraints, no winding. A triangulation of n vertices has fewer than 2 n triangles, each of
     # three half-edges.

@@ -68,8 +68,8 @@ def label_sides(m, width, labels):
 def are_joined(m, labels, start, sx, sy, goal, gx, gy, width):
     """Return True if a disc of diameter ``width`` can go from (sx, sy) in ``start`` to (gx, gy) in another triangle.
 
-    ``labels`` are those of :func:`label_sides` for this ``width`` [m]; ``start`` and ``goal`` are the triangles. The
-    disc is free at both places [m].
+    ``labels`` (3 nt,) int32 are those of :func:`label_sides` for this ``width`` [m]; ``start`` and ``goal`` are the
+    triangles. The disc is free at both places [m].
     """
     # Sides without a component (-1) are never left: they are constrained, or inside of obstacles.
     for h in range(3 * start, 3 * start + 3):

@@ -231,14 +231,12 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, farther=None, longest=None):
     """Search for a short way from triangle ``start`` to ``goal``; return (last label or -1, number of labels, limit).
 
-    The way passes widths of at least ``width`` [m], the diameter less the tolerance. Two kinds of ways are not found:
-    one that crosses a bridge of regions and comes back over it, to turn around behind it, and one for which the
-    workspace has no room. ``guide`` is None, or a guide to this goal, (k,) GUIDE; with a guide, ``regions`` is None.
-
-    ``farther`` is None, or (factor, meters). With it, the search goes on until all keys exceed the limit [m], and
-    returns no last label. The limit is the estimate of the shortest way found, times the factor, plus the meters. It is
-    infinite if no way was found, or without ``farther``. ``longest`` is None, or a length [m] beyond which no way is
-    followed.
+    The way passes widths of at least ``width`` [m], the diameter less the tolerance. Not found are ways that cross a
+    bridge of regions and come back over it, and ways for which the workspace has no room. ``guide`` is None, or a guide
+    to this goal, (k,) GUIDE, with ``regions`` None. ``longest`` is None, or a length [m] beyond which no way is
+    followed. ``farther`` is None, or (factor, meters): then the search goes on until all keys exceed the limit, and
+    returns no last label. The limit is the estimate [m] of the shortest way found, times the factor, plus the meters;
+    it is infinite if no way was found, or without ``farther``.
     """
     labels = work.labels
     heap = work.heap
@@ -248,9 +246,8 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
     vertices = m.vertices
     work.stamp[0] += 1
     stamp = work.stamp[0]
-    # Free space does not join start and goal.
     if regions is not None and not lay_waypoints(m, regions, waypoints, heap, stamp, start, goal, gx, gy, radius):
-        return NONE, np.int64(0), math.inf
+        return NONE, np.int64(0), math.inf  # free space does not join start and goal
     # Corners of closed sides have a clearance of 0: never pass them.
     width = max(width, 1e-30)
     most = 6 * m.frame[0].triangles - 6  # a step adds up to six labels, three for each of two sides

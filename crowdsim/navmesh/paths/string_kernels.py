@@ -32,7 +32,7 @@ _MARK = np.dtype([("points", np.int64), ("triangle", np.int64)], align=True)
 
 @helper
 def tighten(nodes, count, i, last):
-    """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and those that this affects.
+    """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and neighbors that this affects.
 
     Return (number of nodes, first node with new neighbors). The number is -1 if two nodes are too close for a tangent;
     the node is i if none was dropped. ``nodes`` is changed: later nodes move to lower indices. The index ``last``
@@ -259,8 +259,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
         vy = vertices[vertex].y
         left = dx * (vy - py) - dy * (vx - px) > 0.0
         if distance > least - 2.0 * COARSE:
-            # The corners of the polyline stand off the arc. If that alone can be the cause (the piece is too close by
-            # less than two coarse bulges), make them finer.
+            # Too close by so little, corners of the polyline that stand off the arc may be the cause: make them finer.
             fine = False
             size = math.sqrt(dx * dx + dy * dy)
             along = (dx * (vx - px) + dy * (vy - py)) / size if size > 0.0 else 0.0
@@ -283,8 +282,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
                 node.bulge = FINE if node.bulge > FINE else max(0.125 * node.bulge, finest)
                 fine = True
             if fine:
-                # Trace again from node i; the start, node 0, has no arc.
-                first = max(1, i)
+                first = max(1, i)  # trace again from there; the start, node 0, has no arc
                 continue
         if taut:
             break

@@ -97,10 +97,10 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
 
 @helper
 def _block(spans, count, nx, ny, extent, cx, cy, half):
-    """Insert the interval of angles from direction n that lie within ``half`` of direction c; return the new count.
+    """Insert the interval of angles within ``half`` [rad] of direction c into ``spans``; return the new count.
 
-    It is empty if ``half`` is not above 0. ``spans`` stay in the order of their lower ends. Only the part between 0 and
-    ``extent`` matters.
+    Angles are measured from direction n; the interval is inserted for each turn in which it meets 0 to ``extent``. If
+    ``half`` is not above 0, nothing is inserted. ``spans`` stay in the order of their lower ends.
     """
     middle = atan2(nx * cy - ny * cx, nx * cx + ny * cy)
     # Three turns: angles around a point obstacle go up to two turns.

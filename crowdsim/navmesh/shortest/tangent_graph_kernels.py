@@ -31,8 +31,8 @@ _TANGENT = np.dtype(
 def touches(arc, nx, ny):
     """Return True if direction n is at a right angle or more from both walls of the arc's corner, within rounding.
 
-    A disc that touches the corner at a place in that direction does not reach into the walls. A point obstacle has
-    none, so the answer is True for each direction.
+    A disc that touches the corner at a place in that direction does not reach into the walls. A point obstacle
+    has no walls: the answer is True for each direction.
     """
     return nx * arc.ax + ny * arc.ay <= TOLERANCE and nx * arc.bx + ny * arc.by <= TOLERANCE
 

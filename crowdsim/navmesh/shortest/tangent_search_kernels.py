@@ -93,9 +93,9 @@ def _lost_beside(graph, goals, stamp, goal, disc, n, cost, turned, label):
 
 @helper
 def _settle(graph, goals, stamp, goal, disc, n, label, cost, turned, straight, before):
-    """Make a better arrival the label of node n; return the bound of :func:`_least_lost` for the one it replaces.
+    """Make a better arrival the label of node n; return the bound of :func:`_least_lost` for the arrival it replaces.
 
-    The bound is infinite if it replaces none.
+    The bound is infinite if the node had no arrival.
     """
     lost = np.inf
     if label.stamp == stamp:
@@ -131,7 +131,7 @@ def begin_search(m, graph, scratch, start, goal, disc, longest):
 def is_free_end(m, stack, stand, disc, end):
     """Return True if the tangent between a stand and the place where ``end`` meets its arc is free.
 
-    For a point it always is.
+    The tangent of a point always is: to be seen is to be free.
     """
     return disc.least <= 0.0 or is_free_way(m, stack, stand.triangle, stand.x, stand.y, end.x, end.y, disc.least)
 

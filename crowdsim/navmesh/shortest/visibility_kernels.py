@@ -26,10 +26,10 @@ LOOKS = np.int64(1024)
 
 @helper
 def _aim(aim, x, y, q0, radius):
-    """Set the tangents from the circle around the eye to both sides of the circle around (x, y), and its direction.
+    """Fill ``aim``: distance and direction of (x, y), and the tangents to both sides of the circle around it.
 
-    q0: signed radius of the eye's circle [m], as ``q`` of Viewpoint; (x, y) is relative to the eye [m], and its circle
-    has ``radius``. Direction and headings are 0 at the eye itself.
+    (x, y) is relative to the eye [m]; the circle around it has ``radius``. The tangents leave the circle around the
+    eye, whose signed radius is q0 [m], as ``q`` of Viewpoint. Direction and headings are 0 at the eye itself.
     """
     # No division by 0 for a vertex at the eye.
     distance = math.sqrt(x * x + y * y)
@@ -182,7 +182,8 @@ def _leads_on(sight, h, vertices, sides, eye, ellipse):
 def _first_sight(sight, h, v, w, eye):
     """Set the view across side h from v to w (records VERTEX), with the headings of the eye.
 
-    If the eye has no bounds of headings, they run from v to w; return False if it is at one of the two then, else True.
+    If the eye has no bounds of headings, the headings run from v to w. Return False if the eye then is at v or w, else
+    True.
     """
     sight.side = h
     sight.rx = v.x - eye.x
