@@ -90,7 +90,11 @@ class FollowedFeet:
         self.states = np.zeros((count, 2, COLUMNS))
 
     def add(self, new: Played) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Take a step; return its changes: 2 * body + foot (c,), share of the step (c,), new state (c, COLUMNS)."""
+        """Take a step to what bodies play now, ``new``; return the changes of their feet's states, body by body.
+
+        They are 2 * body + foot (c,), share of the step (c,), and new state (c, COLUMNS). ``new`` is kept until the
+        next step, so its arrays must not be changed. Bodies that are captured no longer become FREE without a change.
+        """
         # In the first step no body was captured before.
         old = new._replace(node=np.full_like(new.node, -1)) if self._old is None else self._old
         size = _CHANGES * len(new.node)
