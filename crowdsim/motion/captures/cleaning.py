@@ -37,6 +37,7 @@ def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int
     frames, joints = np.nonzero(leaps > GLITCH_SPEED / rate)
     jumps = [(int(f) + 1, int(j)) for f, j in zip(frames, joints, strict=True) if f >= first]
 
+    # ``first`` leaves out the calibration pose, and the leap from it, which is no glitch.
     usable = np.ones(count, bool)
     usable[:first] = False
     # At low rates, _MARGIN is less than a frame.
@@ -53,7 +54,8 @@ def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int
 def resample(root_positions: Floats, rotations: Floats, rate: float, target: float) -> tuple[Floats, Floats]:
     """Return the motion at ``target`` frames per second: every n-th frame if that is exact, else interpolated.
 
-    ``root_positions`` (f, 3) [m] and ``rotations`` (f, j, 4) of the joints are given at ``rate`` frames per second.
+    ``root_positions`` (n, 3) [m] and ``rotations`` (n, J, 4) of the joints are given at ``rate`` frames per second. The
+    last frame of the result is no later than the last one given.
     """
     ratio = rate / target
     step = round(ratio)

@@ -21,7 +21,10 @@ _STILL_ANGLE = np.radians(0.1)
 
 
 class _Joint(NamedTuple):
-    """Parent (-1 for none), offset in file units, first column of its values, line and names of its channels."""
+    """Parent (-1 for none), offset (3,) in file units, first column of its values, line and names of its channels.
+
+    The line is an index into the lines of the hierarchy.
+    """
 
     name: str
     parent: int
@@ -52,7 +55,7 @@ def with_travelling_root(
     for number, index in enumerate(chain):
         joint = joints[index]
         own = _places(joint, values)
-        # The one that travels: it goes farther than the longest bone is long.
+        # The one that travels: it goes farther than the longest bone is long. A first joint that does is a usual root.
         if own is not None and number and np.ptp(own, axis=0).max() > longest:
             break
         moved = 0.0 if own is None else np.ptp(own, axis=0).max()
@@ -146,6 +149,6 @@ def _places(joint: _Joint, values: Floats) -> Floats | None:
 
 
 def _turns(joint: _Joint, values: Floats) -> Floats:
-    """Return the angles (F, n) of a joint, in the order of its channels [rad]."""
+    """Return the angles (F, n) of a joint, in the order of its n channels of rotation [rad]."""
     columns = [joint.column + k for k, name in enumerate(joint.channels) if name not in PLACES]
     return np.radians(values[:, columns])
