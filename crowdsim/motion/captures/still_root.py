@@ -40,9 +40,9 @@ def with_travelling_root(
     """Return hierarchy, rows (F, C) in which the first joint has the places of the hips, and names of the still joints.
 
     lines: words of the hierarchy, line by line. values: (F, c) of all its channels, in their order, in file units and
-    degrees. The still joints are those from the first one to the parent of the first that travels. If one of them moves
-    or turns, or if no joint travels, there are none, and everything is returned as given. Still joints keep their
-    turns; :func:`without_still` removes the joints.
+    degrees. The still joints are those from the first one to the parent of the first that travels. If one of them
+    moves, turns or has no channels of rotation, or if no joint travels, there are none, and everything is returned as
+    given. Still joints keep their turns; :func:`without_still` removes the joints.
     """
     given = [list(line) for line in lines]
     joints = _joints(lines)
@@ -60,6 +60,9 @@ def with_travelling_root(
             break
         moved = 0.0 if own is None else np.ptp(own, axis=0).max()
         turns = _turns(joint, values)
+        # A joint that cannot turn is refused with its channels later, by :func:`plain_channels`.
+        if not turns.shape[1]:
+            return given, values, ()
         # Whatever moves or turns above the hips is a part of the body.
         if moved > _STILL * longest or np.ptp(turns, axis=0).max(initial=0.0) > _STILL_ANGLE:
             return given, values, ()
