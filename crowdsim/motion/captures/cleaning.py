@@ -22,9 +22,10 @@ _SHORTEST = 0.3
 def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int]], bool, list[tuple[int, int]]]:
     """Find the frames of world ``positions`` (F, J, 3) [m], ``rate`` of them per second, that can be used.
 
-    Return the clean stretches as (first, last) frames, True if the first frame was a calibration pose, and the jumps as
-    (first frame after the jump, joint). The frames within 25 ms of a jump, at least one on either side, are removed, as
-    those next to a spike are wrong, too. Remaining stretches shorter than 0.3 s are dropped, unless there was no jump.
+    Return the clean stretches as (first, last) frames, both included; True if the first frame was a calibration pose;
+    and the jumps as (first frame after the jump, joint). A calibration pose, and the frames within 25 ms of a jump, at
+    least one on either side, are removed, as those next to a spike are wrong, too. Remaining stretches shorter than 0.3
+    s are dropped, unless there was no jump.
     """
     count = len(positions)
     leaps = np.linalg.norm(np.diff(positions, axis=0), axis=-1)

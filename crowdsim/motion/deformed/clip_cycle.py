@@ -101,7 +101,8 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
 def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
     """Return frames (left lands, right lands, left lands again, left lifts, right lifts) of all cycles of a clip.
 
-    The last one is -1 if the right foot is not on the floor as the left one lands.
+    A cycle lasts _SHORTEST to _LONGEST seconds, and the right foot lands once in it. ``right lifts`` is -1 if that foot
+    is not on the floor as the left one lands.
     """
     left, right = foot_stances(clip)
     cycles = []

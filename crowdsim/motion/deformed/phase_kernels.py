@@ -110,7 +110,8 @@ def _next_phase(phase, rate, speed, away, turned, dt):
         rate = _FINISH if speed > _CREEPING else _CLOSE
     elif past < REFERENCE and away * rate < _NOT_YET * (past + 0.5 - REFERENCE) * speed:
         # Setting off: step quickly, or the rear foot, still where the body stood, would be left too far behind. On a
-        # steady walk the body passed over that foot (past + 0.5 - REFERENCE) / rate seconds ago.
+        # steady walk the body passed over that foot (past + 0.5 - REFERENCE) / rate seconds ago. From REFERENCE on, the
+        # other foot is the one behind.
         rate = max(rate, min(_SET_OFF * speed, _SET_OFF_MOST))
     after = phase + rate * dt
     # At rest a step ends in the middle of double support, unless the body goes on turning quickly (a high rate).

@@ -41,8 +41,9 @@ def cloud_joints(skeleton: Skeleton) -> NDArray[np.int64]:
 def point_clouds(clip: Clip, track: Floats, frames: NDArray[np.int64], standing: NDArray[np.bool_]) -> Floats:
     """Return points (n, P, 3) around ``frames`` (n,), each cloud relative to its track pose [m].
 
-    The window covers the neighboring frames and repeats the clip's first and last pose beyond its ends. For a
-    ``standing`` cut it repeats the pose of the cut, as the movement before and after a stand does not matter.
+    They are the joints of :func:`cloud_joints` in each frame of a window, which repeats the clip's first and last pose
+    beyond its ends. For a cut that is ``standing`` (n,), the window repeats the pose of the cut, as the movement before
+    and after a stand does not matter. track: (F, 3) of the clip.
     """
     steps = np.where(standing[:, None], 0, np.arange(-WINDOW_REACH, WINDOW_REACH + 1))
     window = np.clip(frames[:, None] + steps, 0, clip.frame_count - 1)

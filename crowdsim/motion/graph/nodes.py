@@ -147,7 +147,10 @@ def _prepared(source: MotionSource) -> PreparedSource:
 
 
 def feature_segments(prepared: PreparedSource) -> list[Segment]:
-    """Return the segments between the feature cuts of a source; an idle clip is one segment, standing at both ends."""
+    """Return the segments between the feature cuts of a source, without those that it leaves out.
+
+    An idle clip is one segment, standing at both ends.
+    """
     if prepared.source.idle:
         return [Segment(0, prepared.clip.frame_count - 1, True, True)]
     segments = segment_clip(prepared.clip, prepared.source.detectors)

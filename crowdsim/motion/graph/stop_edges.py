@@ -33,9 +33,10 @@ def choose_stop_edges(graph: GraphArrays) -> NDArray[np.int32]:
 
 
 def _nearest_standing(graph: GraphArrays, source: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Search from all standing ends backward over the ``allowed`` edges (Dijkstra); return edges (N,).
+    """Return the first edge (N,) of each node's cheapest path to a stand over edges that are ``allowed`` (E,).
 
-    NONE for a node that ends standing itself, or from which no stand can be reached. source: (E,) of all edges.
+    NONE for a node that ends standing itself, or from which no stand can be reached. The search (Dijkstra) goes
+    backward from all standing ends. source: (E,) node that each edge leaves.
     """
     count = len(graph.node_frames)
     incoming: list[list[int]] = [[] for _ in range(count)]
