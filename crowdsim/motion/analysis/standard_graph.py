@@ -48,7 +48,7 @@ def build_standard_graph(
 
     Raises
     ------
-    MotionError: if no moments join.
+    MotionError: if clips do not fit together, or no moments join.
     """
     sources = [source for source in sources if not source.idle]
     prepared = prepare_sources(sources)

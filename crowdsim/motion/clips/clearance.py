@@ -181,6 +181,7 @@ def _beside_track(clip: Clip, facing: float) -> _Beside | None:
     facing: as of :func:`measure_clearances` [rad].
     """
     track = track_of(clip)
+    # A single frame has no velocity.
     if len(track) < 2:
         return None
     velocity = np.gradient(track, axis=0) * CAPTURE_RATE

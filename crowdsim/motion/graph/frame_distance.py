@@ -123,7 +123,7 @@ class Alignments:
     _points: int
 
     def pairs(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> PairAlignments:
-        """Return the alignments of the pairs (a, b) (n,)."""
+        """Return the alignments of n pairs: of the clouds ``a`` (n,) of the first set with ``b`` (n,) of the second."""
         return PairAlignments(
             self.distance[a, b],
             self.rotation[a, b],

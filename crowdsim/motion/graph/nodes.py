@@ -120,7 +120,11 @@ class Node:
 
 
 def prepare_sources(sources: Sequence[MotionSource]) -> list[PreparedSource]:
-    """Prepare the data of ``sources``; raise MotionError if skeletons differ or a clip is no locomotion."""
+    """Prepare the data of ``sources``.
+
+    Raise MotionError if there are none, if their skeletons differ or lack ankles, if a clip is no locomotion and not
+    idle, or if an idle one has a single frame.
+    """
     if not sources:
         raise MotionError("a motion graph needs at least one clip")
     for source in sources[1:]:

@@ -36,9 +36,9 @@ def ticks_after(playback, steps):
 def ticks_played(playback, frames):
     """Return the ticks that an agent has played when the world's clock has advanced by ``frames`` frames of 1/60 s.
 
-    They count from the beginning of the frame of its node that it plays now, so the part that it has played of this
-    frame (``playback.part``) is included. step_frames, part and what :func:`ticks_after` reads are read of
-    ``playback``, all int64. A step that is not over counts in proportion.
+    They count from the beginning of the frame of its node that it plays now, so the part of this frame that it has
+    played is included. A step that is not over counts in proportion. Of ``playback``, step_frames [frames/step], part
+    [ticks], and the fields of :func:`ticks_after` are read, all int64.
     """
     steps = frames // playback.step_frames
     rest = frames - steps * playback.step_frames
