@@ -66,7 +66,7 @@ def read_folder(
     notes += [f"clip '{clip.name}' is left out: {missing}" for clip in clips if (missing := _missing(clip))]
     clips = [clip for clip in clips if not _missing(clip)]
     if not clips:
-        raise MotionError("; ".join(notes))
+        raise MotionError("; ".join(notes) or "no captures are given")
     by_joints = _frames(clips, _joints)
     most = max(by_joints, key=lambda value: by_joints[value])
     for clip in clips:
