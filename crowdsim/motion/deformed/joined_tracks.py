@@ -65,7 +65,7 @@ class JoinedTracks(NamedTuple):
 
 
 def join_tracks(tracks: Sequence[Floats]) -> JoinedTracks:
-    """Join tracks (N, 4), x, y [m], heading [rad], phase [cycles]; headings may jump by whole turns, and do not after.
+    """Join tracks (N, 4), x, y [m], heading [rad], phase [cycles]; headings may jump by whole turns, joined ones not.
 
     Raise MotionError if a track is empty or has another shape.
     """
