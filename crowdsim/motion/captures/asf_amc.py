@@ -273,7 +273,7 @@ def _rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
 
 
 def _root_rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
-    """Return rotations (F, 4) of the root for ``angles`` (F, 3) [rad], in the order of its turns without its places.
+    """Return rotations (F, 4) of the root for ``angles`` (F, 3) [rad], in the order of RX, RY and RZ in ``bone.turns``.
 
     scale: as of :func:`_rotations`.
     """

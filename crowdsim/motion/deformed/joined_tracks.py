@@ -154,6 +154,7 @@ def smooth_joined(tracks: JoinedTracks, seconds: float = SMOOTHED, step: float =
     smooth = tracks.samples.copy()
     raw = tracks.samples[:, :3]
     count = len(raw)
+    # near: for each sample, how many samples the nearer end of its track is away.
     near = np.minimum(tracks.places, np.repeat(tracks.lengths, tracks.lengths) - 1 - tracks.places)
     total, norm = np.zeros_like(raw), np.zeros((count, 1))
     for offset in range(-reach, reach + 1):

@@ -50,8 +50,8 @@ def mean_rotation(q: Floats) -> Floats:
 
 def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
     """Return the quaternion (4,) of the frame whose axes are the unit vectors x, y, z (3,)."""
-    # Compute all four components times four times the largest one, and scale them to length one: so nothing is divided
-    # by a small number.
+    # The axes give the products of all four components with four times the largest one; scaling them to length one then
+    # divides by no small number.
     trace = x[0] + y[1] + z[2]
     choices = np.array([trace, x[0], y[1], z[2]])
     best = int(np.argmax(choices))

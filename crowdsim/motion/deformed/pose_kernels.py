@@ -121,8 +121,8 @@ def _frame_rotation(x0, x1, x2, y0, y1, y2, z0, z1, z2):
 
     They are unit vectors, the columns of a rotation matrix, which is turned into a quaternion.
     """
-    # One of the four components is at least 1/2 in size. Compute all four times four times that one, and scale them to
-    # length one: so nothing is divided by a small number.
+    # At least one of the four components is 1/2 or more in size. The axes give the products of all four with four
+    # times that one; scaling them to length one then divides by no small number.
     trace = x0 + y1 + z2
     if trace > 0.0:
         w = 1.0 + trace
@@ -171,8 +171,8 @@ def _pose_leg(model, foot, hip, turn, target, forward, out, body):
     hx, hy, hz = hx * n, hy * n, hz * n
     # Front of the leg: perpendicular to that line, on the knee's side.
     fx, fy, fz = hy * -z - hz * -y, hz * -x - hx * -z, hx * -y - hy * -x
-    # Law of cosines: angle between the thigh and the line from hip to ankle. t is the thigh, k the shank. An ankle so
-    # near to the hip that no bend reaches it leaves no sine.
+    # Law of cosines: angle between the thigh and the line from hip to ankle. t is the thigh, k the shank. If the ankle
+    # is too near to the hip for any bend of the knee, the sine is 0.
     cosine = (thigh * thigh + reach * reach - shank * shank) / (2.0 * thigh * reach)
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     tx, ty, tz = cosine * x + sine * fx, cosine * y + sine * fy, cosine * z + sine * fz
