@@ -166,7 +166,7 @@ def _label(node: str) -> str:
 
 
 def _curve(a: Floats, b: Floats) -> Floats:
-    """Return points (n, 2) from a to b, bent toward the middle; an outward loop if they are the same."""
+    """Return points (n, 2) from a to b (2,) on the unit circle, bent inward; an outward loop if both are the same."""
     if np.allclose(a, b):
         turn = np.linspace(0.0, 2.0 * np.pi, 13)[:, None]
         side = np.array([-a[1], a[0]])

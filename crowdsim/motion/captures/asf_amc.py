@@ -83,7 +83,7 @@ def parse_amc(path: Path) -> RawMotion:
 
 
 def _skeleton_path(path: Path) -> Path:
-    """Return the ASF file for an AMC file; raise MotionError if it is missing or ambiguous."""
+    """Return the ASF file for an AMC file, see :func:`parse_amc`; raise MotionError if it is missing or ambiguous."""
     for stem in (path.stem, path.stem.rpartition("_")[0]):
         if stem and (path.parent / f"{stem}.asf").is_file():
             return path.parent / f"{stem}.asf"
@@ -97,7 +97,10 @@ def _skeleton_path(path: Path) -> Path:
 
 
 def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
-    """Yield (place, words) of each line that is not empty or a comment."""
+    """Yield (place, words) of each line that is not empty or a comment; the place is ``file:number``.
+
+    Raise MotionError if the file cannot be read or is no ASCII text.
+    """
     require_regular(path, MotionError)
     try:
         text = path.read_text(encoding="ascii")
@@ -270,7 +273,7 @@ def _rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
 
 
 def _root_rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
-    """Return rotations (F, 4) of the root for ``angles`` (F, 3) [rad], in the order of its turns without its places.
+    """Return rotations (F, 4) of the root for ``angles`` (F, 3) [rad], in the order of RX, RY and RZ in ``bone.turns``.
 
     scale: as of :func:`_rotations`.
     """

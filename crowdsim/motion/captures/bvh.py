@@ -50,10 +50,11 @@ def parse_bvh(path: Path) -> RawMotion:
 
 
 def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...], tuple[str, ...]]:
-    """Return ``path``, or a copy in ``folder`` if pybvh needs other lines or channels; and notes on what that assumes.
+    """Return a file that pybvh can read, notes on what it assumes, and the names of joints that stand still.
 
-    Also return the names of the joints that stand still above hips that travel. The first of these joints has the
-    places of the hips in the copy.
+    The file is ``path``, or a copy in ``folder`` if pybvh needs other lines or channels. The joints that stand still
+    are those above hips that travel, see :func:`with_travelling_root`: the first of them has the places of the hips in
+    the copy.
 
     Raise MotionError for errors that pybvh accepts: missing parts, unbalanced braces, rows that run into each other,
     and more joints than a body has.

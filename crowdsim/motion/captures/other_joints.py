@@ -35,11 +35,12 @@ _NEEDED = ("hips", *(f"{side}_{part}" for side in ("left", "right") for part in 
 
 
 def on_joints_of(clip: Clip, skeleton: Skeleton) -> Clip:
-    """Move ``skeleton`` as the clip moves its own, whatever the joints of both are called.
+    """Return a clip that moves ``skeleton`` as ``clip`` moves its own, whatever the joints of both are called.
 
     A joint without a role goes with its parent, except between hips and chest: these joints turn from the rotation of
-    the hips to that of the chest in even parts. Places scale with the length of the legs. Raise MotionError if one of
-    both skeletons has no legs, or if a bone points nearly opposite ways in both at rest.
+    the hips to that of the chest in even parts. Places scale with the length of the legs, and the lowest joint of all
+    frames is as high as before. Raise MotionError if either skeleton lacks hips or joints of the legs, or if a bone
+    points nearly opposite ways in both at rest.
     """
     own = clip.skeleton
     # The same joints: their rotations hold as they are.

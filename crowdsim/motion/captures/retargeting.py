@@ -14,8 +14,8 @@ from crowdsim.motion.clips.skeleton import Skeleton
 def retarget(clip: Clip, skeleton: Skeleton) -> Clip:
     """Return the motion of ``clip`` on the bones of ``skeleton``, which has the same joints.
 
-    Joints keep their rotations; positions scale with leg length, so that a standing foot stays in place. Raise
-    MotionError if the joints differ.
+    Joints keep their rotations. Positions scale with leg length, so that a standing foot stays in place, and the lowest
+    joint of all frames is as high as before. Raise MotionError if the joints differ.
     """
     own = clip.skeleton
     if own.names != skeleton.names or not np.array_equal(own.parents, skeleton.parents):

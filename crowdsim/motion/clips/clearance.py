@@ -67,7 +67,7 @@ def measure_clearances(clip: Clip, bands: Sequence[tuple[float, float]], facing:
 
     Parameters
     ----------
-    bands: (low, high) heights [m].
+    bands: (low, high) heights [m], both included.
     facing: angle from the direction of motion to the heading (`Behavior.facing`) [rad]: 0 for a body that walks ahead,
     pi/2 for one that side-steps, whose depth then counts.
     """
@@ -78,7 +78,10 @@ def measure_clearances(clip: Clip, bands: Sequence[tuple[float, float]], facing:
 
 
 def _reaches(offset: Floats, height: Floats, flesh: Floats, bands: Sequence[tuple[float, float]]) -> Floats:
-    """Return the largest reach (bands,) of points (F, P) beside the track, at ``height``, with ``flesh`` (P,) [m]."""
+    """Return the largest reach (bands,) of points to either side of the track within each band, 0 for none [m].
+
+    offset, height: (F, P) distance to the left of the track, and above the floor. flesh: (P,) about each point [m].
+    """
     reach = np.abs(offset) + flesh
     result = []
     for low, high in bands:
@@ -92,8 +95,8 @@ def frame_reaches(
 ) -> tuple[NDArray[np.int64], Floats]:
     """Return the frames (n,) that go on, and the larger reach (n, bands) of the body to the sides of its track [m].
 
-    As :func:`measure_clearances`, but the lowest of several bands measures only the legs: low hands, or those of a
-    ducked body, belong to the next band.
+    As :func:`measure_clearances`, but the first of several bands, the lowest, measures only the legs: low hands, or
+    those of a ducked body, belong to the next band.
     """
     found = _beside_track(clip, facing)
     if found is None:
@@ -114,6 +117,7 @@ def frame_spreads(clip: Clip) -> Floats:
     """Return the distance (F,) from the track to the farthest point of the body, seen from above [m]."""
     points, flesh, _ = _body_points(clip)
     away = points[..., :2] - track_of(clip)[:, None, :2]
+    # To the skin: flesh is added to each point's distance.
     spreads: Floats = np.max(hypot(away[..., 0], away[..., 1]) + flesh, axis=1)
     return spreads
 
@@ -177,6 +181,7 @@ def _beside_track(clip: Clip, facing: float) -> _Beside | None:
     facing: as of :func:`measure_clearances` [rad].
     """
     track = track_of(clip)
+    # A single frame has no velocity.
     if len(track) < 2:
         return None
     velocity = np.gradient(track, axis=0) * CAPTURE_RATE
@@ -200,7 +205,10 @@ def _body_points(clip: Clip) -> tuple[Floats, Floats, NDArray[np.int64]]:
     points, flesh, owner = [positions], [around], [np.arange(skeleton.joint_count)]
 
     def add_bone(start: Floats, end: Floats, thick: float, thin: float, joint: int) -> None:
-        """Sample a bone with ends (frames, 3) [m] every _SPACING; its flesh [m] goes from ``thick`` to ``thin``."""
+        """Add points along a bone of ``joint`` with ends (F, 3) [m], _SPACING apart or less, without its start.
+
+        Flesh about them goes from ``thick`` to ``thin`` [m].
+        """
         length = float(np.max(np.linalg.norm(end - start, axis=1)))
         count = int(np.ceil(length / _SPACING))
         # The ends of a bone of no length are joints, which are points already.

@@ -55,7 +55,7 @@ def _normalize(name: str) -> str:
 
 
 def _shared_beginning(names: Sequence[str]) -> str:
-    """Return the longest beginning that most of ``names`` share, '' if there is none."""
+    """Return the longest beginning that at least the share _SHARED of ``names`` have, '' if there is none."""
     best = ""
     for length in range(1, max(map(len, names)) + 1):
         start, count = Counter(name[:length] for name in names if len(name) >= length).most_common(1)[0]
@@ -71,6 +71,7 @@ def _stripped(names: Sequence[str]) -> list[str]:
     # Of a few joints, most may begin alike by chance.
     if len(names) < 8:
         return normal
+    # A name that is nothing but the common part keeps it (or name).
     beginning = _shared_beginning(normal)
     normal = [name.removeprefix(beginning) or name for name in normal]
     ending = _shared_beginning([name[::-1] for name in normal])[::-1]
@@ -116,9 +117,11 @@ def find_roles(
 
 
 def _add_trunk(roles: dict[str, int], parents: Sequence[int]) -> None:
-    """Add chest, neck and head to ``roles`` by structure: where both arms hang, the next joint up, and the last one.
+    """Add chest, neck and head to ``roles``, in place, by where the arms hang.
 
-    Roles that are known stay, and no joint gets a second one. Nothing is added if a shoulder is unknown.
+    The chest is the nearest joint above both shoulders. The neck is its first child that leads to no shoulder. The head
+    is the last joint down from the neck, along first children. Roles that are known stay, and no joint gets a second
+    one. Nothing is added if a shoulder is unknown.
     """
     if "left_shoulder" not in roles or "right_shoulder" not in roles:
         return

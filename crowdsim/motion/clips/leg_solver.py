@@ -57,8 +57,10 @@ def missing_height(leg: Leg, targets: Floats, most: Floats) -> Floats:
 def raised_heels(leg: Leg, balls: Floats, targets: Floats, most: Floats) -> Floats:
     """Return the rotations (n, 4) about ``balls`` (n, 3) [m] by which heels rise so that legs reach their ankles.
 
-    A heel rises only after the hip has passed the ball of the foot, fully from _PASSED on, and by _RISES at most.
-    targets: (n, 3) places of the ankles before their heels rise [m]. most: (n,) stretch up to which legs may reach.
+    A heel rises by _RISES at most, and only if its leg does not reach. While the hip is behind the ball of the foot,
+    the heel stays down. From there to _PASSED ahead of it, it rises by a growing share of what the leg needs, then by
+    all. A foot up to _SHORT_FOOT long has no heel to rise. targets: (n, 3) places of the ankles before their heels rise
+    [m]. most: (n,) stretch up to which legs may reach.
     """
     foot, hip = balls - targets, leg.hips - balls
     ahead = unit(foot * np.array([1.0, 1.0, 0.0]))

@@ -69,11 +69,11 @@ def _seconds_from_standing(hips: Floats) -> Floats:
 
 
 def _smooth(values: Floats, span: Floats) -> Floats:
-    """Smooth the rows of ``values`` (F, D) over a window of ``span`` (F,) seconds each, the unit of the offset u in it.
+    """Return the rows of ``values`` (F, D) smoothed, each over a window of its own width ``span`` (F,) [s], 0 for none.
 
-    The kernel is of fourth order, (3 - u^2) exp(-u^2 / 2): it preserves a constant acceleration, while a plain mean
-    would cut the corners of turns and blur starts and stops. Beyond its ends the motion continues as its own point
-    reflection, so that the ends keep their place and speed.
+    The kernel is of fourth order, (3 - u^2) exp(-u^2 / 2) at an offset of u spans. It preserves a constant
+    acceleration, while a plain mean would cut the corners of turns and blur starts and stops. Beyond its ends the
+    motion continues as its own point reflection, so that the ends keep their place and speed.
     """
     # Weights beyond three spans are next to nothing, and a reflected motion is no longer than the motion. With no reach
     # (one frame, or only spans of 0) there is nothing to smooth.

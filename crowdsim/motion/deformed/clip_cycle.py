@@ -24,7 +24,8 @@ SAMPLES = 64
 _SHORTEST, _LONGEST = 0.5, 3.5
 """Shortest and longest cycle [s]."""
 _GAP = 3
-"""Least frames from a landing to the lift-off after it, for that to be used; to the next landing, twice as many."""
+"""A lift-off is used if it is at least this many frames after the landing of the other foot, and at least twice as many
+before the next landing of its own."""
 _ROLLING = 12
 """Largest number of frames that a foot rolls before and after it stands still."""
 _HEEL_DOWN, _HEEL_UP = 0.14, 0.26
@@ -62,7 +63,7 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
     clip : Clip
         Walking or side-stepping.
     speed : float, optional
-        Preferred speed [m/s].
+        Preferred speed [m/s]; without it, speed costs nothing.
 
     Returns
     -------
@@ -100,7 +101,8 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
 def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
     """Return frames (left lands, right lands, left lands again, left lifts, right lifts) of all cycles of a clip.
 
-    The last one is -1 if the right foot is not on the floor as the left one lands.
+    A cycle lasts _SHORTEST to _LONGEST seconds, and the right foot lands once in it. ``right lifts`` is -1 if that foot
+    is not on the floor as the left one lands.
     """
     left, right = foot_stances(clip)
     cycles = []
@@ -142,9 +144,10 @@ def _stances(planted: NDArray[np.bool_], pitch: Floats) -> list[tuple[int, int]]
     """Return (first, end) frames of stances, from when the heel comes down until the ball lifts.
 
     The heel lands when the toes begin to sink; the ball lifts when the heel has risen most. A foot that leaves the
-    floor for a moment only has not lifted. planted: (F - 1,) True if the foot stands still to the next frame. pitch:
-    (F,), toes up [rad].
+    floor for less than _BRIDGED frames has not lifted. planted: (F - 1,) True if the foot stands still to the next
+    frame. pitch: (F,), toes up [rad].
     """
+    # Join stances over short gaps.
     joined: list[tuple[int, int]] = []
     for first, end in runs(planted):
         if joined and first - joined[-1][1] < _BRIDGED:
@@ -152,12 +155,15 @@ def _stances(planted: NDArray[np.bool_], pitch: Floats) -> list[tuple[int, int]]
         else:
             joined.append((first, end))
     stances = []
+    # Add the rolling over heel and ball: pitch counts from its median while the foot stands, ``flat``.
     for first, end in joined:
         flat = float(np.median(pitch[first : end + 1]))
         before = pitch[max(first - _ROLLING, 0) : first + 1] - flat
         after = flat - pitch[max(end - _ROLLING, first) : end + _ROLLING + 1]
+        # Landed on the heel: from the last frame before in which the toes were (nearly) at their highest.
         if before.max() > _HEEL_DOWN:
             first = first - len(before) + 1 + int(np.flatnonzero(before >= _NEARLY * before.max())[-1])
+        # Lifts from the ball: until the first frame in which the heel is (nearly) at its highest.
         if after.max() > _HEEL_UP:
             end = max(end - _ROLLING, first) + int(np.flatnonzero(after >= _NEARLY * after.max())[0])
         stances.append((first, end))

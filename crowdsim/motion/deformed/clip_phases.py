@@ -51,8 +51,9 @@ def clip_phases(clip: Clip) -> Floats:
     -------
     (F,) float64
         Cycles in [0, 1): the left foot lands at 0 and lifts at 0.6, the right one lands at 0.5 and lifts at 0.1, as in
-        a deformed clip, evenly in between. While both feet stand for long it is STAND, or STAND + 0.5 if the left foot
-        lifts next; between these two it jumps.
+        a deformed clip, evenly in between. While both feet stand for long it is STAND if the left foot landed last, or
+        STAND + 0.5 if the right one did. If the foot that landed last also lifts next, it jumps by half a cycle in the
+        middle of the stand.
     """
     runs = _runs(_feet_down(clip))
     phases = np.empty(clip.frame_count)
@@ -80,7 +81,10 @@ def _feet_down(clip: Clip) -> NDArray[np.int64]:
 
 
 def _runs(feet: NDArray[np.int64]) -> list[_Run]:
-    """Return runs of frames with the same feet down; time in the air is split between the stances around it."""
+    """Return runs of frames with the same feet down, from ``feet`` (F,), _NOBODY to _BOTH.
+
+    Time in the air is split between the stances before and after it.
+    """
     changes = np.flatnonzero(np.diff(feet)) + 1
     bounds = [0, *changes.tolist(), len(feet)]
     ground = feet.copy()
@@ -98,7 +102,10 @@ def _runs(feet: NDArray[np.int64]) -> list[_Run]:
 
 
 def _usual_frames(runs: list[_Run], frames: int) -> float:
-    """Return the usual number of frames that a foot stands alone (median)."""
+    """Return the usual number of frames that a foot stands alone: the median of runs that the clip shows as a whole.
+
+    _USUAL if there are none. frames: number of frames of the clip.
+    """
     whole = [run.end - run.first for run in runs if run.feet != _BOTH and run.first > 0 and run.end < frames]
     return float(np.median(whole)) if whole else _USUAL * CAPTURE_RATE
 
@@ -106,8 +113,8 @@ def _usual_frames(runs: list[_Run], frames: int) -> float:
 def _share(run: _Run, usual: float, frames: int) -> Floats:
     """Return the share (n,) of its time alone that a foot has stood in each frame of a run.
 
-    usual: number of frames that a foot stands alone. The run is taken to be at least as long if it begins or ends with
-    the clip, which may show only a part of it. frames: number of frames of the clip.
+    usual: number of frames that a foot usually stands alone. A run that begins or ends with the clip may be seen only
+    in part, so it is taken to last at least that long. frames: number of frames of the clip.
     """
     length = float(run.end - run.first)
     begin = float(run.first)
@@ -121,11 +128,13 @@ def _share(run: _Run, usual: float, frames: int) -> Floats:
 
 
 def _on_both(run: _Run, before: int, after: int) -> Floats:
-    """Return phases (n,) while both feet stand, after ``before`` stood alone and until ``after`` does.
+    """Return phases (n,) while both feet stand.
 
-    _BOTH stands for the beginning or end of the clip.
+    before, after: foot that stands alone before and after the run (_LEFT or _RIGHT); _BOTH at the beginning or end of
+    the clip.
     """
-    # Half cycles in which this begins and ends: 0 if the left foot landed or the right one lifts next, else 0.5.
+    # landed, leaves: half cycles in which the run begins and ends. 0 if the left foot landed last, or the right one
+    # lifts next, else 0.5. At an end of the clip, one is taken from the other; 0 if the clip shows neither.
     frames = np.arange(run.end - run.first, dtype=np.float64)
     landed = 0.5 * (before == _LEFT) if before != _BOTH else 0.5 * (after == _RIGHT)
     leaves = 0.5 * (after == _RIGHT) if after != _BOTH else landed

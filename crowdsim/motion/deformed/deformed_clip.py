@@ -145,7 +145,7 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
     upper = np.array([*spine, *others], np.int32)
     even = _even_prints(cycle, np.array(prints))
     hips = np.array([place for place, _ in chain])
-    # Strides of tracks are divided by the clip's, so that of a clip that steps almost on the spot is taken as 0.3 m.
+    # A clip that steps almost on the spot gets a stride of 0.3 m, as strides of tracks are divided by it.
     model = ClipModel(
         mean=mean,
         upper=upper,
@@ -189,13 +189,13 @@ def _leg_joints(skeleton: Skeleton) -> NDArray[np.int32]:
                 f"{skeleton.names[ankle]}); a leg can be deformed if it has two bones"
             )
         toe = skeleton.roles.get(f"{side}_toe", -1)
-        # A foot is posed as one bone from ankle to ball.
+        # A foot is posed as one bone from ankle to ball: a toe joint counts only if it hangs on the ankle (-1: none).
         legs.append([hip, knee, ankle, toe if skeleton.parents[toe] == ankle else -1])
     return np.array(legs, np.int32)
 
 
 def _sampled(clip: Clip, cycle: Cycle) -> tuple[Floats, Floats]:
-    """Return root places (S + 1, 3) [m] and joint rotations (S + 1, J, 4) at the times of a cycle, between frames."""
+    """Return root places (S + 1, 3) [m] and joint rotations (S + 1, J, 4) of ``clip``, interpolated at cycle.times."""
     before = np.minimum(cycle.times.astype(np.int64), clip.frame_count - 2)
     share = (cycle.times - before)[:, None]
     root = (1.0 - share) * clip.root_positions[before] + share * clip.root_positions[before + 1]
@@ -283,12 +283,12 @@ def _print(cycle: Cycle, ball: Floats, yaw: Floats, foot: int) -> Floats:
 
 
 def _half_width(out: float) -> float:
-    """Return the distance from the middle to each foot at rest [m]; heels need more if toes point ``out`` [rad]."""
+    """Return the distance from the middle to each foot at rest [m]; heels need more if toes point ``out`` > 0 [rad]."""
     return _STAND_HALF_WIDTH + 0.5 * _FOOT_LENGTH * max(out, 0.0)
 
 
 def _even_prints(cycle: Cycle, prints: Floats) -> Floats:
-    """Return the prints (2, 3) made symmetric; those of a cycle that goes sideways or back are as wide as at rest."""
+    """Return the prints (2, 3) made symmetric and kept within bounds; as wide as at rest if the cycle is not ahead."""
     heading = cycle.track[:, 2].mean()
     way = cycle.track[-1, :2] - cycle.track[0, :2]
     ahead = float(cos(heading) * way[0] + sin(heading) * way[1])
@@ -331,7 +331,8 @@ def _alike(feet: list[Floats]) -> Floats:
 def _lift(height: Floats) -> Floats:
     """Return the height (S + 1,) of an ankle above a cubic from lift-off to landing, 0 in the stance [m].
 
-    The cubic begins and ends with the height and the speed of the ankle (Hermite), as that of a planned swing does.
+    height: (S + 1,) from the landing on [m]. The cubic begins and ends with the ankle's height and speed (Hermite), as
+    that of a planned swing does.
     """
     first = round(0.6 * SAMPLES)
     swing = height[first:]

@@ -50,7 +50,8 @@ def mean_rotation(q: Floats) -> Floats:
 
 def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
     """Return the quaternion (4,) of the frame whose axes are the unit vectors x, y, z (3,)."""
-    # Each of the four components times the largest one, for accuracy; then scaled to length one.
+    # The axes give the products of all four components with four times the largest one; scaling them to length one then
+    # divides by no small number.
     trace = x[0] + y[1] + z[2]
     choices = np.array([trace, x[0], y[1], z[2]])
     best = int(np.argmax(choices))
@@ -69,14 +70,14 @@ def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
 def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, world: Floats) -> Floats:
     """Return rotations (2, 4) from a leg's canonical frame to the joints of hip and knee.
 
-    In the canonical frame z points up the bone, and y is the hinge of the knee, which points left. ``leg`` has
-    the joints from the hip down, ``positions`` (f, j, 3) [m] and ``world`` (f, j, 4) are places and rotations of all
-    joints in the frames of a clip.
+    In the canonical frame z points up the bone, and y is the hinge of the knee, which points left. leg: (4,) joints
+    hip, knee, ankle and toe; the toe is not read. positions: (S + 1, J, 3) of joints over a cycle [m], and world: (S +
+    1, J, 4) their rotations.
     """
     hip, knee, ankle = (int(joint) for joint in leg[:3])
     thigh, shank = positions[:, knee] - positions[:, hip], positions[:, ankle] - positions[:, knee]
     # The hinge is normal to the plane of the leg. The cross product grows with the bend of the knee, so in the sum over
-    # the frames those with a bent knee count most.
+    # the samples those with a bent knee count most.
     hinge = np.cross(thigh, shank)
     return np.stack(
         [
@@ -107,7 +108,7 @@ def foot_shape(skeleton: Skeleton, leg: NDArray[np.int32], positions: Floats, wo
     """
     ankle, toe = int(leg[2]), int(leg[3])
     samples = len(positions) - 1
-    # The foot's own shape is its mean over the frames in which the whole sole is down, turned to face +x.
+    # The foot's own shape is its mean over the samples in which the whole sole is down, turned to face +x.
     flat = np.arange(round(_FLAT_FROM * samples), round(_FLAT_TO * samples))
     ahead = skeleton.offsets[toe] if toe >= 0 else _FOOT * _X
     pointing = rotate(world[:, ankle], ahead)
@@ -117,7 +118,7 @@ def foot_shape(skeleton: Skeleton, leg: NDArray[np.int32], positions: Floats, wo
     toes = mean_rotation(multiply(level, world[flat, toe])) if toe >= 0 else foot
     to_ball = rotate(foot, ahead)
     height = float(positions[flat, ankle, 2].mean())
-    # Without a toe joint, a foot of usual length.
+    # Without a toe joint, a foot of usual length, whose ball is no higher than its ankle.
     if toe < 0:
         sizes = np.array([_FOOT, height, min(_BALL, height)])
     else:

@@ -38,7 +38,10 @@ class LiveBodies:
         self._plans: list[tuple[int, StepPlan]] = [self._planned(group) for group in range(GROUPS)]
 
     def add(self, samples: Floats) -> None:
-        """Append the next sample (B, 4) of every track, and plan the footsteps of one group anew."""
+        """Append the next sample (B, 4) of every track, STEP after the last; plan the footsteps of one group anew.
+
+        The oldest sample of each track is dropped.
+        """
         tracks = self._tracks
         tracks[:, :-1] = tracks[:, 1:]
         # Headings go on without jumps by whole turns.
@@ -49,12 +52,12 @@ class LiveBodies:
         self._plans[self._steps % GROUPS] = self._planned(self._steps % GROUPS)
 
     def pose(self, ahead: float) -> tuple[Floats, Floats]:
-        """Pose all bodies as they were LATE seconds ago.
+        """Pose all bodies as they were LATE seconds before the present time.
 
         Parameters
         ----------
         ahead : float
-            Time since the last sample [s].
+            Time from the last sample to the present [s].
 
         Returns
         -------

@@ -43,7 +43,7 @@ from crowdsim.motion.deformed.spline_kernels import time_of_value
 # Columns of a step: the print, then the ankle as the foot lifts and as it lands.
 PRINT = 0  # x, y of the ball [m], heading [rad]
 LIFT = 3  # ankle x, y, z [m], pitch, heading [rad], and the ankle's speed along x, y, z [m/cycle]
-LAND = 11  # the same eight
+LAND = 11  # the same eight as the foot lands on this print
 ASIDE = 19  # distance that the foot swings out to pass the other one, on its way from this print to its next [m]
 STEP_COLUMNS = 20
 
@@ -118,6 +118,7 @@ def _speeds(samples, row, first, last, step):
 @helper
 def _stands(phase):
     """Return True if a phase is that of a body at rest, STAND after a landing."""
+    # Rounded phases of recordings: the tolerance grows with the phase.
     halves = 2.0 * phase
     return abs(halves - math.floor(halves) - 2.0 * STAND) < max(_AT_REST, _DIGITS * halves)
 
@@ -138,7 +139,8 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
         count = starts[body + 1] - starts[body]
         first = firsts[body]
         total = count + 2 * PAD
-        # Padding: the track goes on as it begins and ends; the body stands if it does there, or if there is one sample.
+        # Padding: the track goes on as it begins and ends. It rests there if its phase is that of a stand there, or if
+        # it has a single sample. beyond: samples before (< 0) or after the track, 0 in it.
         for row in range(total):
             inside = min(max(row - PAD, 0), count - 1)
             beyond = row - PAD - inside
@@ -160,7 +162,7 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
         _smooth(samples, TWIST, first, first + total, scratch)
         for row in range(first, first + total):
             samples[row, HEADING] += samples[row, TWIST]
-        # SHARE: length of this stride over the clip's, turning included. AHEAD: the same for movement ahead alone.
+        # SHARE: stride over the clip's, turning included. AHEAD: the same of movement ahead alone, 0 if it goes back.
         for row in range(first, first + total):
             x, y, turn, rate = _speeds(samples, row, first, first + total, step)
             rate = max(rate, _SLOWEST)
@@ -228,10 +230,10 @@ def _push_apart(steps, first, last, half, bodies, most):
 
 @kernel
 def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodies):
-    """Plan the print of each foot, and how far aside it swings on its way to the next one.
+    """Plan the print of each foot, and how far aside it swings on its way to its next print.
 
     A foot stands beside the point of the track at which the body passes over it. Feet that would stand too close to
-    each other are moved apart. Fills PRINT and ASIDE of ``steps``.
+    each other are moved apart. Fills PRINT of ``steps``, and ASIDE, but not in a track's last two rows (no next print).
 
     Parameters
     ----------
@@ -255,7 +257,7 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
             ahead = min(track[AHEAD], 1.0)
             side = 1.0 - 2.0 * foot
             # Blend from feet side by side under a standing body, balls half a foot ahead, to the clip's prints; AHEAD
-            # is the share of the latter.
+            # is the share of the latter, 1 for longer strides, too.
             width = (1.0 - ahead) * model.width + ahead * abs(model.prints[foot, 1])
             place = (1.0 - ahead) * 0.5 * model.bones[foot, FOOT_LENGTH] + ahead * model.prints[foot, 0]
             c, s = cos_sin(track[HEADING])
@@ -269,7 +271,7 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
         _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, _MOST_ASIDE)
         _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, 0.3 * _MOST_ASIDE)
         # Swing out if the straight line from a foot's print (row - 1) to its next (row + 1) passes too close to the
-        # other foot (row), tested at three places; 16 u^2 (1 - u)^2 is the shape of the detour, 1 in the middle.
+        # other foot (row), tested at three shares u of it. The detour is ASIDE times 16 u^2 (1 - u)^2, 1 in the middle.
         for row in range(rows[body] + 1, rows[body + 1] - 1):
             side = 1.0 - 2.0 * ((halves[body] + row + 1 - rows[body]) & 1)
             aside = 0.0
@@ -288,7 +290,7 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
 
 @helper
 def planned_pitch(model, foot, u, ahead):
-    """Return the clip's pitch of a foot at the share ``u`` of its cycle [rad], times ``ahead`` (column AHEAD)."""
+    """Return the clip's pitch of a foot at the share ``u`` of its cycle, times ``ahead`` (column AHEAD) [rad]."""
     return sampled(model.pitch, foot, u) * ahead
 
 
@@ -297,9 +299,9 @@ def stand_ankle(model, foot, print_row, u, track, place, turn, spare):
     """Return the ankle of a standing foot (x, y, z) [m], its pitch and its heading [rad].
 
     print_row: x, y of the ball [m] and heading of the print [rad]. track: the body's sample at that time, from
-    `track_at`. place, turn: position [m] and rotation of the root. spare: least angle by which the heel is raised, so
-    that the pelvis need not come down [rad]; 0 for the pitch of the clip; -1 to raise the heel only as far as the leg
-    needs. A pitch is positive if the toes point up, negative if the heel is raised.
+    `track_at`. place, turn: position [m] and rotation of the root. A pitch is positive if the toes point up, negative
+    if the heel is raised. spare: 0 for the pitch of the clip; if positive, the heel is raised by that angle at least
+    [rad], to spare the pelvis; if -1, it is raised as far as its leg needs, but only once the sole is down.
     """
     yaw = standing_yaw(print_row[2], model.prints[foot, 2], track[HEADING], u)
     c, s = cos_sin(yaw)
@@ -316,11 +318,11 @@ def stand_ankle(model, foot, print_row, u, track, place, turn, spare):
 
 @kernel
 def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratch):
-    """Plan how far the pelvis comes down so that legs reach their feet.
+    """Plan how far the pelvis comes down so that legs reach their feet, by _DEEPEST at most.
 
     The leg of each stance is tested at eight phases, from the landing of its foot to the lift-off; the heel may rise to
     help late in the stance. The pelvis comes down and up smoothly within half a second of a time at which it must be
-    low. Fills the column DROP of ``samples`` [m]. Parameters as of :func:`plan_prints`; scratch: (T,) float64.
+    low. Fills DROP of ``samples`` [m] (0 before) from PRINT of ``steps``. Parameters as of :func:`plan_prints`.
     """
     # Phases after landing, closest to each other where a leg is stretched most: as its foot lands, and before it lifts.
     tested = (0.0, 0.05, 0.15, 0.3, 0.4, 0.5, 0.55, 0.6)
@@ -359,7 +361,7 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
 def plan_swings(model, samples, firsts, counts, step, halves, rows, steps):
     """Plan how each foot lands and lifts: ankle, pitch and heading there, and the ankle's speed [m/cycle].
 
-    Fills LIFT and LAND of ``steps``. Parameters as of :func:`plan_prints`.
+    Fills LIFT and LAND of ``steps`` from its PRINT and DROP of ``samples``. Parameters as of :func:`plan_prints`.
     """
     # Phase between the two poses whose difference gives a speed [cycles].
     little = 0.01

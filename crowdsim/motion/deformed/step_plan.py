@@ -25,7 +25,8 @@ from crowdsim.motion.deformed.plan_kernels import (
 from crowdsim.motion.deformed.pose_kernels import pose_bodies
 
 _BEYOND = 3
-"""Half cycles planned beyond each end: a swing there needs the prints before and after it, and those beside them."""
+"""Half cycles planned beyond each end of a padded track. A swing there needs the print that its foot leaves and the one
+that it lands on, and the prints of the other foot push these aside."""
 
 
 class StepPlan(NamedTuple):
@@ -69,7 +70,7 @@ def plan_steps(clip: DeformedClip, tracks: Sequence[Floats], step: float = STEP)
     Raises
     ------
     MotionError
-        If a track is empty, not finite, jumps, or has a phase that decreases.
+        If a track is empty, has another shape, is not finite, jumps, or has a phase that decreases or jumps.
     """
     return plan_joined(clip, join_tracks(tracks), step)
 
@@ -126,7 +127,8 @@ def pose_at(
     Raises
     ------
     MotionError
-        If the plan has no such track, a time is not finite, or ``out`` has other shapes.
+        If the plan has no such track, a time is not finite, there are more or fewer times than bodies, or ``out`` has
+        other shapes.
     """
     bodies, times = np.ascontiguousarray(bodies, np.int64), np.ascontiguousarray(times, np.float64)
     wrong = bodies[(bodies < 0) | (bodies >= len(plan.firsts))]

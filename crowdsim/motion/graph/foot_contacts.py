@@ -74,10 +74,10 @@ def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | N
 
 
 def foot_points(skeleton: Skeleton, ankles: Floats) -> tuple[NDArray[np.int32], Floats]:
-    """Return the points of both feet: the joint (2, P) int32 that carries each, and where it is in its frame (2, P, 3).
+    """Return the P points of both feet: joints (2, P) int32 that carry them, and places (2, P, 3) in their frames [m].
 
-    They are heel, ball (the ankle if there is no toe joint), and the tip of the toes if both feet have one [m]. At
-    rest, feet must lie flat. ankles: (2,) as of :class:`Feet`.
+    The points are heel, ball (the ankle if there is no toe joint), and the tip of the toes if both feet have an end
+    site there. At rest, feet must lie flat. ankles: (2,) as of :class:`Feet`.
     """
     joints, offsets = [], []
     for side, height in zip(("left", "right"), ankles.tolist(), strict=True):
@@ -115,8 +115,8 @@ def stances(feet: Feet, rate: float = CAPTURE_RATE) -> list[Stance]:
 def planted_steps(feet: Feet, rate: float = CAPTURE_RATE, part: bool = False) -> NDArray[np.bool_]:
     """Return (F - 1, 2, P): True if a point stands on the floor from a frame to the next, in a lasting stance.
 
-    rate: frames per second. part: True for a part of a longer motion, whose first and last stance may last longer than
-    is seen.
+    rate: frames per second. part: True if the frames are a part of a longer motion; a stance at either end then counts
+    however short it is, as it may last longer than is seen.
     """
     steps = np.diff(feet.points, axis=0)
     low = feet.points[..., 2] < feet.lowest + NEAR_FLOOR
@@ -135,10 +135,10 @@ def planted_steps(feet: Feet, rate: float = CAPTURE_RATE, part: bool = False) ->
 
 
 def standing_moves(steps: Floats, planted: NDArray[np.bool_]) -> Floats:
-    """Return by how much a foot moves from each frame to the next, (..., n, 2) [m].
+    """Return the movement of a foot on the floor from each frame to the next, (..., n, 2) [m].
 
-    It moves as the slowest of its points that stand: ``steps`` (..., n, P, 2) are those of all points [m], ``planted``
-    (..., n, P) is True for points that stand. The result means nothing if no point stands.
+    It is that of the slowest of its points that stand. steps: (..., n, P, 2) movement of all its points [m]. planted:
+    (..., n, P) True for points that stand. If none stands, the result has no meaning.
     """
     least = np.argmin(np.where(planted, dot(steps, steps), np.inf), axis=-1)
     moves: Floats = np.take_along_axis(steps, least[..., None, None], axis=-2)[..., 0, :]

@@ -41,8 +41,9 @@ def cloud_joints(skeleton: Skeleton) -> NDArray[np.int64]:
 def point_clouds(clip: Clip, track: Floats, frames: NDArray[np.int64], standing: NDArray[np.bool_]) -> Floats:
     """Return points (n, P, 3) around ``frames`` (n,), each cloud relative to its track pose [m].
 
-    The window covers the neighboring frames and repeats the clip's first and last pose beyond its ends. For a
-    ``standing`` cut it repeats the pose of the cut, as the movement before and after a stand does not matter.
+    They are the joints of :func:`cloud_joints` in each frame of a window, which repeats the clip's first and last pose
+    beyond its ends. For a cut that is ``standing`` (n,), the window repeats the pose of the cut, as the movement before
+    and after a stand does not matter. track: (F, 3) of the clip.
     """
     steps = np.where(standing[:, None], 0, np.arange(-WINDOW_REACH, WINDOW_REACH + 1))
     window = np.clip(frames[:, None] + steps, 0, clip.frame_count - 1)
@@ -71,7 +72,10 @@ class PairAlignments:
     points: int
 
     def pinned_distance(self, pivot_a: Floats, pivot_b: Floats, rotation: Floats) -> Floats:
-        """Return distances (n,) if b turns by ``rotation`` [rad] and ``pivot_b`` (n, 2) moves onto ``pivot_a`` [m]."""
+        """Return distances (n,) if b turns by ``rotation`` (n,) [rad] and ``pivot_b`` moves onto ``pivot_a`` [m].
+
+        pivot_a, pivot_b: (n, 2), each in the axes of its cloud [m].
+        """
         # Sums about the pivots follow from those about the means, as moments of inertia do (parallel axis theorem); u
         # and v lead from each pivot to the mean.
         u, v = self.mean_a - pivot_a, self.mean_b - pivot_b
@@ -83,11 +87,11 @@ class PairAlignments:
         return distance
 
     def rotation_range(self, pivot_a: Floats, pivot_b: Floats, threshold: float) -> tuple[Floats, Floats]:
-        """Return the range of extra rotation about the pivot [rad], low <= 0 <= high (n,), that keeps to ``threshold``.
+        """Return the range of extra rotation, beyond :attr:`rotation`, that keeps to ``threshold``: low and high [rad].
 
-        ``pivot_b`` (n, 2) is moved onto ``pivot_a``, and threshold is a distance as of :meth:`pinned_distance` [m].
-        2011 paper, section 3: small steps either way until the threshold is exceeded. A pair whose pinned distance
-        exceeds it from the start has the range 0 to 0.
+        low is (n,) <= 0, high (n,) >= 0. pivot_a and pivot_b (n, 2), and the distance that ``threshold`` [m] bounds,
+        are those of :meth:`pinned_distance`. 2011 paper, section 3: small steps either way until the threshold is
+        exceeded. A pair whose pinned distance exceeds it without extra rotation has the range 0 to 0.
         """
         within = self.pinned_distance(pivot_a, pivot_b, self.rotation) <= threshold
         ends = []
@@ -119,7 +123,7 @@ class Alignments:
     _points: int
 
     def pairs(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> PairAlignments:
-        """Return the alignments of the pairs (a, b) (n,)."""
+        """Return the alignments of n pairs: of the clouds ``a`` (n,) of the first set with ``b`` (n,) of the second."""
         return PairAlignments(
             self.distance[a, b],
             self.rotation[a, b],
@@ -160,6 +164,7 @@ def join_pairs(parts: Sequence[PairAlignments]) -> PairAlignments:
     """Return the pairs of all parts, in their order, as one; clouds of all parts have the same number of points."""
 
     def joined(name: str) -> Floats:
+        """Return the field ``name`` of all parts."""
         return np.concatenate([getattr(part, name) for part in parts])
 
     return PairAlignments(

@@ -78,11 +78,11 @@ def build_motion_graph(
         ``max_out_edges`` can lower it.
     most_drift : float or None
         Leave out transitions that add more than this to the drift of a planted foot [m]; clip names must be unique. An
-        agent must be able to rest after a segment that ends standing. If all transitions from there to idle clips would
-        go, the nearest one stays; or, if the next segment of the capture ends standing and can rest, this one no longer
-        counts as ending standing.
+        agent must be able to rest after a segment that ends standing. If that would lose all its transitions to idle
+        clips, there are two cases: if the next segment of its capture ends standing and can rest, it no longer counts
+        as ending standing; else its transition to the nearest idle clip stays.
     whole : bool
-        Leave out no transition for its drift if segments would fall out of the graph with those left out.
+        True to leave out no transition at all for its drift if segments would fall out of the graph otherwise.
 
     Returns
     -------
@@ -128,8 +128,9 @@ def _without(
     """Return the candidates without the transitions from nodes ``leave`` (n,) to ``enter`` (n,).
 
     After a node that would lose all its idle clips, agents could not rest. If its capture goes on to a node that ends
-    standing and can rest, the body only paused in a stride, before it drew up the other foot: the node no longer counts
-    as ending standing. Else the node keeps the transition to the nearest idle clip.
+    standing and can rest, the body only paused in a stride, before it drew up the other foot: the node that would lose
+    them no longer counts as ending standing. Else it keeps the transition to its nearest idle clip. threshold: largest
+    ``needed`` of an edge [m].
     """
     idle = np.array([candidates.prepared[node.source].source.idle for node in candidates.nodes])
     stands = np.array([node.segment.ends_standing for node in candidates.nodes])
@@ -152,7 +153,10 @@ def _without(
 
 
 def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDArray[np.bool_]]:
-    """Return the largest component at ``threshold``, and the mask (N,) of its nodes."""
+    """Return the graph of the largest component at ``threshold`` [m], and the mask (N,) of its nodes.
+
+    Raise MotionError if it has no edge.
+    """
     nodes, alignments = candidates.nodes, candidates.alignments
     source, target, keep = _edges(candidates, threshold)
     if not len(source):
@@ -182,8 +186,8 @@ def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDA
 class _Candidates:
     """N nodes, and how near each end is to each start.
 
-    needed: (N, N) threshold from which on the row's end joins the column's start [m]; 0 if it continues the capture,
-    infinite if it never may.
+    alignments: of all ends with all starts. needed: (N, N) threshold from which on the row's end joins the column's
+    start [m]; 0 if it continues the capture, infinite if it never may. dropped: (node, reason) of segments left out.
     """
 
     prepared: list[PreparedSource]
@@ -194,7 +198,10 @@ class _Candidates:
 
 
 def _candidates(sources: Sequence[MotionSource], max_out_edges: int | None) -> _Candidates:
-    """Cut the sources into nodes and compare all ends with all starts."""
+    """Cut the sources into nodes and compare all ends with all starts.
+
+    max_out_edges: as of :func:`build_motion_graph`. Raise MotionError if no segment is left.
+    """
     prepared = prepare_sources(sources)
     cut = [node for i, source in enumerate(prepared) for node in make_nodes(source, i, feature_segments(source))]
     idle = [source.idle for source in sources]
@@ -212,14 +219,17 @@ def _candidates(sources: Sequence[MotionSource], max_out_edges: int | None) -> _
         order = np.argsort(needed, axis=1, kind="stable")
         far = np.ones_like(natural)
         np.put_along_axis(far, order[:, :max_out_edges], False, axis=1)
-        # A waiting agent repeats its idle clip.
+        # Whatever their rank, continuations of captures stay, and a waiting agent repeats its idle clip.
         loops = np.diag([idle[node.source] for node in nodes])
         needed = np.where(far & ~natural & ~loops, np.inf, needed)
     return _Candidates(prepared, nodes, alignments, needed, dropped)
 
 
 def _edges(candidates: _Candidates, threshold: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """Return sources and targets (E,) of the edges in the largest component, and the mask (N,) of its nodes."""
+    """Return sources and targets (E,) of the edges in the largest component at ``threshold`` [m].
+
+    Also return the mask (N,) of its nodes.
+    """
     source, target = np.nonzero(candidates.needed <= threshold)
     keep = largest_component(len(candidates.nodes), source, target)
     inside = keep[source] & keep[target]
@@ -250,6 +260,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
     while low < high:
         middle = (low + high) // 2
         small, over = judge(middle)
+        # Too few nodes or branches: a larger threshold is needed.
         if small or over < 0.0:
             low = middle + 1
         else:

@@ -110,14 +110,21 @@ class Node:
     end: Moment
 
     def leads_nowhere(self) -> bool:
-        """Return True if it neither moves nor turns nor ends in another pose, as pulling in the arms does."""
+        """Return True if the node neither moves nor turns, and ends in the pose in which it starts.
+
+        A node that pulls in the arms ends in another pose, so it leads somewhere.
+        """
         turn = float(np.ptp(np.unwrap(self.track[:, 2])))
         change = float(np.max(np.linalg.norm(self.start.cloud - self.end.cloud, axis=1)))
         return self.length < _SHORTEST_TRACK and turn < _SMALLEST_TURN and change < _SMALLEST_CHANGE
 
 
 def prepare_sources(sources: Sequence[MotionSource]) -> list[PreparedSource]:
-    """Prepare the data of ``sources``; raise MotionError if skeletons differ or a clip is no locomotion."""
+    """Prepare the data of ``sources``.
+
+    Raise MotionError if there are none, if their skeletons differ or lack ankles, if a clip is no locomotion and not
+    idle, or if an idle one has a single frame.
+    """
     if not sources:
         raise MotionError("a motion graph needs at least one clip")
     for source in sources[1:]:
@@ -126,7 +133,10 @@ def prepare_sources(sources: Sequence[MotionSource]) -> list[PreparedSource]:
 
 
 def _prepared(source: MotionSource) -> PreparedSource:
-    """Return a source with the data of its cuts; raise MotionError if it cannot be used."""
+    """Return a source with the data that its cuts need.
+
+    Raise MotionError for a clip that is no locomotion and not idle, or an idle one of a single frame.
+    """
     clip, track = source.clip, track_of(source.clip)
     if not source.idle:
         require_locomotion(clip, track)
@@ -141,7 +151,10 @@ def _prepared(source: MotionSource) -> PreparedSource:
 
 
 def feature_segments(prepared: PreparedSource) -> list[Segment]:
-    """Return the segments between the feature cuts of a source; an idle clip is one segment, standing at both ends."""
+    """Return the segments between the feature cuts of a source, without those that it leaves out.
+
+    An idle clip is one segment, standing at both ends.
+    """
     if prepared.source.idle:
         return [Segment(0, prepared.clip.frame_count - 1, True, True)]
     segments = segment_clip(prepared.clip, prepared.source.detectors)
@@ -172,9 +185,9 @@ def _node(prepared: PreparedSource, source: int, segment: Segment, start: Moment
 
 
 def _moments(prepared: PreparedSource, frames: list[int], standing: list[bool], hold_standing: bool) -> list[Moment]:
-    """Return the ends at ``frames``, ``standing`` or not; the planted foot is the slower one, or both if standing.
+    """Return one end of each of several nodes, at ``frames`` of the clip; ``standing`` says which are standing cuts.
 
-    hold_standing: as of :func:`make_nodes`.
+    The planted foot is the slower one, or both if standing. hold_standing: as of :func:`make_nodes`.
     """
     clouds = point_clouds(prepared.clip, prepared.track, np.array(frames), np.array(standing) & hold_standing)
     moments = []
@@ -185,7 +198,7 @@ def _moments(prepared: PreparedSource, frames: list[int], standing: list[bool], 
 
 
 def _foot_joints(clip: Clip, side: str) -> list[int]:
-    """Return the ankle and the toe (the ankle again if there is none) of one foot."""
+    """Return the joints of ankle and toe of one foot, the ankle twice if there is no toe."""
     ankle = clip.skeleton.joint(f"{side}_ankle")
     return [ankle, clip.skeleton.roles.get(f"{side}_toe", ankle)]
 

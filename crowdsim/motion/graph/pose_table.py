@@ -35,7 +35,7 @@ class PoseTable(NamedTuple):
 
 
 def make_pose_table(prepared: Sequence[PreparedSource], nodes: Sequence[Node]) -> PoseTable:
-    """Return the poses of ``nodes`` in order."""
+    """Return the poses of ``nodes`` in order; ``prepared`` are the sources that they number."""
     local = {
         index: _relative_poses(prepared[index].clip, prepared[index].track)
         for index in sorted({node.source for node in nodes})
@@ -59,7 +59,7 @@ def make_pose_table(prepared: Sequence[PreparedSource], nodes: Sequence[Node]) -
 
 
 def _relative_poses(clip: Clip, track: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return root places (F, 3) and rotations (F, J, 4) of a clip relative to its track (F, 3)."""
+    """Return root places (F, 3) [m] and rotations (F, J, 4) of a clip relative to its track (F, 3), as in PoseTable."""
     planar = transform_points(invert(track), clip.root_positions[:, :2])
     root = np.concatenate([planar, clip.root_positions[:, 2:]], axis=1)
     rotations = clip.rotations.copy()

@@ -40,8 +40,8 @@ _EDGES = 500
 class TransitionDrift:
     """Drift over E transitions (edges that do not simply continue a capture), without extra rotation [m].
 
-    edge: (E,) their indices. played: (E,) largest drift of a stance that the fade touches, as played. added: (E,)
-    largest increase over the drift of the same foot in the two clips.
+    edge: (E,) their indices in the graph. played: (E,) largest drift of a stance that the fade touches, as played.
+    added: (E,) largest difference of such a drift from that of the same stance in the two clips, 0 if none is positive.
     """
 
     edge: Indices
@@ -111,7 +111,10 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
 
 
 def skating_edges(graph: MotionGraph, clips: Sequence[Clip], most: float) -> Indices:
-    """Return the nodes (2, n) left and entered by transitions that add more than ``most`` meters to a foot's drift."""
+    """Return the nodes (2, n) left and entered by transitions that add more than ``most`` meters to a foot's drift.
+
+    Nodes are numbered as in ``graph``; ``clips`` are those that it is built from, of unique names.
+    """
     drift = transition_drifts(graph, clips)
     skates = drift.edge[drift.added > most]
     # Edges are sorted by the node that they leave.
@@ -129,10 +132,10 @@ def _heading(graph: MotionGraph, node: int, clip: Clip, first: int) -> float:
 
 
 def _faded_steps(graph: MotionGraph, source: Indices, edges: Indices, like: Feet) -> Floats:
-    """Return steps (E, BLEND_FRAMES, 2, P, 2) of the feet while ``edges`` fade [m].
+    """Return the movement (n, BLEND_FRAMES, 2, P, 2) of points of the feet, frame to frame, while ``edges`` (n,) fade.
 
-    ``source`` (E,) are the nodes that the edges leave; axes are those of the track at the start of each. like: feet of
-    a clip, for their heights.
+    It is along the floor [m]. source: (n,) nodes that the edges leave; axes are those of the first track pose of each.
+    like: feet of a clip, for their heights.
     """
     arrays = graph.arrays
     target = arrays.edge_target[edges]
@@ -161,10 +164,11 @@ def _drift(
     turns: Floats,
     played: Floats,
 ) -> tuple[float, float]:
-    """Return the largest drift of a stance that the fade touches, and the largest increase over its own [m].
+    """Return the largest drift of a stance that the fade touches, and its largest increase over the drift in clips [m].
 
-    left, entered: clip, first and last frame of the two segments. turns: (2,) angles by which the clips turn to where
-    they are played [rad]. played: (BLEND_FRAMES, 2, 2) moves of the feet while one segment fades into the other.
+    before, after: stances of the two clips. left, entered: clip, first and last frame of the two segments. turns: (2,)
+    angles by which the clips turn to where they are played [rad]. played: (BLEND_FRAMES, 2, 2) moves of the feet while
+    one segment fades into the other [m]. Both results are 0 if no foot stands then.
     """
     _, first, end = left
     _, begin, last = entered

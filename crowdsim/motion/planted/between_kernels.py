@@ -59,7 +59,10 @@ def split_step(last, since, frame, natural):
 
 @helper
 def _in_clip(nodes, node, frame):
-    """Return the track pose of a node in a frame, relative to its first one."""
+    """Return the track pose of a node in a frame, relative to the pose in its first frame; interpolated between frames.
+
+    Beyond its last frame, the pose in the last one.
+    """
     last = nodes.first[node] + nodes.frames[node]
     row = min(nodes.first[node] + int(frame), last)
     after = min(row + 1, last)
@@ -117,6 +120,7 @@ def track_between(nodes, natural, spans, old, old_frame, old_pose, new, new_fram
     # At the end of the step, exactly the new pose, which lies on the floor.
     if share >= 1.0:
         return new_pose[0], new_pose[1], new_pose[2]
+    # The same node at an earlier frame has ended and begun again: two nodes.
     same = old == new and new_frame >= old_frame
     if old < 0 or new < 0 or (same and new_frame - old_frame < _NOTHING):
         x = old_pose[0] + share * shorter_way(new_pose[0] - old_pose[0], spans[0])
@@ -137,10 +141,12 @@ def track_between(nodes, natural, spans, old, old_frame, old_pose, new, new_fram
 
 @kernel
 def tracks_between(nodes, natural, spans, old, old_frame, old_pose, new, new_frame, new_pose, share, out):
-    """Write the track poses of A bodies at a share of a step to ``out`` (A, 3), see :func:`track_between`.
+    """Write the track poses of A bodies at a share of a step to ``out`` (A, 3) float64, see :func:`track_between`.
 
-    old, new: (A,) int32 nodes, -1 for none. old_frame, new_frame: (A,) float64. old_pose, new_pose: (A, 3) float64.
-    share: 0 to 1, the same for all.
+    nodes: :class:`NodeTracks`. natural: frames that a step takes at the natural rate. spans: (2,) float64, lengths of
+    the floor along x and y [m], 0 if it is not periodic there. old, new: (A,) int32 nodes at the begin and the end of
+    the step, -1 for none. old_frame, new_frame: (A,) float64, their frames there. old_pose, new_pose: (A, 3) float64
+    track poses there, x, y [m], heading [rad]. share: 0 to 1, the same for all.
     """
     for a in range(len(out)):
         out[a] = track_between(

@@ -71,7 +71,7 @@ class FollowedFeet:
     count : int
         Number of bodies N.
     steps_per_second : int
-        Steps per second.
+        Steps per second; a step has a whole number of frames.
     spans : (2,) float64
         Lengths of the floor along x and y [m], 0 if it is not periodic there.
 
@@ -90,7 +90,12 @@ class FollowedFeet:
         self.states = np.zeros((count, 2, COLUMNS))
 
     def add(self, new: Played) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Take a step; return its changes: 2 * body + foot (c,), share of the step (c,), new state (c, COLUMNS)."""
+        """Take a step to what bodies play now, ``new``; return the changes of their feet's states, body by body.
+
+        They are 2 * body + foot (c,), share of the step (c,), and new state (c, COLUMNS). ``new`` is kept until the
+        next step, so its arrays must not be changed. If a body is no longer captured, its feet become FREE; this is no
+        change that is returned.
+        """
         # In the first step no body was captured before.
         old = new._replace(node=np.full_like(new.node, -1)) if self._old is None else self._old
         size = _CHANGES * len(new.node)

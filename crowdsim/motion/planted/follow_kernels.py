@@ -50,7 +50,7 @@ def _track_at(work, a, share):
 
 @helper
 def _pose(work, a, node, previous, frame, share):
-    """Pose body ``a`` in a frame of a node at a share of the step."""
+    """Pose body ``a`` in a frame of a node at a share of the step; writes ``work.positions`` and ``work.rotations``."""
     x, y, heading = _track_at(work, a, share)
     pose_body(work.table, node, previous, frame, x, y, heading, work.positions, work.rotations, 0)
 
@@ -65,8 +65,8 @@ def _place(work, foot):
 def _set(work, a, foot, mode, node, since, until, pose, share, count):
     """Change the state of a foot at a share of the step, note it as event ``count``, and return the next number.
 
-    ``since`` and ``until`` are frames of the node. The state holds from ``since`` on. A fade ends at ``until``, which
-    does not matter in other modes (pass 0.0).
+    The state holds from frame ``since`` of the node on. A fade ends in its frame ``until``, which does not matter in
+    other modes (pass 0.0).
     """
     state = work.states[a, foot]
     state[MODE] = mode
@@ -87,7 +87,8 @@ def _set(work, a, foot, mode, node, since, until, pose, share, count):
 def _release(work, a, foot, node, frame, moved, share, count):
     """Let the displacement ``moved`` of a foot (x, y [m], turn [rad]) fade from ``frame`` of a node until it lands.
 
-    It fades over LONGEST_FADE frames at most. A foot that is not displaced is free at once.
+    It fades over LONGEST_FADE frames at most. A foot that is not displaced is FREE at once. The change is noted; return
+    the next number of an event.
     """
     row = work.table.node_first[node] + int(frame)
     until = min(float(work.feet.landings[row, foot]), frame + LONGEST_FADE)
@@ -107,6 +108,7 @@ def _play(work, a, node, previous, begin, end, early, late, count):
     for frame in range(int(begin) + 1, min(int(end), table.node_frames[node] - 1) + 1):
         for foot in range(2):
             stood, stands = feet.stands[first + frame - 1, foot], feet.stands[first + frame, foot]
+            # The foot neither lands nor lifts here.
             if stood == stands:
                 continue
             share = early + (late - early) * (frame - begin) / max(end - begin, 1e-9)
@@ -124,10 +126,10 @@ def _play(work, a, node, previous, begin, end, early, late, count):
 
 @helper
 def _enter(work, a, node, previous, frame, share, shown, count):
-    """Go on in ``frame`` of the next node; ``shown`` (x, y [m], heading [rad]) are both feet's last places.
+    """Go on in ``frame`` of the next node ``node``, and note the new state of both feet.
 
-    A foot that stands in the next node keeps the place in which it was shown. If it swings, the difference between that
-    place and its place in the next node fades.
+    shown: where the left and the right foot were shown last, (x, y [m], heading [rad]) each. A foot that stands in the
+    next node keeps this place. If it swings there, the difference of this place from its place in the next node fades.
     """
     row = work.table.node_first[node] + int(frame)
     _pose(work, a, node, previous, frame, share)
@@ -154,7 +156,7 @@ def _shown(work, a, node, frame, foot):
 
 @helper
 def _appear(work, a, node, previous, frame, count):
-    """Begin with a body that was not captured before: its feet are where its clip has them."""
+    """Note the feet of a body that was not captured before: in ``frame`` of ``node``, where its clip has them."""
     # At the end of the step (share 1), each foot stands from this frame on, or is free.
     row = work.table.node_first[node] + int(frame)
     _pose(work, a, node, previous, frame, 1.0)

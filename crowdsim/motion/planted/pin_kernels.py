@@ -19,8 +19,10 @@ from crowdsim.geometry.planar_kernels import compose, shorter_way, to_local, wra
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.deformed.body_kernels import REACH, ease, multiply, quaternion, rotate
 
-# Columns of the state of a foot: how it is corrected, the node in which that holds, from which frame of it and until
-# which one it fades, and a planar pose: place and heading of a standing foot in frame SINCE, or what fades.
+# Columns of the state of a foot. MODE: how it is corrected (FREE: not at all, STANDS, FADES). NODE: the node in which
+# the correction holds; in others there is none. SINCE: frame of that node from which on it holds. UNTIL: frame at which
+# a fade ends (not read otherwise). X, Y [m] and YAW [rad]: place and heading of a standing foot in frame SINCE, or the
+# displacement that fades, as it is in frame SINCE.
 MODE, NODE, SINCE, UNTIL, X, Y, YAW = 0, 1, 2, 3, 4, 5, 6
 COLUMNS = 7
 FREE, STANDS, FADES = 0.0, 1.0, 2.0
@@ -38,7 +40,7 @@ _NOTHING = 1e-9
 def place_in_clip(feet, first, last, foot, frame):
     """Return ball x, y [m] and heading [rad] of a foot in a frame of the node with rows ``first`` to ``last``.
 
-    They are relative to the track pose in row ``first``, and interpolated between frames.
+    They are relative to the track pose in row ``first``, and interpolated between frames; the last frame has no next.
     """
     row = first + int(frame)
     after = min(row + 1, last)
@@ -60,12 +62,14 @@ def place_of_foot(feet, foot, positions, rotations, a):
 
 @helper
 def correction(table, feet, state, node, frame, foot, place, spans):
-    """Return how far a foot at ``place`` is moved (x, y [m]) and turned [rad] in a frame of its node.
+    """Return how far a foot at ``place`` is moved (x, y [m]) and turned [rad] in a frame of ``node``.
 
-    state: (COLUMNS,) of the foot. In a node other than its NODE, the foot is not moved.
+    state: (COLUMNS,) of the foot. A foot that is FREE, or whose NODE is another one, is not moved. One that STANDS is
+    moved by FARTHEST at most.
     """
     if state[MODE] == FREE or state[NODE] != node:
         return 0.0, 0.0, 0.0
+    # A fade takes one frame at least.
     if state[MODE] == FADES:
         w = 1.0 - ease((frame - state[SINCE]) / max(state[UNTIL] - state[SINCE], 1.0))
         return w * state[X], w * state[Y], w * state[YAW]
@@ -85,7 +89,7 @@ def correction(table, feet, state, node, frame, foot, place, spans):
 
 @helper
 def _minus(a, b):
-    """Return the vector from b to a."""
+    """Return a - b, the vector from b to a."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
@@ -158,7 +162,10 @@ def bent_leg(hip, knee, ankle, left, target, most):
 
 @helper
 def _move(positions, rotations, a, joint, turn, old, new):
-    """Turn a joint of body ``a`` by ``turn`` about the point ``old``, which moves to ``new`` [m]."""
+    """Turn a joint of body ``a`` by ``turn`` about the point ``old``, then move it as that point moves to ``new`` [m].
+
+    Changes the joint's rows of ``positions`` and ``rotations``.
+    """
     x, y, z = rotate(
         turn, positions[a, joint, 0] - old[0], positions[a, joint, 1] - old[1], positions[a, joint, 2] - old[2]
     )
@@ -225,7 +232,10 @@ def _target(feet, foot, positions, a, place, moved):
 
 @helper
 def pin_body(table, feet, states, node, frame, spans, positions, rotations, a):
-    """Correct both feet of posed body ``a`` in a frame of its node; ``states`` (2, COLUMNS) are those of its feet."""
+    """Correct both feet of posed body ``a`` in a frame of its node, and its legs with them.
+
+    states: (2, COLUMNS) of its feet. If a foot is out of reach, the whole body comes down, by _LOWEST at most.
+    """
     left_place = place_of_foot(feet, 0, positions, rotations, a)
     right_place = place_of_foot(feet, 1, positions, rotations, a)
     left = correction(table, feet, states[0], node, frame, 0, left_place, spans)
@@ -253,6 +263,7 @@ def pin_body(table, feet, states, node, frame, spans, positions, rotations, a):
     if lack > 0.0:
         for joint in range(len(feet.bones)):
             positions[a, joint, 2] -= lack
+    # The body's left: +y of the root (joint 0).
     hinge = rotate(quaternion(rotations[a], 0), 0.0, 1.0, 0.0)
     _put_leg(feet, 0, positions, rotations, a, left_target, left[2], left_most, hinge)
     _put_leg(feet, 1, positions, rotations, a, right_target, right[2], right_most, hinge)
@@ -266,7 +277,7 @@ def pin_feet(table, feet, states, node, frame, spans, positions, rotations):
     ----------
     table: :class:`crowdsim.motion.graph.pose_table.PoseTable`.
     feet: :class:`crowdsim.motion.planted.planted_rows.FootTable`.
-    states: (A, 2, COLUMNS) float64, see the columns above.
+    states: (A, 2, COLUMNS) float64, see the columns of this module (MODE to YAW).
     node, frame: (A,) int32 and float64, what each body plays.
     spans: (2,) float64, lengths of the floor along x and y [m], 0 if it is not periodic there.
     positions, rotations: (A, J, 3) [m] and (A, J, 4) float32, joints in the world.

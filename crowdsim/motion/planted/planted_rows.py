@@ -40,10 +40,11 @@ class PlantedRows(NamedTuple):
     def stayed(
         self, old_node: NDArray[np.int32], old_at: Floats, node: NDArray[np.int32], at: Floats
     ) -> NDArray[np.bool_]:
-        """Return (n, 2, P): True for points that stay planted in the clips between two frames of one or two nodes.
+        """Return (n, 2, P): True for points of feet that stay planted in the clips between two frames.
 
-        All arguments are (n,): ``old_node`` is played from its frame ``old_at`` on, then ``node`` until its frame
-        ``at``. If ``node`` is another node, or the same at an earlier frame, the old one is played to its end first.
+        All arguments are (n,): ``old_node`` is played from its frame ``old_at`` on, until the frame ``at`` of ``node``.
+        If ``node`` is another node, or the same one at an earlier frame, ``old_node`` is played to its end, and then
+        ``node`` from its beginning. Frames need not be whole numbers.
         """
         table, lifted = self.table, self.lifted
         # Rows around both times. Prefix sums: a point stayed planted if its count did not change.
@@ -78,9 +79,10 @@ class FootTable(NamedTuple):
 
 
 def planted_rows(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> PlantedRows:
-    """Find the planted feet of all nodes; ``tracks`` (T, 3) are poses of the rows relative to the first of each node.
+    """Find the planted feet of all nodes.
 
-    A stance counts however short it is if it reaches the first or the last row of its node, which may cut it off.
+    tracks: (T, 3) poses of the rows, x, y [m], heading [rad], relative to the first row of each node. A stance that
+    reaches the first or the last row of its node counts however short it is: the node may show only a part of it.
     """
     positions, rotations = _row_joints(table, tracks)
     feet = feet_of(skeleton, positions, rotations)
@@ -93,7 +95,11 @@ def planted_rows(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> Plante
 
 
 def foot_table(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> FootTable:
-    """Return the places and stances of both feet in all rows of ``table``; see :func:`planted_rows`."""
+    """Return the places and stances of both feet in all rows of ``table``.
+
+    skeleton: that of the table, with leg joints. tracks: as of :func:`planted_rows`. Unlike there, a foot is taken to
+    stand through a swing shorter than SHORTEST_SWING.
+    """
     legs = np.array([_leg(skeleton, side) for side in ("left", "right")], np.int32)
     positions, rotations = _row_joints(table, tracks)
     across = np.array([_across(skeleton, *leg[2:].tolist()) for leg in legs])
@@ -116,12 +122,12 @@ def foot_table(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> FootTabl
 
 
 def _spans(table: PoseTable) -> list[tuple[int, int]]:
-    """Return first and last row of every node."""
+    """Return the first and the last row (included) of every node."""
     return list(zip(table.node_first.tolist(), (table.node_first + table.node_frames).tolist(), strict=True))
 
 
 def _join(stands: NDArray[np.bool_]) -> None:
-    """Join, in place, stances (F,) between which the foot hardly has time to lift."""
+    """Join, in place, stances (F,) of one foot that are less than SHORTEST_SWING apart."""
     found = runs(stands)
     for (_, end), (begin, _) in pairwise(found):
         if begin - end < SHORTEST_SWING * CAPTURE_RATE:
@@ -129,7 +135,10 @@ def _join(stands: NDArray[np.bool_]) -> None:
 
 
 def _row_joints(table: PoseTable, tracks: Floats) -> tuple[Floats, Floats]:
-    """Return positions (T, J, 3) [m] and rotations (T, J, 4) of the joints of all rows at the poses ``tracks``."""
+    """Return positions (T, J, 3) [m] and rotations (T, J, 4) of the joints of all rows at the poses ``tracks`` (T, 3).
+
+    No node is before them, so no blend offset fades.
+    """
     lengths = table.node_frames + 1
     node = np.repeat(np.arange(len(lengths), dtype=np.int32), lengths)
     at = np.concatenate([np.arange(length, dtype=np.float64) for length in lengths])

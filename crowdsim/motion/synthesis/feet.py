@@ -157,7 +157,7 @@ def _turning(plant: _Plant, t: float, duration: float) -> tuple[float, float]:
 
 
 def _comes_to_rest(plan: Plan, step: Step) -> bool:
-    """Return True if a step brings its foot beside the other one, and neither lifts soon after."""
+    """Return True if a step brings its foot beside the other one, and both stand for ``plan.style.soft`` frames."""
     before = [s.body for s in plan.steps if s.side != step.side and s.land < step.land]
     if not np.allclose(before[-1] if before else plan.start, step.body, atol=1e-6):
         return False
@@ -235,7 +235,7 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
         # Along the floor: a polynomial through both ends with their speeds, which begins with a push and ends with a
         # brake.
         path = quintic(u, ends[0], v0 * duration, _SPRING * way, ends[1], v1 * duration, -_BRAKE * way)
-        # Height: a hump u^2 (1 - u)^SINK, scaled to 1 at its top; higher for longer strides.
+        # Height: a hump u^2 (1 - u)^_SINK, scaled to 1 at its top; higher for longer strides.
         ahead = max(0.0, _way_ahead(old.place, new.place))
         high = plan.style.raised + plan.manner.lift + _LIFT_STRIDE * min(ahead / _FULL_STRIDE, 1.1)
         path[:, 2] += (
@@ -248,8 +248,8 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
         path[:, 1] += cos(middle) * clear
         ankle[rows] = path
         yaw[rows] = hermite(u, *_turning(old, old.lift, duration), float(new.place[2]), 0.0)
-        # Pitch: toes down at lift-off, nearly level at LEVEL_AT of the swing, then as it lands; both cubics have the
-        # same slope where they meet.
+        # Pitch: toes down at lift-off, nearly level at _LEVEL_AT of the swing, then as the foot lands. Two cubics, with
+        # the same slope where they meet.
         turning, level = _LEVEL_AT, 0.35 * new.arrive
         early = u < turning
         rise = old.leave + level

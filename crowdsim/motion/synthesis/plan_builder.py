@@ -23,7 +23,11 @@ PASSING = 0.52
 
 
 class PlanBuilder:
-    """Builder of a plan: each motion added begins where the last one ended."""
+    """Builder of a plan: each motion added begins where the last one ended.
+
+    plan: the plan so far. body: (3,) body pose that the last step was put down for. frame: of the last landing, or up
+    to which the body stands. gait: of the passing pose in which the plan ends so far, None if the body stands.
+    """
 
     def __init__(self, name: str, style: Style = WALKING, manner: Manner = PLAIN) -> None:
         self.plan = Plan(name, style, manner)
@@ -57,7 +61,7 @@ class PlanBuilder:
         return self.gait
 
     def _right_swing(self) -> tuple[float, float]:
-        """Return lift-off and landing of the right foot that is passing at the last hub."""
+        """Return the frames of lift-off and landing of the right foot, which passes the left one at the last hub."""
         gait = self._walking()
         lift = self.plan.hubs[-1].frame - PASSING * gait.swing
         return lift, lift + gait.swing
@@ -153,7 +157,10 @@ class PlanBuilder:
         return self
 
     def stand(self, settle: float | None = None) -> PlanBuilder:
-        """Come to rest ``settle`` frames after the last landing, by default as soon as the heel is down."""
+        """Come to rest ``settle`` frames after the last landing, rounded up to a whole frame.
+
+        By default they are the style's ``soft`` frames, after which the heel is down.
+        """
         self.frame = float(np.ceil(self.frame + (self.plan.style.soft if settle is None else settle)))
         self.plan.hubs.append(Hub(int(self.frame), "stand", self.body))
         self.gait = None

@@ -95,7 +95,10 @@ def _passing(gait: Gait, manner: Manner) -> tuple[Floats, Floats]:
 
 
 def _blend(controls: Controls, plan: Plan) -> Controls:
-    """Return the controls with pose and motion about each hub replaced by the hub's own, faded in and out."""
+    """Return the controls with pose and motion about each hub of ``plan`` replaced by the hub's own, faded in and out.
+
+    At a stand, only the body is replaced, and in the rest at both ends of the plan it keeps the pose of the stand.
+    """
     placed, scalars = controls.placed.copy(), controls.scalars.copy()
     stands = [h.frame for h in plan.hubs if h.kind == "stand"]
     for hub in plan.hubs:

@@ -136,7 +136,7 @@ def _supports(plan: Plan) -> tuple[Floats, Floats]:
 
 
 def controls_of(plan: Plan) -> Controls:
-    """Return the controls of a plan before its hubs are made to agree."""
+    """Return the controls of a plan as its steps give them: at hubs, they are not yet those that motions share."""
     manner = plan.manner
     # Where the body goes, which foot carries it, and how far apart the feet are, for each frame; all smoothed over some
     # frames, so that the pelvis follows without jerks.
