@@ -44,7 +44,8 @@ _SPACING = 0.1
 """Largest distance between samples of a path [m]."""
 _BUDGET = 200
 """Map queries per trial."""
-_RADIUS = 0.05  # meters of the discs tested: on open ground they are free anyway
+_RADIUS = 0.05
+"""Radius of the discs tested [m]; any will do, as on open ground all are free."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,7 @@ def coverage_rows(coverage: Coverage) -> list[dict[str, Any]]:
 
 
 def missing_turns(coverage: Coverage) -> list[str]:
-    """Return a sentence for each kind of motion that nothing follows, even with the most clearance."""
+    """Return a sentence for each kind of path (straight, left, right) that is never followed at the most clearance."""
     most = coverage.share[:, int(np.argmax(coverage.clearance))]
     kinds = (
         ("walking straight on", coverage.curvature == 0.0, "a straight walk of four steps or more"),
@@ -198,7 +199,7 @@ def _paths(bend: float, behavior: int) -> list[_Samples]:
 
 
 def draw_coverage(coverage: Coverage, name: str) -> Any:
-    """Draw the table as a matplotlib figure: green where everything is followed, red where nothing is."""
+    """Draw the table of the motions ``name`` as a matplotlib figure, from red (no trial followed) to green (all)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(2.5 + 1.0 * len(coverage.clearance), 1.5 + 0.45 * len(coverage.curvature)), dpi=110)

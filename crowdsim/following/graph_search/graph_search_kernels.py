@@ -122,9 +122,9 @@ def _slot(closed, key):
 
 @helper
 def _put(tree, count, made, parent, edge, cost):
-    """Push a search node as row ``made``: ``edge`` taken after row ``parent``; return the queue's size.
+    """Push a search node, row ``made`` of ``tree.waiting``: ``edge`` taken after laid row ``parent``.
 
-    Without a parent (NONE), ``edge`` is the number of the first node.
+    Without a parent (NONE), ``edge`` is the number of the first node. Return the queue's size.
     """
     tree.waiting[made, PARENT] = parent
     tree.waiting[made, EDGE] = edge
@@ -271,7 +271,7 @@ def _put_first(graph, rules, start, start_node, goal, tree):
 
 @helper
 def _lay(graph, space, rules, start, start_node, goal, tree, item, row):
-    """Lay the search node of queue row ``item`` in ``row`` of the tree.
+    """Lay the search node of row ``item`` of ``tree.waiting`` in ``row`` of ``tree.link`` and ``tree.place``.
 
     Return (True, distance) if it was laid, (False, distance) if it is closed or not free. The distance is the least one
     of its track to the goal [m], infinite if the track was not tested.
@@ -318,7 +318,7 @@ def _is_goal(rules, goal, heading, gap):
 
 @kernel
 def search(graph, space, rules, start, start_node, goal, tree, chain, out):
-    """Search a short motion to the goal: nodes are tried in the order of f, and may be bent to it.
+    """Search a short motion to the goal: try nodes in the order of f, and bend branches that end near the goal to it.
 
     Parameters
     ----------
@@ -330,7 +330,7 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
     Returns
     -------
     (status, nodes of the solution, nodes expanded). The solution is in ``out``: complete if the status is FOUND, else
-    the one whose end is nearest to the goal.
+    the branch whose end is nearest to the goal, without nodes if none was laid.
     """
     count = _put_first(graph, rules, start, start_node, goal, tree)
     made = count

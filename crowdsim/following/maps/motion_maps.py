@@ -51,7 +51,8 @@ class MapArrays(NamedTuple):
     edge, node, level: (E,) int32, edge taken into the entry's node, that node, number of edges since the root.
     ahead: (E, AHEAD_COLUMNS) float32, in the order of ``key``: data for ranking an entry before it is laid down, see
     :mod:`crowdsim.following.maps.map_kernels`. Places are in the frame of the root's start.
-    average: (N,) float64, mean length of a map's branches [m] (2012 paper, equation 2), blend offsets weighted.
+    average: (N,) float64, mean length of a map's branches [m] (2012 paper, equation 2), each from the root's start to
+    the start of an entry, blend offsets weighted.
     family: (N,) int32, equal for nodes with the same successors.
     ends_as: (N, B) bool, True if a node is of a behavior or has a successor of it.
     leads_to: (N,) int32, behavior of most successors; the least number of several, 0 without successors.
@@ -254,9 +255,9 @@ def _behavior_counts(graph: GraphArrays) -> NDArray[np.int32]:
 
 
 def _delays(graph: GraphArrays) -> NDArray[np.float64]:
-    """Return how much longer each node takes than its behavior does on average for the same way [s], 0 at least.
+    """Return how much longer (N,) each node takes than its behavior does on average for the same way [s], 0 at least.
 
-    The mean speed of a behavior is that of all its nodes that move on, without turns in place.
+    The average of a behavior is that of all its nodes that move on, without turns in place.
     """
     seconds = graph.node_frames / CAPTURE_RATE
     moved = hypot(graph.node_motion[:, 0], graph.node_motion[:, 1])
