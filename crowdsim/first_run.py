@@ -40,7 +40,8 @@ _Signature: TypeAlias = tuple[Any, ...]
 class FirstKernel(NamedTuple):
     """A kernel that a first run compiles: dotted path of its function, CPU time [s], numba types of its arguments.
 
-    If it is compiled with a kernel that calls it, ``arguments`` are None. One that Python calls, too, is listed twice.
+    ``arguments`` are None if it is compiled together with a kernel that calls it. A kernel that Python calls, too, is
+    listed twice, once with and once without arguments.
     """
 
     function: str

@@ -123,10 +123,12 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
 def _cheapest_shifts(prices: NDArray[np.float64], steps: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return indices (n,) of the shifts with the least sum of length times mean price, by Bellman's recursion.
 
-    prices: (n, shifts) cost per meter at each place of each station, infinite where nothing fits; the first and the
-    last station stay. steps: (n - 1, from, to) distance between the places of neighboring stations [m].
+    prices: (n, shifts) cost per meter at each place of each station, infinite if a place may not be taken; the first
+    and the last station stay. steps: (n - 1, shifts, shifts) distance from each place of a station (second axis) to
+    each place of the next one (third axis) [m].
     """
     before = np.full(steps.shape[:2], _STAY)
+    # The first station's shifted places have infinite prices, so all may begin at 0.
     total = np.zeros(len(SHIFTS))
     every = np.arange(len(SHIFTS))
     # Between two stations that can only stay there is nothing to choose.

@@ -53,7 +53,7 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     ----------
     layers: (m, 5, 2) of `layers_of`, the legs' first.
     fitting: :class:`crowdsim.planning.labels.fitting_kernels.Fitting`.
-    points: (p,) points of the roadmap.
+    points: (p,) points of the roadmap, records ROAD_POINT of :mod:`crowdsim.planning.roadmap.build_kernels`.
     road: (r, 2) int64, point and behavior, as of `find_road`.
     around: (nv, n) of `corner_radii` [m].
     reach: (nv,) scratch.
@@ -134,7 +134,7 @@ def shift_path(layers, fitting, points, sections, cost, radii, least):
     Parameters
     ----------
     layers, fitting: as of `polish_road`.
-    points, sections, cost: the path as it is, with its labels as of `annotate`.
+    points, sections, cost: the path (p, 2) [m] as it is, with its sections (k, 3) and cost as of `annotate`.
     radii: (behaviors, m) clearance of each behavior on each of all ``layers`` [m].
     least: clearance that the legs must keep [m].
     """

@@ -70,7 +70,7 @@ class Roadmap:
         self._idle: list[tuple[NDArray[Any], int]] = []
 
     def _landmarks(self) -> NDArray[np.float32]:
-        """Return (states, l) costs from landmarks, each landmark as far as possible from those before.
+        """Return (states, l) costs from l landmarks: point 0, then always the point farthest from all before.
 
         State s is behavior s % n at point s // n; states that a landmark does not reach cost _NEVER.
         """
@@ -128,7 +128,7 @@ class Roadmap:
         return with_sections(line, found, float(cost)) if len(found) else None
 
     def excess(self, path: AnnotatedPath) -> list[float]:
-        """Return, for each section, what its meters beyond the least length cost more than the preferred behavior's."""
+        """Return, for each section, how much dearer its meters beyond the least length are than the preferred ones."""
         return [self._more[s.behavior] * max(s.end - s.start - self._shortest, 0.0) for s in path.sections]
 
     def shifted(self, path: AnnotatedPath) -> AnnotatedPath:
