@@ -19,7 +19,7 @@ def rotation(degrees: float) -> tuple[float, float]:
 
 
 def wrap_angle(angle: Floats | float) -> Floats:
-    """Return ``angle`` [rad] less full turns, so that it is in [-pi, pi]; -pi itself only by rounding."""
+    """Return angles of any shape [rad] less full turns, so that they are in [-pi, pi]; -pi itself only by rounding."""
     return np.pi - np.mod(np.pi - np.asarray(angle, dtype=np.float64), 2.0 * np.pi)
 
 

@@ -1,6 +1,7 @@
 """Quantiles of distributions, with elementary functions that give the same bits on any processor.
 
 Functions named quantile take probabilities, (n,) float64 in the open interval (0, 1), and return (n,) float64 values.
+``shape`` is a parameter of the distribution, greater than 0 and without a unit.
 """
 
 from __future__ import annotations

@@ -49,6 +49,9 @@ def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
     4. The shortest paths in all areas, of any length, if the roadmap gives no path, or if the best path so far costs
        more than the roadmap's estimate by SURPRISE. Otherwise, for a goal beyond NEAR and a roadmap path that is wide
        (`_is_wide`), those of them that are not longer than FARTHEST allows.
+
+    The cheapest of these paths is shifted aside if that pays (:meth:`Roadmap.shifted`), unless step 1 or 2 has ended
+    the search.
     """
     arc = arc_lengths(query.ends)
     length = float(arc[-1])

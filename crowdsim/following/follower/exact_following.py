@@ -102,7 +102,10 @@ def _searches(options: FollowOptions) -> Iterator[tuple[FollowOptions, int]]:
 
 
 def _rank(found: FollowResult, off: float) -> tuple[bool, float]:
-    """Return a sort key, least is best: solutions by distance from the goal, then partial ones by how far they came."""
+    """Return a sort key, least is best: solutions by ``off``, their distance from the goal [m], then partial motions.
+
+    Of partial motions, the one that came farther along the path is better.
+    """
     solved = found.status == FollowStatus.FOUND
     return not solved, off if solved else -found.reached
 

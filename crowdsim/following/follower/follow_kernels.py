@@ -86,7 +86,7 @@ def _load_branch(maps, search, root, entry):
 def _keep(scores, items, begin, count, capacity, score, item):
     """Insert (score, item) into the sorted list of at most ``capacity`` rows from ``begin`` on; return the new count.
 
-    Rows ascend by (score, item), so the order of insertion has no effect. A full list drops its last row.
+    Pairs of ``scores`` and ``items`` ascend, so the order of insertion has no effect. A full list drops its last pair.
     """
     at = begin + count
     if count == capacity:
@@ -285,7 +285,7 @@ def _record_best(search, count):
 
 @helper
 def _begin(graph, guide, start_pose, start_node, search):
-    """Open the first stage, at ``start_pose``, or at the end of ``start_node``, which begins there; -1 for none."""
+    """Open the first stage at ``start_pose``, or, if ``start_node`` is not -1, at the end of this node laid there."""
     end = np.empty(3)
     for k in range(3):
         end[k] = start_pose[k]

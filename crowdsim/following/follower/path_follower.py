@@ -46,7 +46,11 @@ Floats = NDArray[np.float64]
 
 
 class FollowStatus(IntEnum):
-    """Result of a search along a path. BLOCKED: nothing is left. PAST_KEPT: what is left would change kept nodes."""
+    """Result of a search along a path, as :func:`~crowdsim.following.follower.follow_kernels.follow` returns it.
+
+    FOUND: a motion to the goal. OUT_OF_BUDGET: all map queries are made. BLOCKED: no branch is left to try. PAST_KEPT:
+    branches that are left would change nodes that must stay.
+    """
 
     FOUND = FOUND
     OUT_OF_BUDGET = OUT_OF_BUDGET

@@ -226,7 +226,10 @@ def _length(graph: GraphArrays, nodes: NDArray[np.int32], origins: Floats) -> fl
 
 
 def _as_goal(goal: ArrayLike) -> Floats:
-    """Return the goal as (3,) x, y [m] and heading [rad], nan for any; raise MotionError for another shape or nan."""
+    """Return the goal as (3,) x, y [m] and heading [rad], nan if it has none.
+
+    Raise MotionError if it is of another shape, or has numbers that are not finite.
+    """
     given = np.array(goal, np.float64)
     if given.shape not in ((2,), (3,)) or not np.isfinite(given).all():
         raise MotionError(f"a goal is x, y or x, y and a heading, all finite, not {given}")
@@ -234,7 +237,7 @@ def _as_goal(goal: ArrayLike) -> Floats:
 
 
 def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[MeshArrays, MeshArrays] | None) -> _Rules:
-    """Return the options in the form that kernels read; without branch kinematics, bend within a reach of 0."""
+    """Return the options in the form that kernels read; without branch kinematics ``bend_reach`` is 0: never bend."""
     return _Rules(
         in_channel=channel is not None,
         in_meshes=meshes is not None,

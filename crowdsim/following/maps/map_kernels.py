@@ -46,7 +46,7 @@ _OFFSET = 1 << 19
 
 @helper
 def pack_cell(ix, iy, heading_bin):
-    """Return one int64 that sorts cells by x, then y, then heading bin."""
+    """Return one int64 that sorts cells by x, then y, then heading bin (0 to 15; bins of headings are 0 to 11)."""
     return ((np.int64(ix) + _OFFSET) << 20 | (np.int64(iy) + _OFFSET)) * 16 + np.int64(heading_bin)
 
 

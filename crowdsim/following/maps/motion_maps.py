@@ -56,7 +56,7 @@ class MapArrays(NamedTuple):
     family: (N,) int32, equal for nodes with the same successors.
     ends_as: (N, B) bool, True if a node is of a behavior or has a successor of it.
     leads_to: (N,) int32, behavior of most successors; the least number of several, 0 without successors.
-    late: (N,) float64, how much longer a node takes than its behavior takes on average for the way that it moves [s].
+    late: (N,) float64, how much longer a node takes than its behavior does on average for the same distance [s].
     outline_first: (N + 1,) int64, rows of ``outline`` for each node.
     outline: (S, 3) float64, x, y and arc length of points along each node's track, its end included, at most a cell
     apart [m].
@@ -255,9 +255,10 @@ def _behavior_counts(graph: GraphArrays) -> NDArray[np.int32]:
 
 
 def _delays(graph: GraphArrays) -> NDArray[np.float64]:
-    """Return how much longer (N,) each node takes than its behavior does on average for the same way [s], 0 at least.
+    """Return how much longer each node takes than its behavior does on average for the same distance, (N,) [s].
 
-    The average of a behavior is that of all its nodes that move on, without turns in place.
+    It is 0 at least. The average of a behavior is that of all its nodes but turns in place, which are late themselves
+    by nearly all of their time.
     """
     seconds = graph.node_frames / CAPTURE_RATE
     moved = hypot(graph.node_motion[:, 0], graph.node_motion[:, 1])

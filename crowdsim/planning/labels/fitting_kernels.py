@@ -52,7 +52,7 @@ class Piece(NamedTuple):
 
     x: float
     y: float
-    """Start of the piece."""
+    """Start of the piece [m]."""
     ux: float
     uy: float
     """Unit direction of the piece."""

@@ -321,7 +321,7 @@ def see_points(layers, hints, radii, around, points, spans, x, y, seen):
     # `level_at` has set the hints to the triangles that hold (x, y). ``roots`` keeps them, as the hints move on.
     t = hints[0]
     roots = hints.copy()
-    # Scratch: a sweep that needs more answers no, and `way_level` samples the way instead.
+    # Scratch. If a sweep needs more room, its answer is no, and `way_level` samples the way instead.
     stack = np.empty(64, SWEPT)
     for h in range(3 * t, 3 * t + 3):
         for k in range(spans[h].first, spans[h].last):

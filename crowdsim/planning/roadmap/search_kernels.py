@@ -95,15 +95,15 @@ def _may_follow(i, j, turned):
 def _too_short(i, j, run, since, costs, turned, terms, paid):
     """Estimate the extra cost of a section of behavior i that is ``run`` meters long, followed by one of j.
 
-    It is 0 if the section is long enough. since: meters since the last turned section. paid: part of the cost of the
-    changes into and out of the section that has been charged for its least length. terms: (4,), see
+    It is 0 if the section is long enough. since: meters since the last turned section, as of :data:`STATE`. paid: what
+    the changes into and out of the section have already charged for its least length. terms: (4,), see
     :data:`crowdsim.planning.labels.labelling_kernels.TERMS`.
     """
     # A narrow section before a wider one is lengthened at the expense of the wider one.
     if costs[i] > costs[j]:
         return max(0.0, (costs[i] - costs[j]) * (terms[LEAST_SECTION] - run) - paid)
-    # A wide section needs room for the turn at either end. since == run: a turned section is right before it, or it is
-    # the first section, where both are infinite and nothing is too short.
+    # A wide section needs room for the turn at either end. since == run: a turned section is right before this one, or
+    # this is the first section, which is never too short, as both are infinite.
     needed = terms[LEAST_SECTION]
     if turned[j]:
         needed = terms[FOR_BETWEEN] if since == run else terms[LEAST_SECTION] + terms[FOR_TURN]
@@ -111,8 +111,8 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
         needed = terms[LEAST_SECTION] + terms[FOR_TURN]
     if run >= needed:
         return 0.0
-    # Too short, it is given to the narrower of its neighbors, which saves two changes. The dearest turned behavior
-    # stands for a turned one before it, as it is not known which one that was.
+    # Too short: it is given to the narrower of its neighbors, which saves two changes. It is not known which behavior
+    # was before it: the dearest turned one stands for any turned one, and one that is not turned does not count.
     narrow = costs[j]
     for k in range(costs.size):
         if turned[k] and since == run:
@@ -140,8 +140,8 @@ def _bound_to_goal(graph, goal, state, p, preferred):
 def _reach(graph, goal, preferred, states, stamp, s, p, value, before, since, run):
     """Record that state ``s`` of point p is reached at cost ``value``, if it is cheaper than before; return True if so.
 
-    before, since, run: the state before it (-1 for the start), and as of :data:`STATE`, of which ``states`` are
-    records. ``stamp`` is the number of the search: states with other stamps are left over from earlier searches.
+    ``states`` are records :data:`STATE`, whose fields before, since and run are set to these arguments. ``stamp`` is
+    the number of the search: states with other stamps are left over from earlier searches.
     """
     state = states[s]
     if state.stamp == stamp and state.cost <= value:

@@ -124,8 +124,8 @@ def price_places(layers, hints, radii, costs, stations, spread, prices):
     """Fill ``prices`` (stations, SHIFTS) with the cost per meter at each place.
 
     It is infinite at a shifted place that fits no behavior; at a station's own place it is then the narrowest
-    behavior's. Of a station that stays, only its own place is priced; its other prices are left as they are, so they
-    have to be infinite. ``hints`` are changed; ``stations`` are records :data:`PLACE`.
+    behavior's. Of a station that stays (``near`` is 0), only its own place is priced; its other prices are left as they
+    are, so they have to be infinite. ``hints`` are changed; ``stations`` are records :data:`PLACE`.
     """
     top = costs.size - 1
     for s in range(stations.size):
