@@ -194,5 +194,5 @@ class DrawingUnavailable(CrowdSimError):
 
 
 def one_line(error: Exception) -> str:
-    """Return what a parser says of a damaged file, on one line of at most 120 signs."""
+    """Return the message of an error, such as a parser's, on one line, cut off after 120 signs."""
     return " ".join(str(error).split())[:120]

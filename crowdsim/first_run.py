@@ -40,7 +40,8 @@ _Signature: TypeAlias = tuple[Any, ...]
 class FirstKernel(NamedTuple):
     """A kernel that a first run compiles: dotted path of its function, CPU time [s], numba types of its arguments.
 
-    If it is compiled with a kernel that calls it, ``arguments`` are None. One that Python calls, too, is listed twice.
+    ``arguments`` are None if it is compiled together with a kernel that calls it. A kernel that Python calls, too, is
+    listed twice, once with and once without arguments.
     """
 
     function: str
@@ -99,7 +100,10 @@ def write_kernels(file: Path, kernels: Iterable[FirstKernel]) -> None:
 
 
 def _number(kind: Any, known: dict[Any, int], described: list[Any]) -> int:
-    """Return the place of a type in the list of described ones; add it, after those that it is made of."""
+    """Return the place of a type in the list ``described``; add it there if it is new, after those that it is made of.
+
+    ``known`` has the place of each type that is described already.
+    """
     if kind not in known:
         if isinstance(kind, types.Record):
             dtype = numba.np.numpy_support.as_dtype(kind)
@@ -119,7 +123,7 @@ def _number(kind: Any, known: dict[Any, int], described: list[Any]) -> int:
 
 
 def _type(made_of: Sequence[Any], known: Sequence[Any]) -> Any:
-    """Return the numba type that :func:`_number` has described."""
+    """Return the numba type that :func:`_number` has described; ``known`` are the types described before it."""
     match made_of:
         case ["record", fields, size, is_aligned]:
             names, formats, offsets = zip(*fields, strict=True)

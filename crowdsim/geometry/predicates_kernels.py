@@ -52,7 +52,7 @@ def incircle(ax, ay, bx, by, cx, cy, dx, dy, cells):
 def _exact_incircle(ax, ay, bx, by, cx, cy):
     """Return the sign of the origin against the circle through the counter-clockwise a, b, c, as `incircle` does.
 
-    Coordinates are integers: numbers of cells, relative to the tested point.
+    Coordinates are relative to the tested point, in cells: float64 with whole numbers.
     """
     # The determinant of `incircle` in integers: each lift is the squared distance of a corner.
     aix = int(ax)

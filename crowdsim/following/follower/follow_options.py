@@ -19,12 +19,12 @@ class FollowOptions:
     Attributes
     ----------
     goal_tolerance : float
-        Largest distance from the path's end at which the last node passes, or ends if it must [m].
+        Largest distance from the path's end [m] at which the last node passes it; at which the node ends, if it must
+        end standing or with a heading.
     end_standing : bool
         True if the last node must end standing.
     goal_heading : float or None
-        Heading of the body at the end of the last node [rad], which then must end within the goal tolerance; None for
-        any.
+        Heading of the body at the end of the last node [rad]; None for any.
     goal_heading_tolerance : float
         Largest difference from ``goal_heading`` [rad].
     margin : float

@@ -3,9 +3,10 @@
 A joint is the planted foot at an edge of the branch; turning it rotates all that comes after it.
 
 Arguments of all helpers are those of :func:`bend_chain`, and the pose e of the chain's end: ex, ey [m], eh [rad].
-``joint`` (K, 2) are places [m], ``limit`` (K, 2) least and largest turn and ``turn`` (K,) present turn of each [rad],
-``count`` how many there are, base first; ``lever`` weighs an error of heading [m/rad]. In a leap p = (px, py, ph) is a
-vector in the space of the end's pose.
+``joint`` (K, 2) are the places of the joints [m], base first, ``limit`` (K, 2) the least and the largest turn of each
+and ``turn`` (K,) its present turn [rad]; the first ``count`` are in use. ``goal`` (3,) is a pose x, y [m], heading
+[rad], nan for any; ``lever`` weighs an error of heading [m/rad]. In a leap, p = (px, py, ph) is a vector in the space
+of the end's pose.
 """
 
 import math
@@ -156,7 +157,7 @@ def bend_chain(joint, limit, turn, count, end, goal, lever, enough):
     end: (3,) float64 pose x, y [m] and heading [rad] of the chain's end; updated.
     goal: (3,) float64 pose to reach; its heading is nan if any will do.
     lever: weight of a heading error [m/rad].
-    enough: distance at which to stop [m].
+    enough: distance at which to stop [m], weighted heading error included.
 
     Returns
     -------

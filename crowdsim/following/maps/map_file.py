@@ -64,7 +64,7 @@ def maps_in_file(
 
 
 def maps_key(graph: GraphArrays, depth: int, reach: float, max_entries: int) -> str:
-    """Return the hash of all input of a build."""
+    """Return the hash of the input of :meth:`MotionMaps.build` that its result depends on, as 24 hexadecimal digits."""
     digest = hashlib.sha256(f"{VERSION} {depth} {float(reach)!r} {max_entries}".encode())
     columns: tuple[NDArray[Any], ...] = tuple(graph)
     for name, column in zip(graph._fields, columns, strict=True):

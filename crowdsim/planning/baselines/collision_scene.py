@@ -61,7 +61,7 @@ class Stride:
         self._bodies: dict[int, Any] = {}
 
     def body(self, arc: float) -> Any:
-        """Return the body ``arc`` meters along its path."""
+        """Return the body as it is ``arc`` meters along its path, where cycle follows on cycle."""
         frame = int(arc / self.length * len(self._points)) % len(self._points)
         # Made on first use: the tree of a body is costly, and few frames may be needed.
         if frame not in self._bodies:

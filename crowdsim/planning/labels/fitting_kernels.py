@@ -52,7 +52,7 @@ class Piece(NamedTuple):
 
     x: float
     y: float
-    """Start of the piece."""
+    """Start of the piece [m]."""
     ux: float
     uy: float
     """Unit direction of the piece."""
@@ -102,10 +102,11 @@ def _inside(m, t, piece):
 
 @helper
 def _add_span(spans, lasts, count, owner, lo, hi):
-    """Record the interval lo..hi for behavior ``owner``, or merge it into its last one; return the new count.
+    """Record the interval lo..hi [m] for behavior ``owner``, or merge it into its last one; return the new count.
 
-    ``spans`` are the intervals [m] in which behaviors do not fit, the first ``count`` of them in use. The caller makes
-    room in ``spans``: to return a longer array would make numba count its references in each call.
+    They are merged if they overlap or touch. ``spans`` are the intervals in which behaviors do not fit, the first
+    ``count`` of them in use. The caller makes room in ``spans``: to return a longer array would make numba count its
+    references in each call.
     """
     # lasts[owner]: index of this behavior's last interval on this layer, or NONE.
     k = lasts[owner]
@@ -302,7 +303,7 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
 def label_spans(spans, total, costs, turned, terms, length):
     """Return the cheapest sections (k, 3) of a path and their cost, given the intervals in which behaviors do not fit.
 
-    spans: the first ``total`` rows count, in any order. length: of the path [m]. The result is that of
+    spans: OWN_SPAN, the first ``total`` rows count, in any order. length: of the path [m]. The result is that of
     `label_stretches`.
     """
     count = costs.size
@@ -334,8 +335,8 @@ def annotate(fitting, points):
 
     Parameters
     ----------
-    fitting: :class:`Fitting`
-    points: (p, 2) float64, vertices of the path [m].
+    fitting: :class:`Fitting`.
+    points: (p, 2) float64, vertices of the path [m], at least one; several may be at the same place.
 
     Returns
     -------

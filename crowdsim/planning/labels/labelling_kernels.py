@@ -107,7 +107,7 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
                         continue
                     paid += length * costs[label]
                     for after in range(n + 1):
-                        # Only the last section is followed by the end of the path.
+                        # Only the last section is followed by the end of the path. Of equal costs the first stays.
                         if after == label or (after == n) != (end == cells) or paid >= best[end, label, after]:
                             continue
                         if length + ROUNDING >= required_length(before, label, after, turned, terms):
@@ -137,8 +137,8 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
 def _lengthened(stretches, shortest, length, spans):
     """Write ``stretches`` (k, 2) to ``spans``, grown about their middles to at least ``shortest``, within 0..length.
 
-    All are arc lengths [m]. Earlier content of ``spans`` is overwritten. Return (spans, their number): SPAN records,
-    an array that grows.
+    All are arc lengths [m]. Earlier content of ``spans`` is overwritten. Return (spans, number of spans): ``spans`` are
+    records SPAN of :mod:`crowdsim.navmesh.clearance.violation_kernels`, an array that grows.
     """
     count = np.int64(0)
     for k in range(stretches.shape[0]):
@@ -184,7 +184,8 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
     blocked: (r, 2) float64; behavior i does not fit in the arc-length intervals blocked[ends[i - 1] : ends[i]] [m],
     those of the narrowest behavior, 0, begin at row 0.
     ends: (n,) int64, number of rows up to those of each behavior.
-    costs, turned, terms: (n,) float64, (n,) bool, (4,) float64, see :data:`TERMS`.
+    costs, turned, terms: (n,) float64, (n,) bool, (4,) float64, as in :class:`Fitting
+    <crowdsim.planning.labels.fitting_kernels.Fitting>`.
     length: length of the path [m].
 
     Returns

@@ -89,9 +89,10 @@ def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
 def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Return the cost per meter (n, shifts) at each of ``places`` (n, shifts, 2); None if every station has the margin.
 
-    It is the least sum, over the behaviors that fit, of a behavior's cost and the price of the margin that it lacks;
-    infinite if no behavior fits. Only stations near one that lacks margin may shift: shifted places of the others, and
-    of both ends of the path, are infinite, too.
+    Only stations near one that lacks margin may shift. Their places cost the least sum, over the behaviors that fit, of
+    a behavior's cost and the price of the margin that it lacks. If no behavior fits, a shifted place costs infinity,
+    and a station's own place as much as the narrowest behavior. Own places of the other stations cost as much as the
+    preferred behavior. Their shifted places cost infinity, and so do those of both ends of the path.
     """
     need = query.need
     reach = need.radii.max(axis=0) + MARGIN
@@ -123,10 +124,12 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
 def _cheapest_shifts(prices: NDArray[np.float64], steps: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return indices (n,) of the shifts with the least sum of length times mean price, by Bellman's recursion.
 
-    prices: (n, shifts) cost per meter at each place of each station, infinite where nothing fits; the first and the
-    last station stay. steps: (n - 1, from, to) distance between the places of neighboring stations [m].
+    prices: (n, shifts) cost per meter at each place of each station, infinite if a place may not be taken; the first
+    and the last station stay. steps: (n - 1, shifts, shifts) distance from each place of a station (second axis) to
+    each place of the next one (third axis) [m].
     """
     before = np.full(steps.shape[:2], _STAY)
+    # The first station's shifted places have infinite prices, so all may begin at 0.
     total = np.zeros(len(SHIFTS))
     every = np.arange(len(SHIFTS))
     # Between two stations that can only stay there is nothing to choose.

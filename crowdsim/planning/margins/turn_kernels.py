@@ -68,15 +68,17 @@ def _place_stations(points, arc, middle, places):
 
 @helper
 def _lacking(layers, radii, turning, label, walking, back, x, y):
-    """Return the clearance that (x, y) lacks for a turn of behavior ``label`` [m], at least -PROBE.
+    """Return the clearance that (x, y) lacks for a turn of behavior ``label``, less SPARED [m].
 
-    Only layers count in which the turn reaches beyond the clearance of ``walking``, the behavior in which a body walks
-    while it turns. ``back`` is 0 for the turn into the behavior, 1 for the turn out of it.
+    It is negative if there is more than needed, and at least -PROBE. Only layers count in which the turn reaches beyond
+    the clearance of ``walking``, the behavior in which a body walks while it turns. ``back`` is 0 for the turn into the
+    behavior, 1 for the turn out of it.
     """
     lack = -PROBE
     for i in range(len(layers)):
         reach = turning[label, back, i] - SPARED
         if reach > radii[walking, i]:
+            # The distance is -1 outside of free space, which counts as 0.
             distance, _ = disc_clearance(mesh_at(layers[i]), x, y, reach + PROBE, np.int64(NONE))
             lack = max(lack, reach - max(distance, 0.0))
     return lack

@@ -39,7 +39,7 @@ class BehaviorArea(NamedTuple):
     behavior: int | None = None
 
     def find_path(self, ends: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the points of the shortest path between ``ends`` (2, 2); raise PathNotFound if there is none."""
+        """Return the shortest path between ``ends`` (2, 2), (n, 2) [m]; raise PathNotFound if there is none."""
         return self.mesh.find_path(ends[0], ends[1], self.radius).points
 
 
@@ -48,8 +48,8 @@ def area_polygons(
 ) -> tuple[shapely.Geometry, ...]:
     """Return the area of each behavior, from the walkable areas of the layers, the legs' first.
 
-    The obstacles of the upper layers grow by what the behavior needs there beyond the legs' clearance. An area may be
-    empty or consist of several parts.
+    The obstacles of the upper layers grow by what the behavior, with ``margin`` [m], needs there beyond the legs'
+    clearance. An area may be empty or consist of several parts.
     """
     areas = []
     for growths in area_growths(behaviors, len(layers), margin):
@@ -107,5 +107,6 @@ def make_areas(
         if given[0] is None or need.radii[0].max() > least:
             areas.insert(0, BehaviorArea(meshes[0], least))
         return tuple(areas[::-1])
+    # Behaviors with the same clearance share an area.
     reach = np.unique(np.append(need.radii.max(axis=1), need.search_radius))[::-1]
     return tuple([BehaviorArea(meshes[0], radius) for radius in reach.tolist()])

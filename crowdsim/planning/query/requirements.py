@@ -74,7 +74,8 @@ class Requirements:
     def fitting(self, layers: NDArray[np.int64], terms: NDArray[np.float64], tolerance: NDArray[np.float64]) -> Fitting:
         """Return the input of the labelling kernels.
 
-        layers: (m, 5, 2) as of `layers_of`. tolerance: (n, m) `NavMesh.tolerance` of the radii [m].
+        layers: (m, 5, 2) as of `layers_of`. tolerance: (n, m) `NavMesh.tolerance` of the radii [m]. terms: (4,) as
+        :data:`~crowdsim.planning.labels.labelling_kernels.TERMS`.
         """
         first = min(1, len(layers) - 1)  # all behaviors need the same clearance on the legs' layer
         # Paths are found with the tolerance of the mesh, the larger one in places of more than a hundred meters.

@@ -6,8 +6,9 @@ a narrower behavior passes. A way crosses one triangle. If it cuts the corner th
 measured around the corner, with an arc.
 
 ``layers`` (m, 5, 2), ``radii`` (n, m) and ``hints`` (m,) are those of
-:mod:`crowdsim.planning.roadmap.measuring_kernels`, ``level`` is a behavior, ``spans`` (half-edges,) are records
-:data:`SPAN_OF`; a is a place and u a unit vector.
+:mod:`crowdsim.planning.roadmap.measuring_kernels`, ``level`` is a behavior, ``points`` (p,) are records
+:data:`ROAD_POINT` and ``spans`` (half-edges,) records :data:`SPAN_OF`; a = (ax, ay) is a place [m], u = (ux, uy) a unit
+vector.
 """
 
 import math
@@ -80,9 +81,10 @@ def _add_point(points, count, x, y, level, h):
 
 @helper
 def _border(layers, hints, radii, ax, ay, ux, uy, inside, outside):
-    """Return the last s [m] for which a + s * u fits all behaviors, by bisection.
+    """Return the last s [m] for which the widest behavior, and so every one, fits at a + s * u, by bisection.
 
-    It lies between ``inside``, which fits them, and ``outside``, which does not [m]; ``hints`` are changed.
+    It lies between s = ``inside``, at which it fits, and s = ``outside``, at which it does not [m]. ``hints`` are
+    changed.
     """
     top = radii.shape[0] - 1
     # Halved six times, a step of _STEP leaves about a millimeter.
@@ -144,7 +146,7 @@ def place_points(layers, radii):
             s = length * k / steps
             levels[k], rooms[k] = level_at(layers, hints, radii, ax + s * ux, ay + s * uy)
         first = count
-        # Runs of samples of at least a level that nowhere reach the next level give points of this level.
+        # A run of samples of at least this level gives points of it, unless it reaches the next level somewhere.
         for level in range(n):
             k = 0
             while k <= steps:
@@ -306,7 +308,7 @@ def join_points(layers, radii, around, points, spans):
 def see_points(layers, hints, radii, around, points, spans, x, y, seen):
     """Find the ways from (x, y) [m] to the points on the sides of its triangle; return (seen, count).
 
-    They are the first ``count`` rows of ``seen``, an array of :data:`ROAD_WAY` that grows; there are none if no
+    The ways are the first ``count`` rows of ``seen``, an array of :data:`ROAD_WAY` that grows; there are none if no
     behavior fits at (x, y). ``hints`` are changed. Other parameters are as of `join_points`.
     """
     m = mesh_at(layers[0])
@@ -319,7 +321,7 @@ def see_points(layers, hints, radii, around, points, spans, x, y, seen):
     # `level_at` has set the hints to the triangles that hold (x, y). ``roots`` keeps them, as the hints move on.
     t = hints[0]
     roots = hints.copy()
-    # Scratch: a sweep that needs more answers no, and `way_level` samples the way instead.
+    # Scratch. If a sweep needs more room, its answer is no, and `way_level` samples the way instead.
     stack = np.empty(64, SWEPT)
     for h in range(3 * t, 3 * t + 3):
         for k in range(spans[h].first, spans[h].last):

@@ -40,9 +40,10 @@ _TOUCHING = 1e-4
 def road_channel(m, points, road, start, goal, cap, channel, levels):
     """Fill ``channel`` with the half-edges that a road crosses, ``levels`` with their behaviors; return their number.
 
-    points: those of the roadmap. road: (k, 2) rows (point, behavior). start, goal: triangles of both ends. cap: widest
-    behavior written; wider ones count as this one. Return -1 if two consecutive points are on no common triangle, or if
-    the road does not lead from the start's triangle to the goal's.
+    points: those of the roadmap, records ROAD_POINT of :mod:`crowdsim.planning.roadmap.build_kernels`. road: (k, 2)
+    rows (point, behavior). start, goal: triangles of both ends. cap: widest behavior written; wider ones count as this
+    one. channel, levels: (k,) int64 at least. Return -1 if two consecutive points are on no common triangle, or if the
+    road does not lead from the start's triangle to the goal's.
     """
     sides = m.sides
     count = 0
@@ -224,7 +225,8 @@ def keep_off(nodes, size, corners, filled, low, high):
             continue
         if size == nodes.size:
             return -1
-        # Insert the circle that is entered deepest, and drop nodes around it that the string no longer touches.
+        # Insert the circle that is entered deepest. Drop nodes that the string no longer touches, from one before it to
+        # a few behind it, then go on with the first piece that this may have changed.
         for k in range(size, i + 1, -1):
             nodes[k] = nodes[k - 1]
         corner = corners[worst]

@@ -75,13 +75,12 @@ def _meeting(m, around, h, sign):
 
 @helper
 def find_gates(m, channel, levels, count, around, least, gates):
-    """Fill ``gates`` with the stretches of the channel that the widest behavior does not pass; return their number.
+    """Fill ``gates``, records :data:`GATE`, with the channel's stretches of narrower behaviors; return their number.
 
-    channel: half-edges that the path crosses, ``count`` of them. levels: behavior with which each is crossed; only
-    sides crossed with a narrower behavior than the widest count. least: clearance that pins must have [m].
-
-    A stretch is a gate only if it has a side for which the widest behavior's circles around both ends meet. Gates for
-    which ``gates`` has no room are left out.
+    channel: half-edges that the path crosses, ``count`` of them. levels: behavior with which each is crossed. A stretch
+    is made of sides in a row that are crossed with a narrower behavior than the widest. It is a gate only if it has a
+    side for which the widest behavior's circles around both ends meet. Gates for which ``gates`` has no room are left
+    out. least: clearance that pins must have [m].
     """
     top = around.shape[1] - 1
     found = 0
@@ -115,7 +114,7 @@ def find_gates(m, channel, levels, count, around, least, gates):
 
 @helper
 def _is_beside(corner, gate):
-    """Return True if the corner ends a side of the gate."""
+    """Return True if the corner (CORNER of funnel_kernels) ends a side of the gate (:data:`GATE`)."""
     return corner.last >= gate.low and corner.first <= gate.high
 
 
@@ -123,9 +122,10 @@ def _is_beside(corner, gate):
 def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
     """Write the taut path through the pins of all pinned gates to ``taut``; return its node count, -1 if it tangles.
 
-    The count is -1 as well if ``taut`` has no room. nodes: STRING_NODE, the taut path without pins, the first ``size``
-    in use. corners: CORNER[filled], whose ``reach`` changes. around: as above. gates: GATE[found], in the order of the
-    path.
+    The count is -1 as well if ``taut`` has no room. nodes, taut: records STRING_NODE of
+    :mod:`crowdsim.navmesh.paths.tangent_kernels`; ``nodes`` is the taut path without pins, the first ``size`` in use.
+    corners: records CORNER of :mod:`crowdsim.planning.roadmap.funnel_kernels`, the first ``filled`` in use, whose
+    ``reach`` changes. gates: :data:`GATE`, the first ``found`` in use, in the order of the path.
 
     Between gates the path keeps the distance from the gates' corners that the widest behavior needs.
     """

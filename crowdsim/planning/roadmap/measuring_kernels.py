@@ -135,8 +135,9 @@ def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, a
         # Cheap test first: the disc moves straight.
         if _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
             return level
-        # Else look at places along the way, wound around the corner. Nothing is nearer than the spare clearance
-        # ``room``, so the next place may be as far off; it is at least 0.1 m off, so that there are few.
+        # Else look at places along the way, wound around the corner. No obstacle is nearer than the need plus ``room``,
+        # so the next place may be ``room`` farther on; it is at least 0.1 m farther on, so that there are few. At q
+        # itself ``top`` fits, as the caller knows.
         at = 0.0
         free = True
         while at < length and free:

@@ -44,7 +44,8 @@ _ROUNDS = 4
 def polish_road(layers, fitting, points, road, around, reach, ends, radius, least):
     """Find the cheapest taut path along a road; return (points (q, 2), sections (k, 3), cost).
 
-    There are no rows, and the cost is infinite, if all variants tangle or fit no behavior.
+    There are no rows, and the cost is infinite, if the road crosses no chain of triangles, or if all variants tangle or
+    fit no behavior.
 
     The first variant is as wide as the road's behaviors and not pinned, the second is pinned in all gates that fit and
     as wide as possible elsewhere. Each further one differs from the second by one gate, and by those kept before.
@@ -53,10 +54,10 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     ----------
     layers: (m, 5, 2) of `layers_of`, the legs' first.
     fitting: :class:`crowdsim.planning.labels.fitting_kernels.Fitting`.
-    points: (p,) points of the roadmap.
+    points: (p,) points of the roadmap, records ROAD_POINT of :mod:`crowdsim.planning.roadmap.build_kernels`.
     road: (r, 2) int64, point and behavior, as of `find_road`.
     around: (nv, n) of `corner_radii` [m].
-    reach: (nv,) scratch.
+    reach: (nv,) scratch, filled as by `fill_gaps`.
     ends: (2, 2) start and goal [m].
     radius, least: clearance that the path is pulled to on the lowest layer, and that it must keep there [m].
     """
@@ -134,7 +135,7 @@ def shift_path(layers, fitting, points, sections, cost, radii, least):
     Parameters
     ----------
     layers, fitting: as of `polish_road`.
-    points, sections, cost: the path as it is, with its labels as of `annotate`.
+    points, sections, cost: the path (p, 2) [m] as it is, with its sections (k, 3) and cost as of `annotate`.
     radii: (behaviors, m) clearance of each behavior on each of all ``layers`` [m].
     least: clearance that the legs must keep [m].
     """

@@ -121,11 +121,11 @@ def place_stations(points, sections, costs, least, stations):
 
 @helper
 def price_places(layers, hints, radii, costs, stations, spread, prices):
-    """Fill ``prices`` (stations, SHIFTS) with the cost per meter at each place; infinite if no behavior fits.
+    """Fill ``prices`` (stations, SHIFTS) with the cost per meter at each place.
 
-    layers, hints: meshes as of `layers_of`, and the triangles found last in each, which change. radii (n, m) [m], costs
-    (n,) per meter: of the behaviors. stations, spread: as of :func:`choose_shifts`. Of a station that stays, only its
-    own place is priced; the other prices are left as they are, so they have to be infinite.
+    It is infinite at a shifted place that fits no behavior; at a station's own place it is then the narrowest
+    behavior's. Of a station that stays (``near`` is 0), only its own place is priced; its other prices are left as they
+    are, so they have to be infinite. ``hints`` are changed; ``stations`` are records :data:`PLACE`.
     """
     top = costs.size - 1
     for s in range(stations.size):
@@ -163,7 +163,7 @@ def choose_shifts(stations, spread, prices, befores):
     """Choose the ``shift`` of each station with the least sum of length times mean price; return True if any shifts.
 
     stations: PLACE[n] along the path. spread: largest shift to either side [m]. prices: (n, SHIFTS) cost per meter at
-    each place of each station, infinite where no behavior fits. befores: scratch, (n, SHIFTS) int64.
+    each place of each station, as of :func:`price_places`. befores: scratch, (n, SHIFTS) int64.
     """
     count = stations.size
     totals = np.empty((2, SHIFTS))
@@ -242,7 +242,7 @@ def through_stations(points, stations, spread, line, owners):
 
 @helper
 def shifted_path(layers, hints, radii, costs, points, sections, section, spread, stack, least):
-    """Return the path (q, 2) with stations shifted aside by at most ``spread`` [m] where that is cheaper; else no rows.
+    """Return the path (q, 2) [m] with stations shifted aside by at most ``spread``; no rows if no shift is cheaper.
 
     No rows either if the path has less than three stations, or if its pieces still cut corners after _REPAIRS attempts.
     section: least length of a section [m]. least: clearance that the legs must keep [m]. hints: changed. Others as of
