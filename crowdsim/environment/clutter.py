@@ -75,7 +75,10 @@ def draw_clutter(
 def _endless_solids(
     name: str, region: Polygon | MultiPolygon, sizes: tuple[float, float], generator: np.random.Generator
 ) -> Iterator[Solid]:
-    """Draw solids endlessly, around places in the bounds of the region; arguments as of :func:`draw_clutter`."""
+    """Draw solids endlessly, around random places in the bounds of the region, also off the region itself.
+
+    Arguments are those of :func:`draw_clutter`.
+    """
     low_x, low_y, high_x, high_y = region.bounds
     while True:
         x, y = generator.uniform((low_x, low_y), (high_x, high_y))
@@ -103,7 +106,7 @@ class _Taken:
         self.cells: dict[tuple[int, int], list[Polygon]] = {}
 
     def take(self, outline: Polygon) -> bool:
-        """Place ``outline`` and return True, unless it meets another one."""
+        """Place ``outline`` if it meets no other one; return whether it was placed."""
         column, row = (math.floor(value / self.cell) for value in outline.centroid.coords[0])
         near = [other for i in (-1, 0, 1) for j in (-1, 0, 1) for other in self.cells.get((column + i, row + j), ())]
         if shapely.intersects(outline, np.array(near, dtype=object)).any():

@@ -42,8 +42,8 @@ class FloorPlan:
     floor
         The walkable area [m], or None if the plan draws none.
     solids
-        Hatches in the order of the drawing, then closed curves, then open lines, each of these two by the names of
-        their layers.
+        Hatches in the order of the drawing, then closed curves, then open lines. Curves are ordered by the names of
+        their layers; so are lines.
     report
         What was assumed or left out, one line each.
     """
@@ -81,9 +81,10 @@ def read_floor_plan(
     content
         The bytes of the file if it is not on disk (WKT).
     layers
-        Names of the drawing's layers to read (DXF); by default all that are neither switched off nor frozen.
+        Names of the drawing's layers to read (DXF), even if they are switched off or frozen; by default all that are
+        neither.
     floor_layer
-        Name of the layer whose closed curves and hatches are the walkable floor (DXF).
+        Name of the layer whose closed curves and hatches are the walkable floor (DXF); it is always read.
     units
         Unit of the file; by default the one that the file names (DXF, ``$INSUNITS``), else meters.
     thickness
@@ -94,7 +95,8 @@ def read_floor_plan(
     Raises
     ------
     PlaceError
-        If the file cannot be read, holds no polygon (WKT) or nothing to build with (DXF), or ezdxf is not installed.
+        If the file cannot be read, holds no polygon (WKT) or nothing to build with (DXF), nothing is on a layer that an
+        argument names, or ezdxf is not installed.
     GeometryError
         If an argument is not valid.
     """

@@ -212,7 +212,7 @@ def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[
     """Clip triangles (k, 3, 3) to a band [m]: return candidates (k, 9, 2) for corners of the parts, and which exist.
 
     The candidates are the three corners, and the points at which the three edges cross the two bounds of the band.
-    Those that exist (k, 9) are the corners of a convex part, in no order.
+    Those that exist (k, 9) are the corners of a convex part, in no order; the places of the others mean nothing.
     """
     heights = corners[:, :, 2]
     points, valid = [corners[:, :, :2]], [(heights >= low) & (heights <= high)]
@@ -231,9 +231,10 @@ def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[
 
 
 def _unions(groups: Sequence[Shapes]) -> Shapes:
-    """Return the union of each group of polygons.
+    """Return the union (n,) of each of n groups of polygons or lines; that of an empty group is empty.
 
-    In a group of more than 2 * _LARGEST, polygons inside of the union of the largest ones are skipped, to save time.
+    In a group of more than 2 * _LARGEST, those inside of the union of the _LARGEST largest ones are skipped, to save
+    time.
     """
     unions = objects([None] * len(groups))
     sizes = np.array([len(group) for group in groups], np.int64)
@@ -256,7 +257,7 @@ def _unions(groups: Sequence[Shapes]) -> Shapes:
 
 
 def _farthest(points: Floats) -> Floats:
-    """Return the two points (k, 2, 2) farthest apart in each row of (k, p, 2)."""
+    """Return the two points (k, 2, 2) farthest apart among the p points of each row of (k, p, 2)."""
     first, second = np.triu_indices(points.shape[1], 1)
     apart = np.square(points[:, first] - points[:, second]).sum(axis=2)
     pair = apart.argmax(axis=1)
@@ -298,7 +299,11 @@ def with_strips(areas: Shapes, segments: Floats, owners: Ints) -> Shapes:
 
 
 def _without_pinholes(areas: Shapes) -> Shapes:
-    """Return each area as polygons without small holes and nearly straight corners."""
+    """Return each area (n,) as polygons alone, without slivers; fill holes below PINHOLE, and straighten outlines.
+
+    Corners are left out if the outline moves by at most _SMOOTHING. An area of which nothing is left is an empty
+    polygon.
+    """
     parts, owners = shapely.get_parts(areas, return_index=True)
     is_polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
     parts, owners = shapely.simplify(parts[is_polygon], _SMOOTHING), owners[is_polygon]

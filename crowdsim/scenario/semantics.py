@@ -168,7 +168,7 @@ def _times(keys: ScenarioFields) -> list[Complaint]:
                     complaints.append((("agents", number, key), message))
             continue
         last = float(start_times(keys, number)[-1])
-        # An agent starts in the step nearest to its time, which has to be a step of the run.
+        # An agent starts in the step nearest to its time, which has to be a step of the run; a run has one at least.
         steps = max(round(keys.duration * keys.steps_per_second), 1)
         if not group.on_call and round(last * keys.steps_per_second) >= steps:
             message = f"{keys.duration:g} s end before the last of '{group.name}' starts at {last:g} s"

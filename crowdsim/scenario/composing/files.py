@@ -33,13 +33,13 @@ def named_from(keys: Any, files: Files, folder: Path, renamed: Mapping[str, str]
     Parameters
     ----------
     keys : mapping
-        Plain keys of the scenario.
+        Plain keys of the scenario, which are not changed.
     files : Files
         Files that the keys name.
     folder : Path
         Folder that the new names start from.
     renamed : mapping of str to str
-        New names of the files that exist in memory only.
+        New names of the files that exist in memory only, by their names so far.
     """
 
     def seen(name: str) -> str:

@@ -46,7 +46,8 @@ def plain_keys(keys: Mapping[str, Any], source: str = SOURCE) -> tuple[dict[str,
     Raises
     ------
     ScenarioError
-        If a value has a type that no scenario key accepts.
+        If a value has a type that no scenario key accepts, is a shape or mesh that its key does not take, or is nested
+        too deep.
     """
     reader = _Reader(source)
     return reader.mapping(keys, ()), reader.made
@@ -69,7 +70,10 @@ class _Reader:
         return {str(key): self.value(value, (*path, str(key))) for key, value in values.items()}
 
     def value(self, value: Any, path: KeyPath) -> Any:
-        """Return the plain value of any accepted Python value; raise ScenarioError for other types."""
+        """Return the plain value of any accepted Python value at the key ``path``.
+
+        Raise ScenarioError for other types, and if the value is nested deeper than MAX_DEPTH.
+        """
         if len(path) > MAX_DEPTH:
             raise self._refusal(path, f"nested more than {MAX_DEPTH} levels deep")
         if value is None or isinstance(value, str | bool | int | float):
@@ -92,7 +96,10 @@ class _Reader:
         raise self._refusal(path, f"a {type(value).__name__} cannot be written into a scenario; see docs/scenarios.md")
 
     def _shape(self, shape: BaseGeometry, path: KeyPath) -> Any:
-        """Return coordinates if the key holds coordinates, else the mapping of a floor, an obstacle or a region."""
+        """Return coordinates if the key holds coordinates, else the mapping of a floor, an obstacle or a region.
+
+        A floor with holes or several parts becomes a file. Raise ScenarioError for a shape that the key cannot hold.
+        """
         if shape.is_empty:
             raise self._refusal(path, f"an empty {shape.geom_type}; give one that is not empty")
         if path[-1] in _RINGS:
@@ -114,7 +121,10 @@ class _Reader:
         return {"polygon": self._ring(shape, path)}
 
     def _mesh(self, mesh: Trimesh, path: KeyPath) -> Any:
-        """Return the name of the file made for a mesh, or an obstacle that names it, depending on the key."""
+        """Make a file of a mesh; return its name, a mapping with the name, or an obstacle with this mapping.
+
+        The key decides: ``file``, ``mesh``, or an entry of ``obstacles``. Raise ScenarioError at other keys.
+        """
         if not (_is_obstacle(path) or path[-1] in ("mesh", "file")):
             raise self._refusal(path, "a mesh stands among 'obstacles'; give a polygon here")
         from trimesh.exchange.ply import export_ply

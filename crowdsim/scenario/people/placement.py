@@ -31,6 +31,7 @@ STAND_ROOM = 0.4
 it."""
 
 _START_STREAM, _GOAL_STREAM = 0, 1
+"""Numbers of random streams of a group; each quantity has its own."""
 
 
 class Placement(NamedTuple):
@@ -90,7 +91,8 @@ class Placement(NamedTuple):
         return None if math.isnan(heading) else heading
 
     def is_last(self, agent: int, reached: int) -> bool:
-        """Return whether the place after ``reached`` others is the agent's last."""
+        """Return whether the place after ``reached`` others is the agent's last; never if its rounds have no end."""
+        # Without end, rounds are NONE, which is negative.
         return bool(reached + 1 == self.rounds[agent] * len(self.goals[agent]))
 
     def stands(self, agent: int, reached: int) -> bool:
@@ -110,7 +112,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
     placement : Placement
         To be used only without complaints: else starts are missing, and goals without a place are nan.
     complaints : list of Complaint
-        Every region that is off the floor, blocked, or too full.
+        Every region that is off the floor, blocked, or too full, and every source with no agent or too many.
     """
     rooms = rooms_around(keys, environment, radius)
     starts_by_step: defaultdict[int, Spots] = defaultdict(lambda: Spots(2.0 * radius))
@@ -208,10 +210,11 @@ def head_count_complaint(count: int) -> str | None:
 
 
 def rooms_around(keys: ScenarioFields, environment: Environment, radius: float) -> list[MultiPolygon]:
-    """Return the places with ``radius`` [m] of free floor around them: at all times, and then at some time.
+    """Return the area of places with ``radius`` [m] of free floor around them at all times, and that at some time.
 
-    The second area counts movables as absent. It is missing if no movable is ever in a layer. Callers use it only for
-    regions that do not meet the first one.
+    For the first area, movables take floor away at all places that they ever have; for the second one, they count as
+    absent. There is only the first one if no movable is ever in a layer. Callers use the second one only for regions
+    that do not meet the first one.
     """
     timetable = environment.timetable
     bands = [layer.band() for layer in keys.bands]

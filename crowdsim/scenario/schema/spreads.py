@@ -111,7 +111,7 @@ Spread.model_rebuild()
 
 
 def _as_mean(value: Any) -> Any:
-    """Return the distribution that a plain number stands for."""
+    """Return the distribution that a plain number stands for; any other value as it is."""
     return {"mean": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
@@ -124,9 +124,10 @@ def _within(least: float, most: float) -> Any:
             raise ValueError(f"'{name}' must be from {least:g} to {most:g}, got {value:g}")
 
     def bounded(spread: Spread) -> Spread:
-        """Return the spread, and those that it mixes, truncated to ``least`` and ``most``.
+        """Return the spread, and those that it mixes, with ``least`` and ``most`` as bounds, unless it has its own.
 
-        Raise ValueError if its mean, its uniform range or its own bounds lie outside. Other values are truncated.
+        Raise ValueError if its mean, its uniform range or its own bounds lie outside of ``least`` to ``most``. Draws of
+        other distributions are truncated to the bounds.
         """
         low = least if spread.min is None else spread.min
         high = most if spread.max is None else spread.max
