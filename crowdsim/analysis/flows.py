@@ -25,7 +25,10 @@ WINDOW = 5.0
 
 
 def measure_flow(tracks: Tracks, places: Places) -> Result:
-    """Return which agents passed each line when, how many, and the flow [1/s]."""
+    """Return which agents passed each line when, how many, the flow [1/s], and the flow for each meter [1/(m s)].
+
+    A flow is None if too few agents passed, and that for each meter also if no part of the line is free floor.
+    """
     name, title = "flow", "N-t and flow at lines"
     if not places.lines:
         return Result(name, title, {}, ("There is no line: name one under `lines` of the scenario or by --line.",))
@@ -88,7 +91,10 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
 
 
 def crossing_frames(tracks: Tracks, line: LineString) -> pandas.DataFrame:
-    """Return the first frame in which each stretch of a track crosses a line, by PedPy: id and frame, by frame."""
+    """Return the first frame in which each stretch of a track crosses a line, by PedPy: id and frame, by frame.
+
+    Stretches that never cross it have no row.
+    """
     if tracks.trajectory is None:
         return pandas.DataFrame({"id": np.zeros(0, np.int64), "frame": np.zeros(0, np.int64)})
     # PedPy's lines have two points: take a longer one piece by piece.

@@ -132,9 +132,10 @@ def room_of(pieces: Sequence[Piece]) -> Room | None:
 
 
 def sort_out(pieces: Sequence[Piece], room: Room, layers: Sequence[str]) -> tuple[list[Piece], list[tuple[Piece, str]]]:
-    """Return the pieces to use for walking, and the pieces to leave out, each with the reason.
+    """Return the pieces to use, and the pieces to leave out, each with the reason.
 
-    ``layers`` names the height bands in the reasons.
+    Left out are pieces that go aside, that exceed ``room`` in a height band, or that stay on the spot and spread
+    farther than ``room``. ``layers`` names the height bands in the reasons.
     """
     kept: list[Piece] = []
     out: list[tuple[Piece, str]] = []

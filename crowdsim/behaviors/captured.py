@@ -67,7 +67,7 @@ class CapturedBehavior(NamedTuple):
     widest : tuple of str
         Clip and frame that determine the radius of each band.
     speed : float or None
-        Speed of the walk that other movements are synthesized from [m/s]; None if there is none.
+        Speed of the walk that other movements are synthesized from, None without one; if lateral, of its steps [m/s].
     """
 
     clips: BehaviorClips
@@ -142,7 +142,7 @@ def read_captures(
     skeleton: Skeleton | None = None,
     speed: float | None = None,
 ) -> Captures:
-    """Read the captures ``paths`` in ``folder``, and choose the pieces that walk ahead.
+    """Read the captures ``paths`` in ``folder``, and choose the pieces to use (:func:`sort_out`).
 
     Parameters
     ----------
@@ -303,7 +303,7 @@ def _held_behavior(
 
 
 def _lateral_behavior(maker: MotionMaker, captures: Captures) -> CapturedBehavior:
-    """Return side steps synthesized from a walk, with the turns out of walking and back into it."""
+    """Return side steps synthesized from a walk, with the turns out of walking and back; raise MotionError if unfit."""
     bands = captures.bands
     steps = maker.side_steps(True), maker.side_steps(False)
     rest = _rest(steps, captures.room)
@@ -341,7 +341,7 @@ def _rest(walks: Sequence[Clip], room: Room) -> Clip | None:
     walk, cut, end = max(stills, key=lambda still: abs(still[2] - still[1]))
     frames = round(REST_SECONDS * CAPTURE_RATE)
     phase = np.linspace(0.0, 2.0 * np.pi, frames + 1)
-    # In the middle, where time runs fastest, pi * length / frames frames of the stretch pass in a frame: 1 at most.
+    # In the middle, where time runs fastest, pi * |length| / frames frames of the stretch pass in a frame: 1 at most.
     length = min(max(end - cut, -frames / np.pi), frames / np.pi)
     return _at(walk, cut + length * (1.0 - cos(phase)) / 2.0, f"{walk.name}_rest")
 

@@ -183,6 +183,7 @@ def load_behavior_set(
         for name, behavior in found.found.items():
             clips[name], radii[name], left_out[name] = behavior.clips, behavior.radii, behavior.left_out
         notes += found.notes
+    # The dearest behavior is the least preferred one; of equally dear ones, the narrowest.
     order = sorted(files, key=lambda name: (-files[name].cost_per_meter, float(radii[name].max()), name))
     turning = {name: _turning(name, clips[name], bands) for name in order}
     behaviors = tuple(files[name].behavior(radii[name], folders[name], turning[name]) for name in order)
@@ -239,7 +240,8 @@ def _joined_captures(
 ) -> BehaviorSet:
     """Return the behaviors made of captures, narrowest first, and their graph; notes name captured pieces not in it.
 
-    Raise BehaviorError if one would never be used, and MotionError if one has no node for standing.
+    Raise BehaviorError if one would never be used, or has no node in the graph, and MotionError if one has no node for
+    standing.
     """
     given = found.behaviors
     order = sorted(given, key=lambda name: (float(given[name].radii.max()), name))
@@ -309,7 +311,10 @@ def _measured(bands: Sequence[Band]) -> list[Band]:
 
 
 def _turning(name: str, clips: BehaviorClips, bands: Sequence[Band]) -> NDArray[np.float64] | None:
-    """Return the largest reach (2, bands) while turning into a behavior, and out of it [m]; None if no clip does."""
+    """Return the largest reach (2, bands) while turning into a behavior, and out of it [m]; None if no clip does.
+
+    A row is 0 if clips turn only the other way.
+    """
     reaches: list[NDArray[np.float64]] = [np.zeros((2, len(bands)))]
     for clip, before, _ in clips.transitions:
         back = before == name

@@ -33,7 +33,7 @@ def run_points(
         Number of processes.
     recordings : Path or None
         Folder for recordings; None for a temporary one.
-    keep : str
+    keep : Keep
         Which recordings stay.
     """
     waiting, tries = deque(points), dict.fromkeys(points, 0)
@@ -86,7 +86,7 @@ def _start(recordings: Path | None, keep: Keep) -> tuple[SpawnProcess, Connectio
 def _begin(
     point: Point, process: SpawnProcess, connection: Connection, at_work: dict[Connection, tuple[SpawnProcess, Point]]
 ) -> None:
-    """Send a point to a process, and note that it is at work."""
+    """Send a point to a process, and note in ``at_work`` that it is at work on it."""
     at_work[connection] = process, point
     try:
         connection.send(point)

@@ -72,7 +72,8 @@ def sweep(
     figures : sequence of str
         Columns of the table to draw; by default times, flows, densities and speeds.
     progress : callable or None
-        Called at the start, and whenever a point is done.
+        Called at the start, and whenever a point is done, with the numbers of points that are done, of all, and of
+        those that failed.
     note : callable or None
         Called with a sentence if points are run again, because another state of crowdsim has run them, or because
         their recordings were not kept.

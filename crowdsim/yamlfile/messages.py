@@ -44,7 +44,10 @@ def schema_problems(error: ValidationError, document: Document, model: type[Base
 
 
 def nearest(word: str, names: Iterable[str], otherwise: str) -> str:
-    """Return ``did you mean 'x'?`` with the most similar of ``names``, else ``otherwise`` followed by all names."""
+    """Return ``did you mean 'x'?`` with the most similar of ``names``.
+
+    If none is similar, return ``otherwise`` followed by all names.
+    """
     names = list(names)
     close = difflib.get_close_matches(word[:80].lower(), names, n=1)
     return f"did you mean '{close[0]}'?" if close else f"{otherwise}: {', '.join(names) or 'none'}"
@@ -153,7 +156,7 @@ def _bare(annotation: Any) -> Any:
 
 
 def _annotation(model: type[BaseModel], path: Path) -> Any:
-    """Return the type that the schema requires at ``path``."""
+    """Return the type that the schema requires at ``path``, as :func:`_bare` gives it."""
     annotation: Any = model
     for part in path:
         annotation = _bare(annotation)
