@@ -183,7 +183,6 @@ def load_behavior_set(
         for name, behavior in found.found.items():
             clips[name], radii[name], left_out[name] = behavior.clips, behavior.radii, behavior.left_out
         notes += found.notes
-    # The dearest behavior is the least preferred one; of equally dear ones, the narrowest.
     order = sorted(files, key=lambda name: (-files[name].cost_per_meter, float(radii[name].max()), name))
     turning = {name: _turning(name, clips[name], bands) for name in order}
     behaviors = tuple(files[name].behavior(radii[name], folders[name], turning[name]) for name in order)
