@@ -111,8 +111,9 @@ def crossing_frames(tracks: Tracks, line: LineString) -> pandas.DataFrame:
 def _intervals(tracks: Tracks, line: LineString, crossings: pandas.DataFrame) -> pandas.DataFrame:
     """Return PedPy's flow in intervals of WINDOW: the time of their middle [s] and the flow for each meter [1/(m s)].
 
-    It is empty if there are fewer than two passages, no whole interval follows the first, or no part of the line is
-    free floor.
+    ``crossings`` are the rows of :func:`crossing_frames` in the time in which the line is measured. The table is empty
+    if there are fewer than two of them, if no whole interval follows the first one, or if no part of the line is free
+    floor.
     """
     empty = pandas.DataFrame({"time": [], "flow_per_m": []})
     width = _free_width(tracks, line)
@@ -147,7 +148,7 @@ def _free_width(tracks: Tracks, line: LineString) -> float:
 
 
 def _agents(tracks: Tracks, crossings: pandas.DataFrame) -> NDArray[np.int64]:
-    """Return the agent (n,) of each crossing; crossings have only the id of a stretch of a track."""
+    """Return the agent (n,) of each crossing; rows of :func:`crossing_frames` have only the id of a stretch."""
     agents: NDArray[np.int64] = crossings.merge(tracks.table[["id", "frame", "agent"]], on=["id", "frame"], how="left")[
         "agent"
     ].to_numpy()
@@ -155,7 +156,10 @@ def _agents(tracks: Tracks, crossings: pandas.DataFrame) -> NDArray[np.int64]:
 
 
 def _sentence(name: str, values: dict[str, Any], band: FlowBand | None) -> str:
-    """Return a sentence on the passages and the flow at a line, beside flows measured at bottlenecks as wide."""
+    """Return a sentence on the passages and the flow at a line, beside flows measured at bottlenecks as wide.
+
+    ``values`` are the figures of the line, as in the result; ``band`` is None if nothing was measured at its width.
+    """
     text = f"{name} ({values['width']:.2f} m): {values['passages']} passages"
     if values["flow"] is None:
         return f"{text}, too few for a flow."

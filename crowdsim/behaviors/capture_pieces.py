@@ -87,12 +87,15 @@ class Room(NamedTuple):
 
 
 def find_pieces(clips: Sequence[Clip], detectors: Sequence[str], bands: Sequence[Band]) -> list[Piece]:
-    """Return the pieces of ``clips`` between feature cuts, in order; clips without locomotion have none."""
+    """Return the pieces of ``clips`` between feature cuts, in order; clips without locomotion have none.
+
+    ``detectors`` are names of feature detectors, which find the cuts; reaches are measured in the height ``bands``.
+    """
     return [piece for clip in clips for piece in _pieces_of(clip, detectors, bands)]
 
 
 def _pieces_of(clip: Clip, detectors: Sequence[str], bands: Sequence[Band]) -> list[Piece]:
-    """Return the segments of a clip between cuts; none if it shows no locomotion.
+    """Return the pieces of a clip between cuts; none if it shows no locomotion. Arguments as of :func:`find_pieces`.
 
     Each has its kind (on the spot, ahead, aside), its length [m] and turn [rad], and the widest reach (bands,) [m] of
     its frames, with the frame in which it is so wide.

@@ -386,13 +386,13 @@ def _transitions(kept: Sequence[Piece]) -> tuple[tuple[Clip, str, str], ...]:
 
 
 def _held(clip: Clip, weight: Floats | None = None, suffix: str = "held") -> Clip:
-    """Return the clip with its arms held by ``weight`` (F,) in [0, 1], fully if None."""
+    """Return the clip with its arms held by ``weight`` (F,) in [0, 1], fully if None, and ``suffix`` after its name."""
     edited = edit_arms(clip, np.ones(clip.frame_count) if weight is None else weight)
     return Clip(f"{clip.name}_{suffix}", edited.skeleton, edited.root_positions, edited.rotations)
 
 
 def _at(clip: Clip, times: Floats, name: str) -> Clip:
-    """Return the clip resampled at ``times`` (n,), in frames, by interpolation."""
+    """Return the clip resampled at ``times`` (n,) from 0 [frames], by interpolation, under another ``name``."""
     before = np.floor(times).astype(np.int64)
     after = np.minimum(before + 1, clip.frame_count - 1)
     share = (times - before)[:, None]

@@ -1,4 +1,8 @@
-"""Read behaviors with their clips, measure them, order them, and join them into one motion graph."""
+"""Read behaviors with their clips, measure them, order them, and join them into one motion graph.
+
+Arguments of helpers: ``files``, ``clips`` and ``radii`` of behaviors by name, the radii (bands,) in [m]; ``library``,
+the folder of behavior folders; ``bands``, height bands of the layers; others as of :func:`load_behavior_set`.
+"""
 
 from __future__ import annotations
 
@@ -346,7 +350,7 @@ def _sources(
     radii: Mapping[str, NDArray[np.float64]],
     left_out: Mapping[str, Set[tuple[str, int, int]]] = MappingProxyType({}),
 ) -> list[MotionSource]:
-    """Return every clip with the index of its behavior; a transition carries the wider of its two behaviors.
+    """Return every clip with the index of its behavior in ``order``; a transition has the wider of its two behaviors.
 
     ``left_out`` lists for each behavior the pieces (clip, first frame, last frame) that must not become nodes.
     """

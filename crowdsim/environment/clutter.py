@@ -99,7 +99,7 @@ def _endless_solids(
 
 
 class _Taken:
-    """Outlines placed so far, in square cells at least as wide as any of them."""
+    """Outlines placed so far, in square cells of side ``cell`` [m], at least as wide as any outline."""
 
     def __init__(self, cell: float) -> None:
         self.cell = cell
@@ -152,9 +152,10 @@ def _barring(
 ) -> set[int]:
     """Return the indices of the fewest solids, one behind the other, between two rooms that the regions meet.
 
-    The first of the two is the first room in order; a room is a part of the free floor for the middle of the disc. The
-    set is empty if the regions meet fewer than two rooms. Raise GeometryError if other things than ``solids`` separate
-    them.
+    A room is a part of the free floor in which the middle of the disc of ``radius`` [m] can move. One of the two is the
+    first room, in order, that the regions meet; the other one is any that the fewest solids separate from it. The set
+    is empty if the regions meet fewer than two rooms. Raise GeometryError if other things than ``solids`` separate the
+    rooms.
     """
     outlines = np.array([solid.footprint for solid in solids], dtype=object)
     rooms = shapely.get_parts(buffered(shapely.difference(free, shapely.union_all(outlines)), -radius))

@@ -137,7 +137,10 @@ def _meters(file: Path, document: Any, units: str | None, report: list[str]) -> 
 
 
 def _resolved(entities: Any, depth: int) -> Iterator[Any]:
-    """Yield the entities, with blocks replaced by their content; blocks nested deeper than _DEPTH are left out."""
+    """Yield the entities, with blocks replaced by their content; blocks nested deeper than _DEPTH are left out.
+
+    ``depth`` is the number of blocks that the entities are nested in.
+    """
     for entity in entities:
         if entity.dxftype() != "INSERT":
             yield entity

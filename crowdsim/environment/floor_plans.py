@@ -150,7 +150,7 @@ def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
 
 
 def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
-    """Raise PlaceError if a hole lies outside of its polygon: it would cut nothing out."""
+    """Raise PlaceError if a hole lies outside of its polygon: it would cut nothing out. ``file`` is for messages."""
     outside = shapely.disjoint(shapely.Polygon(polygon.exterior), shapely.get_rings(polygon)[1:])
     if not polygon.is_valid and outside.any():
         x, y = polygon.interiors[int(np.argmax(outside))].coords[0]
@@ -158,7 +158,10 @@ def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
 
 
 def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
-    """Return the polygons and multipolygons of a geometry; raise PlaceError for others or an empty collection."""
+    """Return the polygons and multipolygons of a geometry; raise PlaceError for others or an empty collection.
+
+    ``file`` is for messages only.
+    """
     parts = [geometry]
     while any(part.geom_type == "GeometryCollection" for part in parts):
         parts = [
@@ -174,7 +177,10 @@ def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
 
 
 def _doubts(file: Path, shape: BaseGeometry) -> list[str]:
-    """Return a warning if the place is narrower than 1 m or wider than LARGE_EXTENT; an empty list if it is not."""
+    """Return a warning if the longer side of the place is below 1 m or above LARGE_EXTENT; else an empty list.
+
+    ``shape`` is the area of the place [m]; ``file`` is for messages only.
+    """
     x0, y0, x1, y1 = shape.bounds
     extent = max(x1 - x0, y1 - y0)
     if 1.0 <= extent <= LARGE_EXTENT:
@@ -185,7 +191,10 @@ def _doubts(file: Path, shape: BaseGeometry) -> list[str]:
 def _built(
     file: Path, drawing: Drawing, floor_layer: str | None, thickness: float, bottom: float, top: float
 ) -> FloorPlan:
-    """Build solids and a floor from a drawing, as :func:`read_floor_plan` says."""
+    """Build solids and a floor from a drawing, as :func:`read_floor_plan` says, whose arguments the others are.
+
+    Raise PlaceError if the drawing gives neither.
+    """
     report = list(drawing.report)
     filled: list[tuple[str, BaseGeometry]] = [(layer, area) for layer, area in drawing.areas if layer != floor_layer]
     outlines: list[tuple[str, Polygon]] = []

@@ -128,7 +128,7 @@ def _moved(areas: Shapes, offsets: Floats) -> Shapes:
 
 
 def objects(values: Sequence[Any]) -> Shapes:
-    """Return an array (n,) of objects."""
+    """Return an array (n,) with the n ``values`` as objects, of which numpy makes no further dimensions."""
     array = np.empty(len(values), dtype=object)
     array[:] = values
     return array
@@ -166,7 +166,10 @@ def _block(solids: Sequence[Triangles], low: float, high: float) -> Shapes:
 
 
 def _inside(solid: Triangles, low: float, high: float) -> Shapes:
-    """Return the areas (k,) that sections of a solid enclose in a band [m], for 3, 1 or 0 sections as needed."""
+    """Return the areas (k,) that sections of a solid enclose in the band from ``low`` to ``high`` [m].
+
+    k is the number of sections that are needed: 3, 1 or 0.
+    """
     # Cuts just above (True) or below a height, so that they are in the open band. A solid that is not closed is cut at
     # bottom, middle and top of its part; for closed ones see `MeshSolid.closed`.
     lowest, highest = max(low, solid.bottom), min(high, solid.top)
@@ -211,6 +214,7 @@ def _pieces(corners: Floats, owners: Ints, low: float, high: float) -> tuple[Sha
 def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[np.bool_]]:
     """Clip triangles (k, 3, 3) to a band [m]: return candidates (k, 9, 2) for corners of the parts, and which exist.
 
+    The band reaches from ``low`` to ``high``, bounds included.
     The candidates are the three corners, and the points at which the three edges cross the two bounds of the band.
     Those that exist (k, 9) are the corners of a convex part, in no order; the places of the others mean nothing.
     """

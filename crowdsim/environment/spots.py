@@ -1,4 +1,7 @@
-"""Spots on the floor: the room around them, and random draws that keep a distance."""
+"""Spots on the floor: the room around them, and random draws that keep a distance.
+
+``generator`` is the source of the random draws.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ _PIECE_CORNERS = 2000
 
 
 def room_in(free: MultiPolygon, radius: float) -> MultiPolygon:
-    """Return the part of an area that is at least ``radius`` [m] from everything else."""
+    """Return the part of the area ``free`` that is at least ``radius`` [m] from everything outside of it."""
     quarter = 16
     # The arcs of a buffer are polygons inside of the true arcs; a larger radius makes up for that.
     outer = radius / cos(math.pi / (4 * quarter))

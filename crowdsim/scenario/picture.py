@@ -75,7 +75,10 @@ def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
 
 
 def draw_plan(scenario: Scenario, behaviors: Sequence[Behavior], path: AnnotatedPath) -> Figure:
-    """Draw one panel per layer with a path, each section in the color of its behavior (2018 paper, figure 3)."""
+    """Draw one panel per layer with a path, each section in the color of its behavior (2018 paper, figure 3).
+
+    Sections of ``path`` hold indices of ``behaviors``.
+    """
     figure, panels = _panels(scenario)
     for layer, axes in zip(scenario.environment.layers, panels, strict=False):
         _draw_layer(axes, scenario, layer)

@@ -1,4 +1,7 @@
-"""Checks across keys: what can be wrong with a scenario if each key by itself is valid."""
+"""Checks across keys: what can be wrong with a scenario if each key by itself is valid.
+
+``folder`` is the folder that file names of the scenario are relative to.
+"""
 
 from __future__ import annotations
 
@@ -92,7 +95,10 @@ def _behaviors(keys: ScenarioFields, folder: Path) -> list[Complaint]:
 
 
 def _own_behavior(keys: ScenarioFields, entry: str, folder: Path) -> list[str]:
-    """Return what is wrong with the folder of an own behavior, and with its use here."""
+    """Return what is wrong with the folder of an own behavior, and with its use in this scenario.
+
+    ``entry`` is its path as the scenario gives it.
+    """
     from crowdsim.behaviors.behavior import FILE_NAME, behavior_folder, read_behavior
     from crowdsim.errors import BehaviorError
 

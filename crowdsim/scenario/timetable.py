@@ -121,7 +121,11 @@ class TimetableReader:
     Attributes
     ----------
     wrong : list of Complaint
-        What is wrong with events and commands.
+        What is wrong with events and commands; these are left out of the timetable.
+
+    Notes
+    -----
+    ``path`` in methods is the key path of an event or a command, as ``("events", 2)``.
     """
 
     def __init__(

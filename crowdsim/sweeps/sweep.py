@@ -126,7 +126,10 @@ def sweep(
 def _outcomes(
     points: Sequence[Point], jobs: int, recordings: Path | None, keep: Keep, dask: str | None
 ) -> Iterator[tuple[Point, Outcome]]:
-    """Yield the outcome of each point, from processes here or from a cluster of Dask."""
+    """Yield each point with its outcome, in any order, from processes here or from a cluster of Dask.
+
+    ``recordings`` is the folder for recordings that stay; the other arguments are those of :func:`sweep`.
+    """
     # Start no process and no cluster for nothing.
     if not points:
         return iter(())

@@ -158,7 +158,7 @@ def read_document(text: str, file: str) -> tuple[Document, list[Problem]]:
 
 
 class _Stop(Exception):
-    """Raised if the parser cannot go on."""
+    """Raised if the parser cannot go on; line and column count from 1."""
 
     def __init__(self, line: int, column: int, message: str) -> None:
         super().__init__(message)
@@ -203,7 +203,10 @@ def _syntax_message(error: MarkedYAMLError) -> str:
 
 
 class _Reader:
-    """Builds values from events by recursive descent, no deeper than :data:`MAX_DEPTH`."""
+    """Builds values from events by recursive descent, no deeper than :data:`MAX_DEPTH`.
+
+    ``path`` in methods is the path of the value that is read.
+    """
 
     def __init__(self, events: Iterator[Event], file: str) -> None:
         self.events = events

@@ -59,7 +59,10 @@ def is_mesh(value: Any) -> bool:
 
 
 class _Reader:
-    """Converts values recursively and collects the files made for meshes and floors."""
+    """Converts values recursively and collects the files made for meshes and floors.
+
+    ``path`` is the key path of a value in the scenario; ``source`` stands for the file in problems.
+    """
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -142,7 +145,7 @@ class _Reader:
         return name
 
     def _ring(self, shape: BaseGeometry, path: KeyPath) -> list[list[float]]:
-        """Return the corners of a polygon without holes, the first one not repeated [m]."""
+        """Return the corners of a polygon without holes, the first one not repeated [m]; else raise ScenarioError."""
         if shape.geom_type != "Polygon":
             raise self._refusal(path, f"expected a Polygon, got a {shape.geom_type}; give each part by itself")
         if shape.interiors:

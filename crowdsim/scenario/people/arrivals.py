@@ -1,4 +1,7 @@
-"""Start times of the agents of a group: at a fixed interval, or at the rate of a source; parties start together."""
+"""Start times of the agents of a group: at a fixed interval, or at the rate of a source; parties start together.
+
+``keys`` are the keys of the scenario, ``number`` is the index of the group.
+"""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from crowdsim.yamlfile.document import Complaint
 
 
 class Called:
-    """The agents on call, and which of them commands have added, or removed for good, so far.
+    """The agents on call of a scenario, and which of them commands have added, or removed for good, so far.
 
     Attributes
     ----------

@@ -1,4 +1,7 @@
-"""Place agents that may be steered, as arrays: there may be a hundred thousand of them."""
+"""Place agents that may be steered, as arrays: there may be a hundred thousand of them.
+
+``number`` is the index of a group in the scenario, ``walkers`` are the properties of its agents.
+"""
 
 from __future__ import annotations
 

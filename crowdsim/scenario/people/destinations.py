@@ -128,7 +128,7 @@ class Destinations:
     def _number_of(self, region: Polygon, exit_name: str = "") -> int:
         """Return the index of a region among the goals; add it if it is new.
 
-        Exits are never merged with other regions.
+        An exit has its name as ``exit_name``, so that it is never merged with another region that is equal.
         """
         key = exit_name, shapely.to_wkb(shapely.normalize(region))
         return self._numbers.setdefault(key, (len(self._numbers), region))[0]
@@ -163,8 +163,8 @@ class Destinations:
     ) -> NDArray[np.int32]:
         """Return the goal index (count,) of each agent's exit if exits are assigned by shares, else NONE.
 
-        The numbers of parties by exit follow from the shares; which parties these are is random. All members of a party
-        get the same exit.
+        The numbers of parties by exit follow from the shares; which parties these are is random, by ``generator``. All
+        members of a party get the same exit. ``itinerary`` is that of the group.
         """
         if not isinstance(group.exits, dict) or not len(itinerary.exits):
             return np.full(count, NONE, np.int32)

@@ -1,4 +1,7 @@
-"""Place captured agents: where and when each starts, and where it goes."""
+"""Place captured agents: where and when each starts, and where it goes.
+
+``keys`` are the keys of the scenario.
+"""
 
 from __future__ import annotations
 
@@ -185,7 +188,10 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
 
 
 def _speeds(keys: ScenarioFields, counts: list[int]) -> list[NDArray[np.float64]]:
-    """Return the walking speeds (n,) of each group [m/s]; nan, for the speed of the clips, if the file gives none."""
+    """Return the walking speeds (n,) of each group [m/s]; nan, for the speed of the clips, if the file gives none.
+
+    ``counts`` are the numbers of agents of the groups.
+    """
     return [
         draw_walkers(keys, number, count).speeds if "speed" in group.model_fields_set else np.full(count, np.nan)
         for number, (group, count) in enumerate(zip(keys.agents, counts, strict=False))

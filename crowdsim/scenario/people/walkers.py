@@ -1,4 +1,7 @@
-"""Draw the properties of steered agents: speed, breadth, and delay before the first step."""
+"""Draw the properties of steered agents: speed, breadth, and delay before the first step.
+
+``keys`` are the keys of the scenario.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +65,7 @@ def draw_walkers(keys: ScenarioFields, number: int, count: int) -> Walkers:
     group = keys.agents[number]
 
     def stream(kind: int) -> np.random.Generator:
-        """Return the generator of one quantity of the group."""
+        """Return the generator of one quantity of the group; ``kind`` is the number of its stream."""
         return np.random.default_rng(np.random.SeedSequence(keys.seed, spawn_key=(number, kind)))
 
     first = first_of_party(keys, number, count)

@@ -13,7 +13,7 @@ from crowdsim.scenario.schema.values import Name, Pair, Part, Region, Seconds, o
 
 
 def _check_times(start_time: float, until: float | None) -> None:
-    """Raise ValueError unless a measurement ends after it starts; times in [s]."""
+    """Raise ValueError if a measurement ends before or when it starts [s]; ``until`` is None for the end of the run."""
     if until is not None and until <= start_time:
         raise ValueError(f"'until' ({until:g} s) must lie after 'start_time' ({start_time:g} s)")
 
