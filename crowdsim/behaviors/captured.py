@@ -159,8 +159,8 @@ def read_captures(
     skeleton : Skeleton or None
         Skeleton that all clips are brought to, if others walk on it.
     speed : float or None
-        Speed by which the gait, if there are several, and the walk to synthesize from are chosen [m/s]; None to use all
-        clips.
+        Speed by which the gait, if there are several, and the walk to synthesize from are chosen [m/s]; None for clips
+        of all gaits, and an ordinary walk to synthesize from.
 
     Returns
     -------
@@ -368,7 +368,7 @@ def _still_stretches(walk: Clip) -> list[tuple[int, int]]:
 
 
 def _transitions(kept: Sequence[Piece]) -> tuple[tuple[Clip, str, str], ...]:
-    """Return two transitions from the first whole stride of each walk: the arms come in, and the arms go out."""
+    """Return transitions (arms in, arms out) from each walk's first stride that neither begins nor ends at rest."""
     first: dict[str, Piece] = {}
     for piece in kept:
         if piece.kind == WALK and not (piece.segment.starts_standing or piece.segment.ends_standing):

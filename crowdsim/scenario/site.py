@@ -184,7 +184,10 @@ class _Reader:
                 self.complaints.append(((*path, "mesh"), "; ".join([message, *doubts])))
 
     def _given_floor(self) -> Polygon | MultiPolygon | None:
-        """Return the floor that the scenario or a plan draws; None if it is to be derived from obstacles."""
+        """Return the floor that the scenario or a plan draws; None if it is to be derived from obstacles.
+
+        Raise PlaceError or GeometryError if it cannot be read, or its file draws no floor.
+        """
         floor = self.keys.floor
         if floor.rectangle is not None:
             return shapely.box(*floor.rectangle)

@@ -68,7 +68,7 @@ def points_of(scenario: str, seeds: str | None = None, settings: Sequence[str] =
     ScenarioError
         If the scenario itself is wrong. What is wrong with single points is found when they run.
     CrowdSimError
-        If seeds or changes cannot be read.
+        If seeds or changes cannot be read, change a key twice or the seed, or make more than MOST_POINTS points.
     """
     loaded = load_scenario(scenario)
     if loaded.path is None:

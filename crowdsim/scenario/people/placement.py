@@ -106,9 +106,9 @@ class Placement(NamedTuple):
 def try_placement(keys: ScenarioFields, environment: Environment, radius: float) -> tuple[Placement, list[Complaint]]:
     """Draw start and goals of every agent, with ``radius`` meters of free floor around each.
 
-    Agents that start in the same step, of any group, start at least two radii apart; the goals of those that stay
-    are STAND_ROOM farther apart. Each group draws from its own streams of the scenario's seed, so that a change to one
-    group leaves the draws of the others alone.
+    Agents that start in the same step, of any group, start at least two radii apart, unless they are on call. The goals
+    of agents that stay are STAND_ROOM farther apart; other goals may overlap. Each group draws from its own streams of
+    the scenario's seed, so that a change to one group leaves the draws of the others alone.
 
     Returns
     -------

@@ -254,6 +254,7 @@ class AgentGroup(Part):
     def _check_stands(self) -> None:
         """Refuse headings, ``stand_within`` and ``wait`` for goals at which no agent stands."""
         regions = self.regions()
+        # Agents that go to exits have no goal to stand at; ``wait`` is refused with ``exits``.
         if not regions:
             return
         # At the last goal, agents stay, or wait for the next round.
