@@ -24,7 +24,7 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.recording.reader import Recording
 from crowdsim.yamlfile.messages import nearest
 
-# Results from tracks and places, and results from measurements in areas, which are made once for both results.
+# Functions that make results: from tracks and places; and from measurements in areas, which are made once for both.
 _DIRECT: dict[str, Callable[[Tracks, Places], Result]] = {
     "evacuation": measure_evacuation,
     "groups": measure_groups,
@@ -60,7 +60,7 @@ class Analysis(NamedTuple):
     results: tuple[Result, ...]
 
     def values(self) -> dict[str, Any]:
-        """Return all figures, for programs."""
+        """Return all figures, for programs and JSON; None stands for those that are unknown or infinite."""
         recording = self.tracks.recording
         return {
             "recording": recording.path.name,

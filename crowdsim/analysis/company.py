@@ -53,7 +53,7 @@ def measure_distances(tracks: Tracks, _: Places) -> Result:
         f"The nearest other is {values['median']:.2f} m away (median), {values['least']:.2f} m at least, by centers.",
         f"Zones of {HALL_SOURCE}: {bounds}.",
     )
-    # The histogram leaves out distances of more than some 8 m.
+    # The histogram leaves out distances of more than some 8 m. The last bar holds the greatest one up to there.
     edges = np.arange(0.0, min(float(known.max()), 8.0) + 2.0 * BIN, BIN)
     counts = np.histogram(known, edges)[0]
     table = pandas.DataFrame({"from": edges[:-1], "to": edges[1:], "count": counts})
@@ -105,7 +105,8 @@ def nearest_distances(frame: NDArray[np.int64], places: Floats, ends: Ends | Non
 def measure_behaviors(tracks: Tracks, places: Places) -> Result:
     """Return the share of each behavior in the time of all agents, on the whole floor and by area.
 
-    Shares are over the whole run, as in its summary: the times from and until which areas are measured do not count.
+    Shares are over the whole run, as in its summary, also in areas that are measured only at certain times. The shares
+    of a place in which no agent was are None. Rows without a known speed, those of very short tracks, do not count.
     """
     name, title = "behaviors", "Behaviors by place"
     header, table = tracks.recording.header, tracks.table

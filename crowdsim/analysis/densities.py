@@ -61,7 +61,8 @@ COLUMNS = ("area", "time", "density_classic", "density_voronoi", "density", "spe
 def measure_areas(tracks: Tracks, places: Places, voronoi_rate: float = VORONOI_RATE) -> Measured:
     """Measure density and speed in all areas, about ``voronoi_rate`` times a second [1/s], once a frame at most.
 
-    Frames are skipped if more than MOST_VORONOI_ROWS agents would be measured in all.
+    Only frames in which an area is not empty are measured; some of these are skipped if more than MOST_VORONOI_ROWS
+    agents would be measured in all. Areas that are not convex are left out, which a sentence says.
     """
     empty = pandas.DataFrame({column: [] for column in COLUMNS})
     if not places.areas:
@@ -157,7 +158,7 @@ def _measure(
 
 
 def fundamental_diagram(measured: Measured, _: Tracks) -> Result:
-    """Return speed and flow over density in the areas, beside measurements of people."""
+    """Return speed and flow over density in the areas, beside measurements of people; no values if nothing is known."""
     name, title = "diagram", "Fundamental diagram"
     table = measured.table
     values: dict[str, Any] = {}
@@ -238,7 +239,7 @@ def _by_density(rows: pandas.DataFrame) -> list[dict[str, Any]]:
 
 
 def levels_of_service(measured: Measured, _: Tracks) -> Result:
-    """Return the share of each level of service in the time that people spend in each area."""
+    """Return the share of each level of service in the time that people spend in each area, by two tables of Fruin."""
     name, title = "service", "Level of service"
     table = measured.table
     if not len(table):
@@ -275,7 +276,7 @@ def levels_of_service(measured: Measured, _: Tracks) -> Result:
 
 
 def level_shares(density: NDArray[np.float64], service: ServiceTable) -> dict[str, float]:
-    """Return the share of each level over densities (n,) [1/m2] of one area, weighted by the people in it.
+    """Return the share of each level over densities (n,) above 0 [1/m2] of one area, weighted by the people in it.
 
     The number of people in the area is proportional to the density, so the density is the weight.
     """

@@ -48,8 +48,12 @@ def color(number: int) -> str:
 
 
 def floor_panels(figure: Figure, walkable: shapely.Geometry, count: int) -> list[Axes]:
-    """Return ``count`` panels that show the floor from above: side by side, or above each other if it is wide."""
+    """Return ``count`` panels that show the floor from above: side by side, or above each other if it is wide.
+
+    The size of ``figure`` is set to fit them. ``walkable`` is the free floor [m].
+    """
     low_x, low_y, high_x, high_y = walkable.bounds
+    # Never 0, as they divide.
     wide, high = max(high_x - low_x, 1e-6), max(high_y - low_y, 1e-6)
     # `each` and `tall` are width and height of a panel [inch]: like the floor, but neither flat nor higher than 6.
     rows = count if wide > 1.3 * high else 1

@@ -25,7 +25,10 @@ WINDOW = 5.0
 
 
 def measure_flow(tracks: Tracks, places: Places) -> Result:
-    """Return which agents passed each line when, how many, and the flow [1/s]."""
+    """Return which agents passed each line when, how many, the flow [1/s], and the flow for each meter [1/(m s)].
+
+    A flow is None if too few agents passed, and that for each meter also if no part of the line is free floor.
+    """
     name, title = "flow", "N-t and flow at lines"
     if not places.lines:
         return Result(name, title, {}, ("There is no line: name one under `lines` of the scenario or by --line.",))
@@ -88,7 +91,10 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
 
 
 def crossing_frames(tracks: Tracks, line: LineString) -> pandas.DataFrame:
-    """Return the first frame in which each stretch of a track crosses a line, by PedPy: id and frame, by frame."""
+    """Return the first frame in which each stretch of a track crosses a line, by PedPy: id and frame, by frame.
+
+    Stretches that never cross it have no row.
+    """
     if tracks.trajectory is None:
         return pandas.DataFrame({"id": np.zeros(0, np.int64), "frame": np.zeros(0, np.int64)})
     # PedPy's lines have two points: take a longer one piece by piece.
@@ -105,8 +111,9 @@ def crossing_frames(tracks: Tracks, line: LineString) -> pandas.DataFrame:
 def _intervals(tracks: Tracks, line: LineString, crossings: pandas.DataFrame) -> pandas.DataFrame:
     """Return PedPy's flow in intervals of WINDOW: the time of their middle [s] and the flow for each meter [1/(m s)].
 
-    It is empty if there are fewer than two passages, no whole interval follows the first, or no part of the line is
-    free floor.
+    ``crossings`` are the rows of :func:`crossing_frames` in the time in which the line is measured. The table is empty
+    if there are fewer than two of them, if no whole interval follows the first one, or if no part of the line is free
+    floor.
     """
     empty = pandas.DataFrame({"time": [], "flow_per_m": []})
     width = _free_width(tracks, line)
@@ -141,7 +148,7 @@ def _free_width(tracks: Tracks, line: LineString) -> float:
 
 
 def _agents(tracks: Tracks, crossings: pandas.DataFrame) -> NDArray[np.int64]:
-    """Return the agent (n,) of each crossing; crossings have only the id of a stretch of a track."""
+    """Return the agent (n,) of each crossing; rows of :func:`crossing_frames` have only the id of a stretch."""
     agents: NDArray[np.int64] = crossings.merge(tracks.table[["id", "frame", "agent"]], on=["id", "frame"], how="left")[
         "agent"
     ].to_numpy()
@@ -149,7 +156,10 @@ def _agents(tracks: Tracks, crossings: pandas.DataFrame) -> NDArray[np.int64]:
 
 
 def _sentence(name: str, values: dict[str, Any], band: FlowBand | None) -> str:
-    """Return a sentence on the passages and the flow at a line, beside flows measured at bottlenecks as wide."""
+    """Return a sentence on the passages and the flow at a line, beside flows measured at bottlenecks as wide.
+
+    ``values`` are the figures of the line, as in the result; ``band`` is None if nothing was measured at its width.
+    """
     text = f"{name} ({values['width']:.2f} m): {values['passages']} passages"
     if values["flow"] is None:
         return f"{text}, too few for a flow."

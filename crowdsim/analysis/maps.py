@@ -28,7 +28,10 @@ Floats = NDArray[np.float64]
 
 
 def measure_maps(tracks: Tracks, places: Places) -> Result:
-    """Return mean density and speed in each cell, and the last time that it is not empty."""
+    """Return mean density [1/m2] and speed [m/s] in each cell, and the last time that it is not empty [s].
+
+    Cells that are always empty are left out of the table.
+    """
     name, title = "maps", "Density, speed, and longest time to leave"
     if tracks.trajectory is None:
         return Result(name, title, {}, ("Nobody was present: there is nothing to measure.",))
@@ -56,6 +59,7 @@ def measure_maps(tracks: Tracks, places: Places) -> Result:
     density = np.sum(present, axis=0) / len(range(0, count, every))
     known = np.isfinite(speeds).sum(axis=0) if len(speeds) else np.zeros(density.shape, np.int64)
     total = np.nansum(speeds, axis=0) if len(speeds) else np.zeros(density.shape)
+    # The maximum only avoids a division by 0 in empty cells.
     speed = np.where(known > 0, total / np.maximum(known, 1), np.nan)
     last = pedpy.compute_rset_map(traj_data=tracks.trajectory, method=pedpy.RsetMethod.MAX, **grid)
     values: dict[str, Any] = {

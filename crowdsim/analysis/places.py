@@ -49,7 +49,7 @@ def places_of(header: RecordingHeader, lines: Sequence[str] = (), areas: Sequenc
 
 
 def _of_scenario(record: ShapeRecord) -> Place:
-    """Return an area or line of the scenario, as the recording's header holds it: WKT, and times [s]."""
+    """Return the area or line that a record of the recording's header holds as WKT, with its times [s]."""
     return Place(shapely.from_wkt(record.shape), record.start, record.end)
 
 

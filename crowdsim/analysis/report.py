@@ -62,14 +62,14 @@ def _write_text(file: Path, text: str) -> None:
 
 
 def _new_figure() -> Figure:
-    """Return an empty figure, imported here as matplotlib is slow to import."""
+    """Return an empty figure; matplotlib is imported only here, as that is slow."""
     from matplotlib.figure import Figure
 
     return Figure(dpi=110, layout="constrained")
 
 
 def _drawn(result: Result) -> Figure:
-    """Return the picture of a result."""
+    """Return the picture of a result, empty if there is nothing to draw."""
     figure = _new_figure()
     if result.draw is not None:
         result.draw(figure)
@@ -125,5 +125,5 @@ def sentences(analysis: Analysis) -> list[tuple[str, str]]:
 
 
 def as_json(analysis: Analysis, files: list[Path]) -> dict[str, Any]:
-    """Return what ``crowdsim analyze --json`` prints."""
+    """Return what ``crowdsim analyze --json`` prints: all figures, and the names of the ``files`` written."""
     return {**analysis.values(), "files": [str(file) for file in files]}

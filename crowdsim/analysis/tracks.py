@@ -43,7 +43,7 @@ class Tracks(NamedTuple):
     speeds : pandas.DataFrame
         PedPy's individual speeds: id, frame, speed [m/s].
     walkable : Polygon
-        The part of the free floor where agents walk.
+        The part of the free floor in which most rows of the table are [m]; PedPy takes one polygon only.
     notes : tuple of str
         What a reader has to know.
     """
@@ -62,7 +62,7 @@ class Tracks(NamedTuple):
         return -(-self.recording.steps * self.rate // self.recording.steps_per_second)
 
     def time(self, frame: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the time of frames [s]."""
+        """Return the times (n,) of frames (n,) [s]."""
         return np.asarray(frame, np.float64) / self.rate
 
 

@@ -95,6 +95,8 @@ class BehaviorClips:
 
 
 class _Model(BaseModel):
+    """Base of all mappings of a ``behavior.yaml``; unknown keys are refused."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
@@ -120,7 +122,7 @@ def _checked_name(name: str) -> str:
 
 
 def _checked_color(color: str) -> str:
-    """Return a valid color; raise ValueError for others."""
+    """Return a valid color, "#rrggbb"; raise ValueError for others."""
     if not re.fullmatch(r"#[0-9a-fA-F]{6}", color):
         raise ValueError(f"expected a color such as \"#1f77b4\", in quotes, got '{color}'")
     return color
@@ -205,7 +207,7 @@ def read_behavior(name: str, library: Path) -> BehaviorFile:
     Raises
     ------
     BehaviorError
-        With file, line and key of everything that is wrong, or the nearest name if there is no such behavior.
+        With file, line and key of everything that is wrong; with the nearest name if there is no such behavior.
     """
     path = library / name / FILE_NAME
     if not path.is_file():

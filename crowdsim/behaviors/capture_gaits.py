@@ -33,8 +33,8 @@ _SHORTEST = 0.5
 def clips_of_gait(clips: Sequence[Clip], speed: float) -> tuple[tuple[Clip, ...], tuple[str, ...]]:
     """Choose the clips of the gait whose natural speed is nearest to ``speed``.
 
-    Gaits are found by the speeds of straight cycles, one for each clip: sorted, a gait ends before a speed that is a
-    tenth or more above the last one.
+    Each clip that walks ahead gives the speed of its straightest cycle. Of these speeds, sorted, two successive ones
+    belong to different gaits if the second is a tenth or more above the first.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def clips_of_gait(clips: Sequence[Clip], speed: float) -> tuple[tuple[Clip, ...]
     Returns
     -------
     clips : tuple of Clip
-        Those of the gait, and those that walk nowhere, in order; all if there are not several gaits.
+        Those of the gait, and those that hardly move, in order; all if there are not several gaits.
     notes : tuple of str
         Which gait was chosen, and which clips are left out; empty if there are not several gaits.
     """
@@ -73,14 +73,14 @@ def clips_of_gait(clips: Sequence[Clip], speed: float) -> tuple[tuple[Clip, ...]
 
 
 def _gaits(speeds: Sequence[float]) -> list[float]:
-    """Return the natural speed of each gait, the median of its walks [m/s], from slow to fast."""
+    """Return the natural speed of each gait, the median of its walks' ``speeds`` [m/s], from slow to fast."""
     ranked = np.sort(np.asarray(speeds, np.float64))
     groups = np.split(ranked, np.flatnonzero(ranked[1:] >= _APART * ranked[:-1]) + 1)
     return [float(np.median(group)) for group in groups if len(group)]
 
 
 def _nearest(gaits: Sequence[float], speed: float) -> int:
-    """Return the index of the gait whose speed is nearest to ``speed`` [m/s]."""
+    """Return the index of the gait whose speed is nearest to ``speed`` [m/s]; of two as near, the slower one."""
     return int(np.argmin(np.abs(np.asarray(gaits) - speed)))
 
 

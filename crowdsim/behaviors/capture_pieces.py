@@ -87,12 +87,15 @@ class Room(NamedTuple):
 
 
 def find_pieces(clips: Sequence[Clip], detectors: Sequence[str], bands: Sequence[Band]) -> list[Piece]:
-    """Return the pieces of ``clips`` between feature cuts, in order; clips without locomotion have none."""
+    """Return the pieces of ``clips`` between feature cuts, in order; clips without locomotion have none.
+
+    ``detectors`` are names of feature detectors, which find the cuts; reaches are measured in the height ``bands``.
+    """
     return [piece for clip in clips for piece in _pieces_of(clip, detectors, bands)]
 
 
 def _pieces_of(clip: Clip, detectors: Sequence[str], bands: Sequence[Band]) -> list[Piece]:
-    """Return the segments of a clip between cuts; none if it shows no locomotion.
+    """Return the pieces of a clip between cuts; none if it shows no locomotion. Arguments as of :func:`find_pieces`.
 
     Each has its kind (on the spot, ahead, aside), its length [m] and turn [rad], and the widest reach (bands,) [m] of
     its frames, with the frame in which it is so wide.
@@ -132,9 +135,10 @@ def room_of(pieces: Sequence[Piece]) -> Room | None:
 
 
 def sort_out(pieces: Sequence[Piece], room: Room, layers: Sequence[str]) -> tuple[list[Piece], list[tuple[Piece, str]]]:
-    """Return the pieces to use for walking, and the pieces to leave out, each with the reason.
+    """Return the pieces to use, and the pieces to leave out, each with the reason.
 
-    ``layers`` names the height bands in the reasons.
+    Left out are pieces that go aside, that exceed ``room`` in a height band, or that stay on the spot and spread
+    farther than ``room``. ``layers`` names the height bands in the reasons.
     """
     kept: list[Piece] = []
     out: list[tuple[Piece, str]] = []

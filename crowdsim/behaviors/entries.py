@@ -172,10 +172,11 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
     Raises
     ------
     MotionError
-        If the preferred behavior has none.
+        If the preferred behavior, the last one, has none.
     """
     arrays = behavior_set.graph.arrays
     natural = np.array([natural_speed(gait) for gait in gaits])
+    # A node of L frames has L + 1 poses. Of each pose: its node, its number in the node, and the frames that follow.
     counts = arrays.node_frames.astype(np.int64) + 1
     nodes = np.repeat(np.arange(len(counts)), counts)
     frames = np.arange(len(nodes)) - arrays.node_track[nodes].astype(np.int64)
@@ -183,7 +184,8 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
     left = arrays.node_frames[nodes] - frames
     velocity, turn = _movement(arrays.tracks, frames, left)
     speed = hypot(velocity[:, 0], velocity[:, 1])
-    # Direction and turning rate, now and on average until the node ends.
+    # Direction and turning rate, now and on average until the node ends; its last pose, with no frame left, has turned
+    # by 0, which any rate allows.
     wanted = natural[behavior]
     aheads = np.abs(velocity[:, 1]) <= tan(_MOST_ASIDE) * velocity[:, 0]
     last = (arrays.node_track + arrays.node_frames)[nodes]
@@ -256,11 +258,13 @@ def entry_origins(entries: Entries, rows: NDArray[np.int64], poses: Floats) -> F
 def _movement(tracks: Floats, frames: NDArray[np.int64], left: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """Return velocities (P, 2), ahead and left [m/s], and turning rates (P,) [rad/s], by central differences.
 
-    The differences stay within the node: ``frames`` and ``left`` (P,) are the numbers of its frames before and after.
+    ``tracks`` (P, 3) are x, y [m] and heading [rad] of all frames of all nodes. The differences stay within the node:
+    ``frames`` and ``left`` (P,) are the numbers of frames of the node before each frame and after it.
     """
     reach = round(_AROUND * CAPTURE_RATE)
     rows = np.arange(len(tracks))
     before, after = np.minimum(frames, reach), np.minimum(left, reach)
+    # The maximum is for a node of a single frame, which has no movement.
     moved = (tracks[rows + after] - tracks[rows - before]) * (CAPTURE_RATE / np.maximum(before + after, 1))[:, None]
     c, s = cos(tracks[:, 2]), sin(tracks[:, 2])
     velocity = np.stack([c * moved[:, 0] + s * moved[:, 1], c * moved[:, 1] - s * moved[:, 0]], axis=1)

@@ -99,9 +99,9 @@ def _gait(behavior: Behavior, clips: Sequence[Clip]) -> Clip:
 
 
 def _around_cycle(clip: Clip, speed: float) -> Clip:
-    """Return the part of a clip around its best cycle near ``speed`` [m/s]; the whole clip if none is found in a part.
+    """Return the part of a clip around its best cycle near ``speed`` [m/s].
 
-    Raise MotionError if the clip has no cycle.
+    Return the whole clip if this part by itself shows no cycle. Raise MotionError if the clip has no cycle.
     """
     times = find_cycle(clip, speed).times
     part = slice(max(int(times[0]) - _CONTEXT, 0), int(times[-1]) + _CONTEXT + 1)

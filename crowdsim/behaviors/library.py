@@ -1,4 +1,8 @@
-"""Read behaviors with their clips, measure them, order them, and join them into one motion graph."""
+"""Read behaviors with their clips, measure them, order them, and join them into one motion graph.
+
+Arguments of helpers: ``files``, ``clips`` and ``radii`` of behaviors by name, the radii (bands,) in [m]; ``library``,
+the folder of behavior folders; ``bands``, height bands of the layers; others as of :func:`load_behavior_set`.
+"""
 
 from __future__ import annotations
 
@@ -239,7 +243,8 @@ def _joined_captures(
 ) -> BehaviorSet:
     """Return the behaviors made of captures, narrowest first, and their graph; notes name captured pieces not in it.
 
-    Raise BehaviorError if one would never be used, and MotionError if one has no node for standing.
+    Raise BehaviorError if one would never be used, or has no node in the graph, and MotionError if one has no node for
+    standing.
     """
     given = found.behaviors
     order = sorted(given, key=lambda name: (float(given[name].radii.max()), name))
@@ -309,7 +314,10 @@ def _measured(bands: Sequence[Band]) -> list[Band]:
 
 
 def _turning(name: str, clips: BehaviorClips, bands: Sequence[Band]) -> NDArray[np.float64] | None:
-    """Return the largest reach (2, bands) while turning into a behavior, and out of it [m]; None if no clip does."""
+    """Return the largest reach (2, bands) while turning into a behavior, and out of it [m]; None if no clip does.
+
+    A row is 0 if clips turn only the other way.
+    """
     reaches: list[NDArray[np.float64]] = [np.zeros((2, len(bands)))]
     for clip, before, _ in clips.transitions:
         back = before == name
@@ -342,7 +350,7 @@ def _sources(
     radii: Mapping[str, NDArray[np.float64]],
     left_out: Mapping[str, Set[tuple[str, int, int]]] = MappingProxyType({}),
 ) -> list[MotionSource]:
-    """Return every clip with the index of its behavior; a transition carries the wider of its two behaviors.
+    """Return every clip with the index of its behavior in ``order``; a transition has the wider of its two behaviors.
 
     ``left_out`` lists for each behavior the pieces (clip, first frame, last frame) that must not become nodes.
     """

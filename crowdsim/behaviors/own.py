@@ -86,7 +86,10 @@ def _made(
     layers: Sequence[str],
     skeleton: Skeleton | None,
 ) -> tuple[CapturedBehavior, MotionMaker, tuple[str, ...]]:
-    """Make a behavior of the captures in a folder; return it, its source of motions, and notes for the user."""
+    """Make a behavior of the captures in a folder; return it, its source of motions, and notes for the user.
+
+    If ``skeleton`` is given, all clips are brought to it. Raise MotionError if no clip walks ahead for a whole cycle.
+    """
     listed = [folder / clip.file for clip in file.clips]
     captures = read_captures(
         folder, listed or capture_paths(folder, CAPTURE_PATTERNS), bands, layers, None, None, skeleton

@@ -75,7 +75,10 @@ def draw_clutter(
 def _endless_solids(
     name: str, region: Polygon | MultiPolygon, sizes: tuple[float, float], generator: np.random.Generator
 ) -> Iterator[Solid]:
-    """Draw solids endlessly, around places in the bounds of the region; arguments as of :func:`draw_clutter`."""
+    """Draw solids endlessly, around random places in the bounds of the region, also off the region itself.
+
+    Arguments are those of :func:`draw_clutter`.
+    """
     low_x, low_y, high_x, high_y = region.bounds
     while True:
         x, y = generator.uniform((low_x, low_y), (high_x, high_y))
@@ -96,14 +99,14 @@ def _endless_solids(
 
 
 class _Taken:
-    """Outlines placed so far, in square cells at least as wide as any of them."""
+    """Outlines placed so far, in square cells of side ``cell`` [m], at least as wide as any outline."""
 
     def __init__(self, cell: float) -> None:
         self.cell = cell
         self.cells: dict[tuple[int, int], list[Polygon]] = {}
 
     def take(self, outline: Polygon) -> bool:
-        """Place ``outline`` and return True, unless it meets another one."""
+        """Place ``outline`` if it meets no other one; return whether it was placed."""
         column, row = (math.floor(value / self.cell) for value in outline.centroid.coords[0])
         near = [other for i in (-1, 0, 1) for j in (-1, 0, 1) for other in self.cells.get((column + i, row + j), ())]
         if shapely.intersects(outline, np.array(near, dtype=object)).any():
@@ -149,9 +152,10 @@ def _barring(
 ) -> set[int]:
     """Return the indices of the fewest solids, one behind the other, between two rooms that the regions meet.
 
-    The first of the two is the first room in order; a room is a part of the free floor for the middle of the disc. The
-    set is empty if the regions meet fewer than two rooms. Raise GeometryError if other things than ``solids`` separate
-    them.
+    A room is a part of the free floor in which the middle of the disc of ``radius`` [m] can move. One of the two is the
+    first room, in order, that the regions meet; the other one is any that the fewest solids separate from it. The set
+    is empty if the regions meet fewer than two rooms. Raise GeometryError if other things than ``solids`` separate the
+    rooms.
     """
     outlines = np.array([solid.footprint for solid in solids], dtype=object)
     rooms = shapely.get_parts(buffered(shapely.difference(free, shapely.union_all(outlines)), -radius))

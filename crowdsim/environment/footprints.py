@@ -128,7 +128,7 @@ def _moved(areas: Shapes, offsets: Floats) -> Shapes:
 
 
 def objects(values: Sequence[Any]) -> Shapes:
-    """Return an array (n,) of objects."""
+    """Return an array (n,) with the n ``values`` as objects, of which numpy makes no further dimensions."""
     array = np.empty(len(values), dtype=object)
     array[:] = values
     return array
@@ -166,7 +166,10 @@ def _block(solids: Sequence[Triangles], low: float, high: float) -> Shapes:
 
 
 def _inside(solid: Triangles, low: float, high: float) -> Shapes:
-    """Return the areas (k,) that sections of a solid enclose in a band [m], for 3, 1 or 0 sections as needed."""
+    """Return the areas (k,) that sections of a solid enclose in the band from ``low`` to ``high`` [m].
+
+    k is the number of sections that are needed: 3, 1 or 0.
+    """
     # Cuts just above (True) or below a height, so that they are in the open band. A solid that is not closed is cut at
     # bottom, middle and top of its part; for closed ones see `MeshSolid.closed`.
     lowest, highest = max(low, solid.bottom), min(high, solid.top)
@@ -211,8 +214,9 @@ def _pieces(corners: Floats, owners: Ints, low: float, high: float) -> tuple[Sha
 def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[np.bool_]]:
     """Clip triangles (k, 3, 3) to a band [m]: return candidates (k, 9, 2) for corners of the parts, and which exist.
 
+    The band reaches from ``low`` to ``high``, bounds included.
     The candidates are the three corners, and the points at which the three edges cross the two bounds of the band.
-    Those that exist (k, 9) are the corners of a convex part, in no order.
+    Those that exist (k, 9) are the corners of a convex part, in no order; the places of the others mean nothing.
     """
     heights = corners[:, :, 2]
     points, valid = [corners[:, :, :2]], [(heights >= low) & (heights <= high)]
@@ -231,9 +235,10 @@ def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[
 
 
 def _unions(groups: Sequence[Shapes]) -> Shapes:
-    """Return the union of each group of polygons.
+    """Return the union (n,) of each of n groups of polygons or lines; that of an empty group is empty.
 
-    In a group of more than 2 * _LARGEST, polygons inside of the union of the largest ones are skipped, to save time.
+    In a group of more than 2 * _LARGEST, those inside of the union of the _LARGEST largest ones are skipped, to save
+    time.
     """
     unions = objects([None] * len(groups))
     sizes = np.array([len(group) for group in groups], np.int64)
@@ -256,7 +261,7 @@ def _unions(groups: Sequence[Shapes]) -> Shapes:
 
 
 def _farthest(points: Floats) -> Floats:
-    """Return the two points (k, 2, 2) farthest apart in each row of (k, p, 2)."""
+    """Return the two points (k, 2, 2) farthest apart among the p points of each row of (k, p, 2)."""
     first, second = np.triu_indices(points.shape[1], 1)
     apart = np.square(points[:, first] - points[:, second]).sum(axis=2)
     pair = apart.argmax(axis=1)
@@ -298,7 +303,11 @@ def with_strips(areas: Shapes, segments: Floats, owners: Ints) -> Shapes:
 
 
 def _without_pinholes(areas: Shapes) -> Shapes:
-    """Return each area as polygons without small holes and nearly straight corners."""
+    """Return each area (n,) as polygons alone, without slivers; fill holes below PINHOLE, and straighten outlines.
+
+    Corners are left out if the outline moves by at most _SMOOTHING. An area of which nothing is left is an empty
+    polygon.
+    """
     parts, owners = shapely.get_parts(areas, return_index=True)
     is_polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
     parts, owners = shapely.simplify(parts[is_polygon], _SMOOTHING), owners[is_polygon]

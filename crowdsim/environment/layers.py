@@ -134,7 +134,7 @@ def clearance_layers(
 
 
 def dropped_solids(solids: Sequence[AnySolid], bands: Sequence[AnyLayer]) -> tuple[AnySolid, ...]:
-    """Return solids that are in no layer: carpets and thresholds below all of them, lamps and ceilings above."""
+    """Return solids that are in no layer, such as carpets and thresholds below all layers, and lamps above them."""
     return tuple(solid for solid in solids if not any(_meets(solid, band) for band in bands))
 
 
@@ -164,7 +164,8 @@ def areas_between(
 
 
 def _meets(solid: AnySolid, layer: AnyLayer) -> bool:
-    """Return True if the solid is in the layer."""
+    """Return True if the solid is in the layer: part of it lies in the band, or the plane cuts it."""
+    # A plane cuts infinitesimally above its height, as `section` of solids does.
     if isinstance(layer, Plane):
         return solid.bottom <= layer.height < solid.top
     return solid.overlaps(layer.low, layer.high)

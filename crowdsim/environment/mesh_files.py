@@ -1,4 +1,8 @@
-"""Places from files of triangles: GLB, OBJ, STL, PLY and DAE; one solid for each part, in meters, z up."""
+"""Places from files of triangles: GLB, OBJ, STL, PLY and DAE; one solid for each part, in meters, z up.
+
+Arguments of helpers: ``content``, the bytes of the file; ``ending``, that of its name, in small letters with the point;
+``report``, lines for the user, to which helpers append. A ``mesh`` is one of trimesh.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Spots on the floor: the room around them, and random draws that keep a distance."""
+"""Spots on the floor: the room around them, and random draws that keep a distance.
+
+``generator`` is the source of the random draws.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ _PIECE_CORNERS = 2000
 
 
 def room_in(free: MultiPolygon, radius: float) -> MultiPolygon:
-    """Return the part of an area that is at least ``radius`` [m] from everything else."""
+    """Return the part of the area ``free`` that is at least ``radius`` [m] from everything outside of it."""
     quarter = 16
     # The arcs of a buffer are polygons inside of the true arcs; a larger radius makes up for that.
     outer = radius / cos(math.pi / (4 * quarter))
@@ -184,8 +187,10 @@ def scatter_parties(
 ) -> NDArray[np.float64]:
     """Draw spots like :func:`scatter_spots`, but in parties: each ``together`` spots in a row lie beside each other.
 
-    The least ``distance`` [m] must be above 0. All spots of a party lie within ``distance * (0.6 + sqrt(together))`` of
-    its first one. There are fewer than ``count`` if :data:`_TRIES` draws in a row find no room for a party.
+    The other arguments are those of :func:`scatter_spots`, but ``distance`` [m] must be above 0. All spots of a party
+    lie within ``distance * (0.6 + sqrt(together))`` of its first one. The last party has what is left of ``count``.
+    There are fewer spots than ``count`` if :data:`_TRIES` draws in a row find no room for a party. If ``together`` is 1
+    or the region is a point, spots are those of :func:`scatter_spots`.
     """
     if together == 1 or isinstance(region, Point):
         return scatter_spots(region, room, count, distance, taken, generator)
@@ -222,8 +227,8 @@ def _party_around(
 ) -> list[tuple[float, float]]:
     """Take spots [m] in an area for a party, the first one at ``middle``, the others within ``reach`` [m] of it.
 
-    They keep the distance of ``crowd`` and are added to it. Fewer spots than ``size`` are taken if :data:`_BATCH`
-    random draws around the middle give no more.
+    They keep the distance of ``crowd`` and are added to it. None is taken if the middle is too near to another spot.
+    Fewer than ``size`` are taken if :data:`_BATCH` random draws around the middle give no more.
     """
     if not crowd.take(*middle):
         return []
@@ -266,7 +271,8 @@ def arrange_spots(
 ) -> NDArray[np.float64]:
     """Arrange spots of a region in ``room`` in rows across a heading, as far apart as there is room for.
 
-    Each spot is moved off its place in the row at random, by up to a third of the spare distance.
+    Each spot is then moved off its place at random, along and across the row, by up to a third of the distance to spare
+    in that direction; it stays if its new place is not free.
 
     Parameters
     ----------
@@ -277,7 +283,7 @@ def arrange_spots(
     apart
         Least distances beside and behind each other [m]; the one beside is also kept from ``taken``.
     heading
-        Heading of the rows [rad].
+        Direction that agents in the rows face [rad]; rows run across it.
     taken
         (k, 2) float64 spots already taken [m].
     generator
@@ -322,12 +328,12 @@ def arrange_spots(
         low, high = (between, high) if len(grid(between)) >= count else (low, between)
     spots = grid(low)
     spots = spots[np.sort(generator.permutation(len(spots))[:count])]
-    # Move each one at random, if its new place is free.
+    # Move each one at random, if its new place is free. Neighbors that move towards each other keep their distance.
     spare = (low - 1.0) / 3.0 * (2.0 * generator.random((count, 2)) - 1.0)
     along, across = spare[:, 0] * apart[1], spare[:, 1] * apart[0]
     moved = spots + np.column_stack([c * along - s * across, s * along + c * across])
-    stays = free(moved)
-    spots[stays] = moved[stays]
+    is_free = free(moved)
+    spots[is_free] = moved[is_free]
     return spots
 
 
@@ -339,7 +345,7 @@ class Spots:
         self.cells: defaultdict[tuple[int, int], list[tuple[float, float]]] = defaultdict(list)
 
     def take(self, x: float, y: float) -> bool:
-        """Take the spot and return True, if it keeps the distance from all others."""
+        """Take the spot [m] if it keeps the distance from all others; return whether it was taken."""
         column, row = math.floor(x / self.distance), math.floor(y / self.distance)
         for i in (column - 1, column, column + 1):
             for j in (row - 1, row, row + 1):
@@ -351,5 +357,5 @@ class Spots:
         return True
 
     def leave(self, x: float, y: float) -> None:
-        """Give back a spot that was taken."""
+        """Give back a spot [m] that was taken."""
         self.cells[(math.floor(x / self.distance), math.floor(y / self.distance))].remove((x, y))

@@ -114,7 +114,10 @@ def wall(
 
 
 def _line(points: Sequence[tuple[float, float]], what: str) -> LineString:
-    """Return the line without repeated points; a LinearRing if it ends where it began, after three corners or more."""
+    """Return the line without repeated points; a LinearRing if it ends where it began, after three corners or more.
+
+    Raise GeometryError, naming ``what``, if it has a coordinate that is not finite, or fewer than two distinct points.
+    """
     array = np.asarray(points, np.float64).reshape(-1, 2)
     if not np.isfinite(array).all():
         raise GeometryError(f"{what}: its line has a coordinate that is not a finite number")
@@ -131,7 +134,7 @@ def _along(line: LineString, thickness: float) -> BaseGeometry:
 
 
 def _cut(line: LineString, opening: Opening, thickness: float) -> BaseGeometry:
-    """Return the area of an opening, slightly thicker than the wall."""
+    """Return the area of an opening, slightly thicker than the wall of some ``thickness`` [m] along ``line``."""
     # A ring counts as the line from its first point around. Rounding may put the opening's begin below 0, which
     # substring would take as a place before the end of the wall.
     first = max(opening.at - 0.5 * opening.width, 0.0)
@@ -157,5 +160,5 @@ def _check_openings(ordered: Sequence[Opening], length: float, what: str) -> Non
 
 
 def _numbered(name: str, number: int, count: int) -> str:
-    """Return the name, with a number if there are several."""
+    """Return the name; if there are ``count`` > 1 of it, with the index ``number``, counted from 1, behind it."""
     return name if count == 1 else f"{name} {number + 1}"

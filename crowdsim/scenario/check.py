@@ -25,12 +25,14 @@ def check_scenario(scenario: Scenario) -> list[str]:
     """Return warnings of valid entries that are probably mistakes, each with its position in the file.
 
     These are a very large floor, events after the end of the run, things that meet no layer or lie off the floor,
-    starts and goals that lie off it in part, and areas and lines that lie off it. The list is empty if there are none.
+    starts, routes and goals that lie off the floor in part, and areas and lines that lie off it as a whole. The list is
+    empty if there are none.
     """
     floor = scenario.environment.floor
     warnings = []
 
     def warn(path: tuple[str | int, ...], message: str) -> None:
+        """Add a warning about the entry at the key ``path``."""
         warnings.append(str(scenario.problem(path, message)))
 
     xmin, ymin, xmax, ymax = floor.bounds
@@ -74,8 +76,9 @@ def check_scenario(scenario: Scenario) -> list[str]:
 def check_ways(scenario: Scenario, behaviors: Sequence[Behavior]) -> list[str]:
     """Return warnings of groups on whose way even the narrowest behavior does not fit; an empty list if there are none.
 
-    Doors and other movables count as absent. Nothing is checked on a periodic floor, as ways may lead across its ends,
-    nor for the planner that checks bodies in 3D, which does not plan by clearances.
+    ``behaviors`` are those of the scenario. Doors and other movables count as absent. Nothing is checked on a periodic
+    floor, as ways may lead across its ends, nor for the planner that checks bodies in 3D, which does not plan by
+    clearances.
     """
     environment = scenario.environment
     if scenario.planner == "collision3d" or any(scenario.span):

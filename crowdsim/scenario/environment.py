@@ -59,7 +59,8 @@ def build_environment(
     environment : Environment or None
         None if it cannot be built.
     complaints : list of Complaint
-        Everything that is wrong with the floor, the obstacles, the layers and the events.
+        What is wrong with the floor, the obstacles and the clutter. If nothing is: what is wrong with the events, or
+        else with the commands about doors and obstacles, and that obstacles cover all of the floor.
     """
     site = read_site(keys, files)
     if site.complaints:

@@ -38,7 +38,8 @@ _LINE = 15.0
 def reachable_areas(scenario: Scenario, behaviors: Sequence[Behavior]) -> tuple[MultiPolygon, ...]:
     """Return, for each behavior, the area that agents reach from the starts with this behavior alone [m].
 
-    The area keeps the behavior's clearance and TRACKING_MARGIN from the obstacles of every layer.
+    The area keeps the behavior's clearance and TRACKING_MARGIN from the obstacles that every layer has at the start of
+    the run.
     """
     starts = shapely.union_all([group.start.shape() for group in scenario.agents])
     areas = []
@@ -52,14 +53,17 @@ def reachable_areas(scenario: Scenario, behaviors: Sequence[Behavior]) -> tuple[
 
 
 def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
-    """Draw one panel per layer, with starts, goals, and each behavior's reachable area in its color."""
+    """Draw one panel per layer, with starts, goals, and each behavior's reachable area in its color.
+
+    ``behaviors`` are sorted from the least preferred, which is usually the narrowest, to the preferred one.
+    """
     figure, panels = _panels(scenario)
     areas = reachable_areas(scenario, behaviors)
     for layer, axes in zip(scenario.environment.layers, panels, strict=False):
         _draw_layer(axes, scenario, layer)
         for behavior, area, wider in zip(behaviors, areas, (*areas[1:], Polygon()), strict=True):
             label = f"within reach, {behavior.name.replace('_', ' ')}: {area.area:.1f} m\u00b2"
-            # Behaviors are sorted by preference: leave out the area of the next one, so that colors do not mix.
+            # Leave out the area of the next, usually wider, behavior, so that colors do not mix.
             fill(axes, area.difference(wider), facecolor=behavior.color, alpha=0.45, edgecolor="none", label=label)
         _draw_ends(axes, scenario)
     _finish(figure, scenario.name)
@@ -71,7 +75,10 @@ def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
 
 
 def draw_plan(scenario: Scenario, behaviors: Sequence[Behavior], path: AnnotatedPath) -> Figure:
-    """Draw one panel per layer with a path, each section in the color of its behavior (2018 paper, figure 3)."""
+    """Draw one panel per layer with a path, each section in the color of its behavior (2018 paper, figure 3).
+
+    Sections of ``path`` hold indices of ``behaviors``.
+    """
     figure, panels = _panels(scenario)
     for layer, axes in zip(scenario.environment.layers, panels, strict=False):
         _draw_layer(axes, scenario, layer)
@@ -137,7 +144,7 @@ def _draw_ends(axes: Axes, scenario: Scenario) -> None:
 
 
 def _name_groups(axes: Axes, scenario: Scenario) -> None:
-    """Name each group once, at its start, shifted up or down where names would overlap."""
+    """Name each group once, at its start, shifted down or up if names would overlap."""
     taken: list[Bbox] = []
     for number, group in enumerate(scenario.agents):
         color = _GROUPS[number % len(_GROUPS)]

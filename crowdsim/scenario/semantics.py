@@ -1,4 +1,7 @@
-"""Checks across keys: what can be wrong with a scenario if each key by itself is valid."""
+"""Checks across keys: what can be wrong with a scenario if each key by itself is valid.
+
+``folder`` is the folder that file names of the scenario are relative to.
+"""
 
 from __future__ import annotations
 
@@ -92,7 +95,10 @@ def _behaviors(keys: ScenarioFields, folder: Path) -> list[Complaint]:
 
 
 def _own_behavior(keys: ScenarioFields, entry: str, folder: Path) -> list[str]:
-    """Return what is wrong with the folder of an own behavior, and with its use here."""
+    """Return what is wrong with the folder of an own behavior, and with its use in this scenario.
+
+    ``entry`` is its path as the scenario gives it.
+    """
     from crowdsim.behaviors.behavior import FILE_NAME, behavior_folder, read_behavior
     from crowdsim.errors import BehaviorError
 
@@ -168,7 +174,7 @@ def _times(keys: ScenarioFields) -> list[Complaint]:
                     complaints.append((("agents", number, key), message))
             continue
         last = float(start_times(keys, number)[-1])
-        # An agent starts in the step nearest to its time, which has to be a step of the run.
+        # An agent starts in the step nearest to its time, which has to be a step of the run; a run has one at least.
         steps = max(round(keys.duration * keys.steps_per_second), 1)
         if not group.on_call and round(last * keys.steps_per_second) >= steps:
             message = f"{keys.duration:g} s end before the last of '{group.name}' starts at {last:g} s"

@@ -105,14 +105,17 @@ class _Reader:
         return tuple(replace(solid, name=f"{obstacle.name}: {solid.name}") for solid in found)
 
     def _mesh(self, mesh: Mesh) -> Sequence[AnySolid]:
-        """Return the parts of a file of triangles."""
+        """Return the parts of a file of triangles; raise PlaceError or GeometryError if it cannot be read or placed."""
         content = self.files.content(mesh.file)
         scene = read_mesh_file(self.files.folder / mesh.file, content=content, **mesh.model_dump(exclude={"file"}))
         self.report += scene.report
         return scene.solids
 
     def _plan(self, obstacle: Obstacle) -> Sequence[AnySolid]:
-        """Return the walls and outlines of a floor plan."""
+        """Return the walls and outlines of the obstacle's floor plan, and keep the floor that it draws.
+
+        Raise PlaceError if it draws no solids.
+        """
         plan = obstacle.plan
         assert plan is not None
         assert obstacle.top is not None
@@ -181,7 +184,10 @@ class _Reader:
                 self.complaints.append(((*path, "mesh"), "; ".join([message, *doubts])))
 
     def _given_floor(self) -> Polygon | MultiPolygon | None:
-        """Return the floor that the scenario or a plan draws; None if it is to be derived from obstacles."""
+        """Return the floor that the scenario or a plan draws; None if it is to be derived from obstacles.
+
+        Raise PlaceError or GeometryError if it cannot be read, or its file draws no floor.
+        """
         floor = self.keys.floor
         if floor.rectangle is not None:
             return shapely.box(*floor.rectangle)

@@ -50,7 +50,7 @@ class Movable:
     placing: Placing | None
 
     def footprint(self, placing: Placing) -> BaseGeometry:
-        """Return its outline on the floor if it stands at ``placing`` [m]."""
+        """Return the thing's outline on the floor [m] if it stands at ``placing``."""
         return placed(shapely.union_all([solid.footprint for solid in self.solids]), placing)
 
 
@@ -104,8 +104,10 @@ class TimetableReader:
     """Reads events in the order of time: which thing each name refers to, and where it then stands.
 
     Events of one time keep the order of the file. Movables are, in the order of the file: things that an event names or
-    that are marked ``movable``, doors, and inserted things. A command never makes a fixed thing movable, and things
-    that commands insert get the last indices, so that commands leave the indices of other movables unchanged.
+    that are marked ``movable``, doors, and inserted things. With the planner ``collision3d``, a door that no event
+    names is no movable: it is fixed if it is closed, and left out if it is open. A command never makes a fixed thing
+    movable, and things that commands insert get the last indices, so that commands leave the indices of other movables
+    unchanged.
 
     Parameters
     ----------
@@ -119,7 +121,11 @@ class TimetableReader:
     Attributes
     ----------
     wrong : list of Complaint
-        What is wrong with events and commands.
+        What is wrong with events and commands; these are left out of the timetable.
+
+    Notes
+    -----
+    ``path`` in methods is the key path of an event or a command, as ``("events", 2)``.
     """
 
     def __init__(
@@ -159,7 +165,10 @@ class TimetableReader:
         return Timetable(tuple(self._fixed), tuple(self._movables), tuple(self._events))
 
     def append(self, path: KeyPath, command: Command) -> str | None:
-        """Read a command that comes after all others; return why it is impossible and is not added, or None."""
+        """Read a command about a door or an obstacle that comes after all events read so far.
+
+        Return None; or why it is impossible, in which case it is not added.
+        """
         complaint = self._complaint(command)
         if complaint is None:
             self._number(path, command)

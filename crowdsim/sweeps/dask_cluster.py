@@ -21,7 +21,10 @@ _NAME = "crowdsim-runner"
 
 
 class KeptRunner(distributed.WorkerPlugin):
-    """Dask's plugin that makes a worker's runner, which keeps kernels, motion and maps between points."""
+    """Dask's plugin that makes a worker's runner, which keeps kernels, motion and maps between points.
+
+    ``recordings`` and ``keep`` are those of :class:`crowdsim.sweeps.running.Runner`.
+    """
 
     def __init__(self, recordings: Path | None, keep: Keep) -> None:
         self._recordings, self._keep = recordings, keep
@@ -46,7 +49,7 @@ def run_points_on_dask(
         Number of local workers.
     recordings : Path or None
         Folder for recordings, which all workers have to see; None for a temporary one.
-    keep : str
+    keep : Keep
         Which recordings stay.
 
     Raises
@@ -72,7 +75,10 @@ def run_points_on_dask(
 
 
 def run_here(point: Point, wanted: str) -> Outcome:
-    """Run a point in the Dask worker that calls this; fail if its :func:`engine` is not ``wanted``."""
+    """Run a point in the Dask worker that calls this; the outcome is an error if its engine is not ``wanted``.
+
+    ``wanted`` is what :func:`engine` returns in the process that submits the point.
+    """
     if engine() != wanted:
         where = distributed.get_worker().address
         return Outcome(
@@ -83,7 +89,10 @@ def run_here(point: Point, wanted: str) -> Outcome:
 
 
 def _client(address: str, jobs: int) -> Any:
-    """Return a client of the scheduler at ``address``, or of ``jobs`` processes started here for ``local``."""
+    """Return a client of the scheduler at ``address``, or of ``jobs`` processes started here for ``local``.
+
+    Raise CrowdSimError if there is no scheduler.
+    """
     if address == "local":
         # Without a page that shows its work, and without its messages (50: only critical ones).
         cluster = distributed.LocalCluster(

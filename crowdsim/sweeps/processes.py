@@ -33,7 +33,7 @@ def run_points(
         Number of processes.
     recordings : Path or None
         Folder for recordings; None for a temporary one.
-    keep : str
+    keep : Keep
         Which recordings stay.
     """
     waiting, tries = deque(points), dict.fromkeys(points, 0)
@@ -73,7 +73,7 @@ def run_points(
 
 
 def _start(recordings: Path | None, keep: Keep) -> tuple[SpawnProcess, Connection]:
-    """Start a process that runs points; return it, and the connection to it."""
+    """Start a process that runs points by :func:`_work`; return it, and the connection to it."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs, recordings, keep), daemon=True)
@@ -86,7 +86,7 @@ def _start(recordings: Path | None, keep: Keep) -> tuple[SpawnProcess, Connectio
 def _begin(
     point: Point, process: SpawnProcess, connection: Connection, at_work: dict[Connection, tuple[SpawnProcess, Point]]
 ) -> None:
-    """Send a point to a process, and note that it is at work."""
+    """Send a point to a process, and note in ``at_work`` that it is at work on it."""
     at_work[connection] = process, point
     try:
         connection.send(point)
@@ -101,7 +101,10 @@ def _end(process: SpawnProcess, connection: Connection) -> None:
 
 
 def _work(connection: Connection, recordings: Path | None, keep: Keep) -> None:
-    """Run points until the other side closes the connection or dies."""
+    """Run the points that ``connection`` gives, and send back their outcomes, until its other side is closed or dies.
+
+    ``recordings`` and ``keep`` are those of :class:`crowdsim.sweeps.running.Runner`.
+    """
     # Ctrl-C reaches all processes of a terminal; the one that started this one ends it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     runner = Runner(recordings, keep)

@@ -69,7 +69,7 @@ class Runner:
             return Outcome({}, f"internal error: {what}", lasting=False)
 
     def _run(self, point: Point) -> dict[str, Value]:
-        """Run a point; return its figures, and keep its recording if ``keep`` wants it."""
+        """Run a point; return its figures, and keep its recording if :func:`is_kept` says so."""
         scenario = parse_scenario(point.text, Path(point.file), point.overrides)
         # Beside the recordings, so that one that stays is renamed, not copied.
         with tempfile.TemporaryDirectory(prefix=".run-", dir=self._recordings) as folder:
@@ -82,7 +82,10 @@ class Runner:
         return figures
 
     def _motion_of(self, scenario: Scenario) -> BehaviorSet:
-        """Return behaviors and motion graph of a scenario; keep up to MOST_KEPT sets for scenarios that share them."""
+        """Return behaviors and motion graph of a scenario, shared by all scenarios with the same motion and layers.
+
+        Up to MOST_KEPT sets are kept; before one more is loaded, the one that was loaded first is dropped.
+        """
         key = motion_key(scenario)
         if key not in self._motion:
             while len(self._motion) >= MOST_KEPT:

@@ -59,6 +59,7 @@ class Store:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Remove the folder of recordings if it is empty, and unlock the folder of the sweep."""
         if not any(self.recordings.iterdir()):
             self.recordings.rmdir()
         os.close(self._lock)  # gives the lock back

@@ -72,7 +72,8 @@ def sweep(
     figures : sequence of str
         Columns of the table to draw; by default times, flows, densities and speeds.
     progress : callable or None
-        Called at the start, and whenever a point is done.
+        Called at the start, and whenever a point is done, with the numbers of points that are done, of all, and of
+        those that failed.
     note : callable or None
         Called with a sentence if points are run again, because another state of crowdsim has run them, or because
         their recordings were not kept.
@@ -125,7 +126,10 @@ def sweep(
 def _outcomes(
     points: Sequence[Point], jobs: int, recordings: Path | None, keep: Keep, dask: str | None
 ) -> Iterator[tuple[Point, Outcome]]:
-    """Yield the outcome of each point, from processes here or from a cluster of Dask."""
+    """Yield each point with its outcome, in any order, from processes here or from a cluster of Dask.
+
+    ``recordings`` is the folder for recordings that stay; the other arguments are those of :func:`sweep`.
+    """
     # Start no process and no cluster for nothing.
     if not points:
         return iter(())

@@ -44,7 +44,10 @@ def schema_problems(error: ValidationError, document: Document, model: type[Base
 
 
 def nearest(word: str, names: Iterable[str], otherwise: str) -> str:
-    """Return ``did you mean 'x'?`` with the most similar of ``names``, else ``otherwise`` followed by all names."""
+    """Return ``did you mean 'x'?`` with the most similar of ``names``.
+
+    If none is similar, return ``otherwise`` followed by all names.
+    """
     names = list(names)
     close = difflib.get_close_matches(word[:80].lower(), names, n=1)
     return f"did you mean '{close[0]}'?" if close else f"{otherwise}: {', '.join(names) or 'none'}"
@@ -90,7 +93,10 @@ def _message(detail: ErrorDetails, path: Path, model: type[BaseModel]) -> str:
 
 
 def _type_message(kind: str, value: Any, annotation: Any) -> str:
-    """Return what was expected at a value of the wrong type, and what stands there."""
+    """Return what was expected at a value of the wrong type, and what stands there.
+
+    ``kind`` is pydantic's kind of error, ``annotation`` the type that the schema requires.
+    """
     got = _describe(value)
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"expected a mapping with keys among {', '.join(_keys(annotation))}, got {got}"
@@ -119,7 +125,10 @@ def _literal_message(value: Any, expected: str) -> str:
 
 
 def _wanted_list(annotation: Any, context: dict[str, Any]) -> str:
-    """Return in words how long a list must be: by the type of a tuple of fixed length, else by the bound exceeded."""
+    """Return in words how long a list must be: by the type of a tuple of fixed length, else by the bound exceeded.
+
+    ``annotation`` is the type that the schema requires, ``context`` the context of pydantic's error, with the bound.
+    """
     arguments = typing.get_args(_bare(annotation))
     if arguments and arguments[-1] is not Ellipsis:
         return f"a list of {len(arguments)} numbers"
@@ -153,7 +162,7 @@ def _bare(annotation: Any) -> Any:
 
 
 def _annotation(model: type[BaseModel], path: Path) -> Any:
-    """Return the type that the schema requires at ``path``."""
+    """Return the type that the schema ``model`` requires at ``path``, as :func:`_bare` gives it."""
     annotation: Any = model
     for part in path:
         annotation = _bare(annotation)

@@ -36,7 +36,7 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> list[Proble
 
 
 def _write(document: Document, parts: list[str], value: Document, position: Position) -> str | None:
-    """Set the entry at the path ``parts`` to ``value``; return what is wrong, None if nothing is.
+    """Set the entry of a document at the path ``parts`` to ``value``; return what is wrong, None if nothing is.
 
     Mappings that are missing on the way are made; list entries must be there. ``position`` becomes the position of the
     entry and of all in it.

@@ -38,10 +38,19 @@ def validated(
     progress : callable or None
         Passed on to :func:`~crowdsim.environment.layers.clearance_layers`.
 
+    Returns
+    -------
+    keys : ScenarioFields
+        The validated keys.
+    environment : Environment
+        Their environment.
+
     Raises
     ------
     ScenarioError
-        With every problem.
+        With ``problems`` and every key whose value the schema refuses; if there are none of these, with everything else
+        that is wrong. If the environment cannot be built, neither places of agents nor commands about agents are
+        checked.
     """
     try:
         keys = ScenarioFields.model_validate(document.value)

@@ -1,4 +1,7 @@
-"""Start times of the agents of a group: at a fixed interval, or at the rate of a source; parties start together."""
+"""Start times of the agents of a group: at a fixed interval, or at the rate of a source; parties start together.
+
+``keys`` are the keys of the scenario, ``number`` is the index of the group.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ NEVER = 2**40
 """Start step of agents that come only if a command adds them, and of agents that were removed: beyond any run."""
 
 _ARRIVAL_STREAM = 2
+"""Number of the random stream of a group's arrivals; each quantity of a group has its own."""
 _BATCH = 256
 """Arrivals that are drawn at once, again and again until the source ends."""
 
@@ -20,7 +24,8 @@ _BATCH = 256
 def first_of_party(keys: ScenarioFields, number: int, count: int) -> NDArray[np.int64]:
     """Return, for each agent of group ``number``, the index within the group of the first member of its party.
 
-    The result has shape (count,). A party is ``together`` consecutive agents of a group that walk together.
+    The result has shape (count,). A party is ``together`` consecutive agents of a group that walk together; the last
+    one may be smaller.
     """
     together = keys.agents[number].together
     return np.arange(count) // together * together
@@ -58,6 +63,7 @@ def _alone(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
     most = MAX_COUNT + 1 if group.count is None else group.count
     until = keys.duration if group.until is None else group.until
     if group.arrivals == "regular":
+        # One more for the agent that comes at the start; those not before ``until`` are cut off below.
         expected = int(min((until - group.start_time) * group.rate, most)) + 1
         times = group.start_time + np.arange(expected, dtype=np.float64) / group.rate
         return times[times < until][:most]

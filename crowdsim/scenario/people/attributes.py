@@ -14,6 +14,7 @@ from crowdsim.scenario.schema.attributes import Attribute
 from crowdsim.scenario.schema.schema import ScenarioFields
 
 _ATTRIBUTE_STREAM = 8
+"""Number of the random streams of a group's attributes; each quantity of a group has its own."""
 
 Values = NDArray[np.float64] | NDArray[np.str_]
 

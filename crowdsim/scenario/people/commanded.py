@@ -13,7 +13,7 @@ from crowdsim.yamlfile.document import Complaint
 
 
 class Called:
-    """The agents on call, and which of them commands have added, or removed for good, so far.
+    """The agents on call of a scenario, and which of them commands have added, or removed for good, so far.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ def command_complaint(
 ) -> Complaint | None:
     """Return what is wrong with a command about agents, with the key in the command; None if nothing is.
 
-    ``called`` has taken in the commands before this one.
+    Also return None for a command that is not about agents. ``called`` has taken in the commands before this one.
     """
     asked = command.commanded
     # A command about a door or an obstacle: the timetable checks it.

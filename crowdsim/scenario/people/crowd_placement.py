@@ -1,4 +1,7 @@
-"""Place agents that may be steered, as arrays: there may be a hundred thousand of them."""
+"""Place agents that may be steered, as arrays: there may be a hundred thousand of them.
+
+``number`` is the index of a group in the scenario, ``walkers`` are the properties of its agents.
+"""
 
 from __future__ import annotations
 
@@ -45,6 +48,7 @@ CAPTURED_APART = 0.9
 [m]."""
 
 _START_STREAM, _GOAL_STREAM, _EXIT_STREAM = 0, 1, 7
+"""Numbers of random streams of a group; each quantity has its own."""
 
 Floats = NDArray[np.float64]
 
@@ -109,16 +113,19 @@ class CrowdPlacement(NamedTuple):
 def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple[CrowdPlacement, list[Complaint]]:
     """Draw when and where each agent starts, and where it goes.
 
-    Agents that start in the same step get places that do not overlap: at random if there is room (parties together),
-    else in rows that face their first goal. Agents of a source or on call, instead of rows, get random places that
-    overlap, and wait until their place is free. Each group draws from its own streams of the scenario's seed.
+    Agents that start in the same step get places that do not overlap: at random if there is room, else in rows that
+    face their first goal. Random places are CAPTURED_APART from each other if the agents may begin captured and there
+    is room for it; else they are only as far apart as bodies need, with parties together. If there is no room, agents
+    of a source or on call get no rows, but random places that may overlap, and wait until their place is free. Each
+    group draws from its own streams of the scenario's seed.
 
     Returns
     -------
     placement : CrowdPlacement
         Without the groups that found no place.
     complaints : list of Complaint
-        Every region that is off the floor, blocked, or too full.
+        Every region that is off the floor, blocked, or too full; every source with no agent or too many; or that the
+        floor is too large for steered agents, in which case nothing is drawn.
     """
     # Steering sorts agents into a grid of at most MOST_CELLS cells.
     left, bottom, right, top = environment.floor.bounds
@@ -214,7 +221,9 @@ class _Drawing:
     ) -> tuple[Floats | None, Floats]:
         """Return start positions (n, 2) [m] and headings (n,) [rad], nan for the direction of the path.
 
-        Without room, record a complaint and return None for the positions.
+        ``steps`` (n,) are the steps in which the n agents of the group, which has the index ``number``, start; agents
+        on call all have the step NEVER. If the start region is unusable or too full, record a complaint and return None
+        for the positions.
         """
         count = len(steps)
         region = group.start.shape()
@@ -229,7 +238,8 @@ class _Drawing:
         for step, rows in _rows_by_step(steps):
             taken = np.concatenate([np.empty((0, 2)), *self._starting[step]])
             spots = np.empty((0, 2))
-            # First far enough apart to begin captured, if they may; then only as far apart as bodies need.
+            # First far enough apart to begin captured, if they may (on a periodic floor none may); then only as far
+            # apart as bodies need.
             if group.level != "steered" and self.keys.floor.periodic is None:
                 spots = scatter_spots(region, room, len(rows), CAPTURED_APART, taken, generator)
             if len(spots) < len(rows):
@@ -259,8 +269,9 @@ class _Drawing:
     def _draw_spots(self, number: int, group: AgentGroup, count: int, walkers: Walkers) -> Floats | None:
         """Return places (n, k, 2) in the k goals [m], nan if an agent needs none.
 
-        Without room, record a complaint and return None. All exits of a group count as one goal, the last, in which no
-        agent needs a place.
+        ``number`` is the index of the group, n = ``count`` its number of agents. If a goal or an exit is unusable, or a
+        goal to stay at is too full, record a complaint and return None. All exits of a group count as one goal, the
+        last, in which no agent needs a place.
         """
         regions = self.keys.regions(number)
         spots = np.full((count, len(regions) + (group.exits is not None), 2), np.nan)
@@ -327,7 +338,7 @@ class _Drawing:
 
 
 def _rows_by_step(steps: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]]]:
-    """Return each step in which agents start, ascending, with the rows of those agents."""
+    """Return each of the ``steps`` (n,) in which agents start, ascending, with the rows (k,) of its agents."""
     order = np.argsort(steps, kind="stable")
     distinct, firsts = np.unique(steps[order], return_index=True)
     return list(zip(distinct.tolist(), np.split(order, firsts[1:]), strict=True))

@@ -49,6 +49,7 @@ def probabilities_of(spread: Spread, count: int, generator: np.random.Generator)
     They are independent, or if the spread is stratified, one from each of ``count`` equal intervals in random order.
     """
     if spread.stratified:
+        # The maximum is for no values at all: there is nothing to divide, but no division by 0 either.
         return (generator.permutation(count) + generator.random(count)) / max(count, 1)
     return generator.random(count)
 
@@ -154,7 +155,8 @@ def _share_below(spread: Spread, bound: float) -> float:
         return low if bound < 0.0 else high
     if spread.gamma is not None:
         return float(gamma_share(np.array([bound / spread.gamma.scale]), spread.gamma.shape)[0]) if bound > 0.0 else 0.0
-    # 60 halvings reach the last bit. A bound above all quantiles leaves ``high`` at 1, which is then exact.
+    # 60 halvings reach the last bit. A bound above all quantiles leaves ``high`` at 1, and one below all of them leaves
+    # ``low`` at 0: these shares are exact.
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _unbounded(spread, np.array([middle]))[0] < bound else (low, middle)

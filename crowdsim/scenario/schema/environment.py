@@ -35,7 +35,10 @@ MAX_DENSITY = 0.4
 
 
 def _as_share(value: Any) -> Any:
-    """Replace the name of a density by its share of the floor."""
+    """Return the share of the floor that the name of a density stands for; any other value as it is.
+
+    Raise ValueError for a name that is unknown.
+    """
     if isinstance(value, str):
         if value not in DENSITIES:
             raise ValueError(f"expected {' or '.join(DENSITIES)}, or the share of the floor to cover, got '{value}'")
@@ -103,7 +106,7 @@ class Floor(Part):
 
     @property
     def bounds(self) -> Rectangle:
-        """Return least x, least y, greatest x and greatest y of a floor that is drawn [m]."""
+        """Return least x, least y, greatest x and greatest y of a floor given by ``rectangle`` or ``polygon`` [m]."""
         if self.rectangle is not None:
             return self.rectangle
         xs, ys = zip(*(self.polygon or ()), strict=True)
@@ -151,6 +154,7 @@ class Opening(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Opening:
+        """Refuse heights out of order."""
         if self.top <= self.bottom:
             raise ValueError(f"'top' ({self.top}) must lie above 'bottom' ({self.bottom})")
         return self
@@ -203,6 +207,7 @@ class Clutter(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Clutter:
+        """Refuse sizes out of order."""
         if self.sizes[0] > self.sizes[1]:
             raise ValueError("'sizes' are the least and the greatest extent of an obstacle, in this order")
         return self
@@ -251,7 +256,7 @@ class Obstacle(Part):
         return self
 
     def solids(self) -> tuple[Solid, ...]:
-        """Return the solids of a drawn obstacle, several for a wall with openings; none for a file."""
+        """Return the solids of a drawn obstacle, several for a wall with openings; none for a file (mesh or plan)."""
         if self.top is None or self.plan is not None:
             return ()
         name, bottom, top = self.name, self.bottom, self.top

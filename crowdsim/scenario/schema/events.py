@@ -27,6 +27,7 @@ class Door(Obstacle):
 
     @model_validator(mode="after")
     def _check_kind(self) -> Door:
+        """Refuse a door that is a file, or has ``movable``."""
         _require_shape(self, "a door")
         return self
 
@@ -63,6 +64,7 @@ class Event(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Event:
+        """Refuse several actions or none, and an inserted obstacle that is a file, or has ``movable``."""
         self.only(*self.actions())
         if self.insert is not None:
             _require_shape(self.insert, "what is inserted")

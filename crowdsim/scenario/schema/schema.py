@@ -109,6 +109,7 @@ class ScenarioFields(Part):
     @field_validator("crowdsim")
     @classmethod
     def _check_version(cls, value: int) -> int:
+        """Refuse versions of the format other than FORMAT_VERSION."""
         if value != FORMAT_VERSION:
             raise ValueError(f"format version {value} is unknown here; this crowdsim reads version {FORMAT_VERSION}")
         return value
@@ -231,7 +232,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def json_schema_text() -> str:
-    """:func:`json_schema` as the text of a file."""
+    """Return :func:`json_schema` as the text of a file."""
     return json.dumps(json_schema(), indent=1) + "\n"
 
 

@@ -111,12 +111,12 @@ Spread.model_rebuild()
 
 
 def _as_mean(value: Any) -> Any:
-    """Return the distribution that a plain number stands for."""
+    """Return the distribution that a plain number stands for; any other value as it is."""
     return {"mean": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 def _within(least: float, most: float) -> Any:
-    """Return a validator that keeps a spread within bounds, which become its own ``min`` and ``max`` if it has none."""
+    """Return a validator that keeps a spread within ``least`` to ``most``, which are its bounds if it has none."""
 
     def check(name: str, value: float) -> None:
         """Raise ValueError if a value is out of bounds; ``name`` is its key."""
@@ -124,9 +124,10 @@ def _within(least: float, most: float) -> Any:
             raise ValueError(f"'{name}' must be from {least:g} to {most:g}, got {value:g}")
 
     def bounded(spread: Spread) -> Spread:
-        """Return the spread, and those that it mixes, truncated to ``least`` and ``most``.
+        """Return the spread, and those that it mixes, with ``least`` and ``most`` as bounds, unless it has its own.
 
-        Raise ValueError if its mean, its uniform range or its own bounds lie outside. Other values are truncated.
+        Raise ValueError if its mean, its uniform range or its own bounds lie outside of ``least`` to ``most``. Draws of
+        other distributions are truncated to the bounds.
         """
         low = least if spread.min is None else spread.min
         high = most if spread.max is None else spread.max
@@ -150,7 +151,10 @@ def spread_schema(number: dict[str, Any], model: type[Spread] = Spread, **more: 
     positive = {"type": "number", "exclusiveMinimum": 0.0}
 
     def mapping(model: type[Part], required: tuple[str, ...], **keys: Any) -> dict[str, Any]:
-        """Return the JSON schema of a mapping: the schema of each key, with its description in ``model``."""
+        """Return the JSON schema of a mapping with the ``required`` keys.
+
+        ``keys`` are the schemas of its keys, to which their descriptions in ``model`` are added.
+        """
         described = {key: {**value, "description": model.model_fields[key].description} for key, value in keys.items()}
         return {"type": "object", "properties": described, "required": list(required), "additionalProperties": False}
 
@@ -173,7 +177,7 @@ def spread_schema(number: dict[str, Any], model: type[Spread] = Spread, **more: 
 
 
 def _number_or_spread(least: float, most: float) -> Any:
-    """Return the JSON schema of a number within bounds, or a distribution of such numbers."""
+    """Return the JSON schema of a number from ``least`` to ``most``, or a distribution of such numbers."""
     number = {"type": "number", "minimum": least, "maximum": most}
     return WithJsonSchema({"anyOf": [number, spread_schema(number)]})
 

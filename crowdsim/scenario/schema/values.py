@@ -37,7 +37,7 @@ def _checked_rectangle(rectangle: tuple[float, float, float, float]) -> tuple[fl
 
 
 def _checked_ring(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Return the corners if they go around a valid polygon."""
+    """Return the corners [m] if they go around a valid polygon; else raise ValueError."""
     try:
         polygon_from_points(points, "polygon")
     except GeometryError as error:
@@ -53,6 +53,7 @@ def one_of(*groups: tuple[str, ...]) -> Any:
     """Return a JSON schema extension that requires exactly one of several groups of keys."""
 
     def extend(schema: dict[str, Any]) -> None:
+        """Add the requirement to the JSON schema of a mapping."""
         schema["oneOf"] = [{"required": list(group)} for group in groups]
 
     return extend
@@ -106,6 +107,7 @@ class Region(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Region:
+        """Refuse several shapes, and none."""
         self.only(*self._kinds())
         return self
 
@@ -114,7 +116,7 @@ class Region(Part):
         return ("rectangle", "point", "circle", "polygon")
 
     def shape(self) -> Polygon | Point:
-        """Return the region as a polygon, or as a point."""
+        """Return the region as a polygon, or as a point [m]; a circle as a polygon around it."""
         if self.rectangle is not None:
             return rectangle_polygon(*self.rectangle)
         if self.circle is not None:
