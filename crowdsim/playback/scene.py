@@ -43,6 +43,10 @@ class _Drawn(NamedTuple):
 COLORINGS = ("behavior", "group", "agent", "level")
 """What the color of shirts can show, beside attributes of the scenario."""
 
+_LEAST_PIXELS, _MOST_PIXELS = 16, 16384
+"""Least side of a picture, and greatest side that is drawn, ``supersample`` included: graphics drivers rarely draw more
+[pixels]."""
+
 _SKY = ("#dfe6ec", "#f7f8f9")
 _FLOOR = "#f8f5ef"
 _GRID = "#e6e1d7"
@@ -101,9 +105,11 @@ class Scene:
         colorings = (*COLORINGS, *recording.header.agents.attributes)
         if color_by not in colorings:
             raise CrowdSimError(f"agents cannot be colored by '{color_by}'; choose one of {', '.join(colorings)}")
-        # Graphics drivers rarely draw more than 16384 pixels along a side.
-        if min(size) < 16 or max(size) * supersample > 16384:
-            raise CrowdSimError(f"a picture of {size[0]}x{size[1]} cannot be drawn; choose sides of 16 to 8192 pixels")
+        most = int(_MOST_PIXELS / supersample)
+        if min(size) < _LEAST_PIXELS or max(size) > most:
+            raise CrowdSimError(
+                f"a picture of {size[0]}x{size[1]} cannot be drawn; choose sides of {_LEAST_PIXELS} to {most} pixels"
+            )
         self._pv = load_pyvista(interactive)
         from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
