@@ -47,5 +47,5 @@ def _print(table: Table) -> None:
         console.width = 10_000
     with console.capture() as text:
         console.print(table)
-    # Not printed by rich, which pads every line, and ends the process if the reader is gone.
+    # Print it with typer: rich pads every line, and ends the process if the reader of a pipe is gone.
     typer.echo("\n".join(line.rstrip() for line in text.get().splitlines()))
