@@ -166,7 +166,7 @@ class Scene:
             drawn.actor.prop.ambient, drawn.actor.prop.diffuse = 1.0, 0.0
 
     def show_time(self, time: float) -> None:
-        """Move agents, paths and the clock to ``time`` [s].
+        """Move agents, paths, movables and the clock to ``time`` [s].
 
         Place the camera before: which bodies are drawn finer depends on how near it is.
         """
@@ -274,7 +274,7 @@ class Scene:
         self.plotter.add_mesh(flat, scalars="colors", rgb=True, lighting=False, show_scalar_bar=False, render=False)
 
     def _draw_movables(self, movables: tuple[SolidRecord, ...]) -> None:
-        """Replace the drawn doors and obstacles that events move by ``movables``."""
+        """Draw ``movables``, doors and obstacles that events move, in place of those drawn before."""
         for actor in self._movable_actors:
             self.plotter.remove_actor(actor, render=False)
         self._movables = movables
@@ -357,7 +357,10 @@ class Scene:
         self._clock = self._write("", (left, top - line), size, _INK)
 
     def _write(self, words: str, position: tuple[float, float], size: int, color: str) -> Any:
-        """Write words on a plate that keeps them legible in front of anything."""
+        """Write words on a plate that keeps them legible in front of anything; return their actor.
+
+        ``position`` is that of their lower left corner, from the lower left of the window [pixels].
+        """
         text = self.plotter.add_text(words, position=position, font_size=size, color=color)
         text.prop.background_color, text.prop.background_opacity = _SKY[1], 0.7
         return text
@@ -367,7 +370,10 @@ class Scene:
         return self._pv.PolyData.from_regular_faces(np.ascontiguousarray(points, np.float32), triangles)
 
     def _add_flat(self, points: Floats, triangles: NDArray[np.int64], color: str, **look: Any) -> Any:
-        """Add triangles (k, 3) of points (n, 3) [m] in flat shades; return their actor, None without any."""
+        """Add triangles (k, 3) of points (n, 3) [m] in flat shades; return their actor, None if there are none.
+
+        ``look`` holds further arguments of pyvista's ``add_mesh``.
+        """
         if not len(triangles):
             return None
         return self.plotter.add_mesh(
@@ -375,7 +381,10 @@ class Scene:
         )
 
     def _add_lines(self, ends: Floats, color: str, width: float) -> Any:
-        """Add segments, whose ends (2 n, 3) [m] follow each other; return their actor, None without any."""
+        """Add segments by pairs of ends (2 n, 3) [m]; return their actor, None if there are none.
+
+        ``width`` is in pixels of a picture 900 pixels high.
+        """
         if not len(ends):
             return None
         cells = np.column_stack([np.full(len(ends) // 2, 2), np.arange(len(ends)).reshape(-1, 2)]).ravel()
