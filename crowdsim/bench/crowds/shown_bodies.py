@@ -52,7 +52,7 @@ def frames_a_second(simulated: int, posed: int) -> float:
 
 
 def _show(bodies: LiveBodies, clip: DeformedClip, samples: NDArray[np.float64]) -> None:
-    """Take in a step, and pose all bodies for the frames up to the next one."""
+    """Take in the ``samples`` (n, 4) of a step, see :func:`_samples`, and pose all bodies for its frames."""
     bodies.add(samples)
     for frame in range(FRAMES_A_STEP):
         roots, rotations = bodies.pose(frame / FRAMES_A_STEP / STEERING_RATE)

@@ -25,9 +25,9 @@ _STAGES = ("sort", "look", "decide", "commit")
 
 
 def step_row(agents: int, density: float, rvo2: Rvo2 | None) -> dict[str, Any]:
-    """Return microseconds per agent and step by stage, with one and two threads, and those of RVO2 if given.
+    """Return microseconds per agent and step at a ``density`` [1/m2]: by stage, and in all with one and two threads.
 
-    Agents have a ``density`` [1/m2].
+    ``rvo2_us`` is the time of RVO2, and ``times_rvo2`` ours on one thread as a multiple of it; None without ``rvo2``.
     """
     steps = min(max(AGENT_STEPS // agents, 12), 200)
     stages = _stage_times(agents, density, steps)

@@ -27,7 +27,8 @@ _ROOM = 12.0
 def edit_at_random(seed: int, steps: int = STEPS) -> int:
     """Insert, move and remove shapes on one of :data:`GROUNDS`, by ``seed``; return the number of refused edits.
 
-    At the end all shapes are removed in another order. All exceptions of edits except GeometryError are raised.
+    At the end all shapes that are left are removed in random order. Only GeometryError counts as a refusal; other
+    exceptions are not caught.
     """
     rng = np.random.default_rng(seed)
     mesh = NavMesh(_ground(GROUNDS[seed % len(GROUNDS)], rng))
@@ -86,7 +87,7 @@ def _shape(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry | NDArray[np
 
 
 def _places(mesh: NavMesh, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Return places (count, 2) [m]: anywhere, on whole coordinates, at or a few cells beside vertices and edges.
+    """Return random places (count, 2) [m]: anywhere, on whole coordinates, or within a few cells of vertices and edges.
 
     ``cell`` is the side of a grid cell, to which the mesh rounds all coordinates.
     """
