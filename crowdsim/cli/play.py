@@ -26,7 +26,10 @@ def play(
     ] = None,
     browser: Annotated[
         bool,
-        typer.Option("--browser", help="Show it in the browser instead of a window, as a temporary page."),
+        typer.Option(
+            "--browser",
+            help="Show it in the browser instead of a window, as a temporary page, without --color and --size.",
+        ),
     ] = False,
     time: Annotated[
         list[float] | None,

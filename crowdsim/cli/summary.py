@@ -103,7 +103,7 @@ def _left_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _numbered(agents: Sequence[int]) -> str:
-    """Return how many agents there are, and the numbers of the first few."""
+    """Return how many ``agents`` there are, at least one, and the numbers of the first _NAMED of them."""
     numbers = ", ".join(map(str, agents[:_NAMED])) + (", ..." if len(agents) > _NAMED else "")
     return f"{len(agents)} (agents {numbers})" if len(agents) > 1 else f"1 (agent {numbers})"
 

@@ -74,10 +74,10 @@ def film(
     """
     stop = recording.duration if end is None else end
     _check(recording, fps, size, start, stop)
-    count = int(np.floor((stop - start) * fps + 1e-9)) + 1
+    count = int(np.floor((stop - start) * fps + 1e-9)) + 1  # one more than intervals: both ends have a picture
     shooting = Shooting(fps, size, start, view, agent, color_by, paths)
     middle = count // 2 if count >= _LONG else count
-    parts = [part for part in (range(middle), range(middle, count)) if part]
+    parts = [part for part in (range(middle), range(middle, count)) if part]  # of a short film, the second is empty
 
     def report(done: int) -> None:
         """Call ``progress`` with the number of pictures done and their total."""

@@ -30,7 +30,7 @@ class Player:
         self.time = min(max(time, 0.0), self.duration)
 
     def advance(self, seconds: float) -> None:
-        """Let ``seconds`` pass; do nothing during a pause."""
+        """Let ``seconds`` pass, and pause at the end; do nothing during a pause."""
         if self.playing:
             self.seek(self.time + seconds)
             self.playing = self.time < self.duration

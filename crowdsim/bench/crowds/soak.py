@@ -119,7 +119,7 @@ class Samples:
             self.cpu.append((used - self._used) / self._each)
             self._used = used
             self._steps.clear()
-        self._ended = time.perf_counter()
+        self._ended = time.perf_counter()  # not `now`: sampling is no part of the next step
 
     def slopes(self) -> tuple[float, float, float]:
         """Return the growth, as of :func:`growth`, of memory, step time and CPU time of a step.

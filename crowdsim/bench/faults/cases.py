@@ -211,7 +211,7 @@ def _graph() -> GraphArrays:
 
 @cache
 def _recorded(number: int) -> dict[str, tuple[Any, ...]]:
-    """Return all values of an undamaged recording."""
+    """Return all values of recording ``number`` of :func:`_recordings`, undamaged, see :func:`all_values`."""
     path = _folder() / "whole.h5"
     path.write_bytes(_recordings()[number])
     return all_values(path)

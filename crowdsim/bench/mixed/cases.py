@@ -68,7 +68,10 @@ def walk_auto(drill: Drill, state: Any, watch: Watch | None = None) -> MixedResu
 def _row(
     case: str, bar: str, steered: str, auto: str, failed: Sequence[bool], results: Sequence[MixedResult]
 ) -> dict[str, Any]:
-    """Return the row of a case, with the columns KEYS."""
+    """Return the row of a case, with the columns KEYS; the first four are texts.
+
+    ``results`` are those of the auto runs, ``failed`` says of each whether it misses the bar.
+    """
     return {
         "case": case,
         "bar": bar,

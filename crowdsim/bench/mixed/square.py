@@ -60,7 +60,7 @@ def draw_square(count: int, density: float, seed: int) -> Square:
     """
     rng = np.random.default_rng(seed)
     side = math.sqrt(count / density)
-    deep = max(0.05 * side, 1.5)
+    deep = max(0.05 * side, 1.5)  # of the strips with goals along the sides [m]
     places = scatter(rng, count, (OFF_EDGE, OFF_EDGE, side - OFF_EDGE, side - OFF_EDGE), APART)
     ways = np.arange(count) % 4  # east, west, north, south
     ahead = np.where(ways % 2 == 0, side - places[np.arange(count), ways // 2], places[np.arange(count), ways // 2])

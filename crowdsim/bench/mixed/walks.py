@@ -131,7 +131,7 @@ def walk_mixed(
         crowd.close()
     arrivals = crowd.arrivals
     times = (arrivals - crowd.entered) / STEERING_RATE
-    gap = summary["closest_bodies"]
+    gap = summary["closest_bodies"]  # None if no two bodies came within CENTER_LIMIT
     return MixedResult(
         np.where(arrivals >= 0, (arrivals + 1) / STEERING_RATE, np.nan),
         np.where(arrivals >= 0, times, np.nan),

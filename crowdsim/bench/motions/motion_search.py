@@ -146,7 +146,7 @@ def _capture_names(captures: Path) -> list[str]:
 
 
 def _solved(searches: Sequence[list[tuple[SearchResult, float]]]) -> list[int]:
-    """Return the queries that all of ``searches`` solved."""
+    """Return the numbers of the queries that all of ``searches``, each a list of results by query, have solved."""
     return [i for i, results in enumerate(zip(*searches, strict=True)) if all(r.status == FOUND for r, _ in results)]
 
 

@@ -113,7 +113,7 @@ def prepare(world: Path, seconds: dict[str, float]) -> Prepared:
     """
 
     def timed(step: str, call: Callable[[], Any]) -> Any:
-        """Return what ``call`` returns, and note its time."""
+        """Return what ``call`` returns, and note its time as that of ``step``."""
         begin = time.perf_counter()
         result = call()
         seconds[step] = time.perf_counter() - begin

@@ -104,7 +104,7 @@ def measure_paths(table: _Table, where: BenchMap, mesh: NavMesh, optimality: str
     starts, goals = (np.ascontiguousarray(where.queries[:, part]) for part in (slice(0, 2), slice(2, 4)))
 
     def find(first: int, last: int, workers: int = 1) -> Paths:
-        """Answer the queries from ``first`` to before ``last`` in a batch."""
+        """Return the paths of the queries ``first`` to before ``last``, found in a batch by ``workers`` threads."""
         return mesh.find_paths(starts[first:last], goals[first:last], where.radius, optimality, workers)
 
     paths = find(0, len(starts))

@@ -44,7 +44,7 @@ def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement
         ground = ground_of(name, worlds)
         if ground is None:
             continue
-        paths = random_paths(ground, -(-sections // len(PLACES)), seed=4)
+        paths = random_paths(ground, -(-sections // len(PLACES)), seed=4)  # an even share of the sections, rounded up
         if not paths:
             raise CrowdSimError(f"{name}: no path was found for {sections} sections in all places; ask for more")
         motions, obstacles = motions_of(ground.behaviors), Obstacles(ground.solids)

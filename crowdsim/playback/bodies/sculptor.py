@@ -288,7 +288,7 @@ class _Sculptor(BodyParts):
 
 
 def _between(start: Floats, end: Floats, shares: tuple[float, ...]) -> list[Floats]:
-    """Return the points at ``shares`` of the way from ``start`` to ``end``."""
+    """Return the points (3,) at ``shares``, from 0 to 1, of the way from ``start`` to ``end`` (3,)."""
     return [start + share * (end - start) for share in shares]
 
 
