@@ -242,7 +242,8 @@ def make_agents(
 ) -> State:
     """Return agents of usual breadth and speed at ``places`` (n, 2) [m], facing along ``facing`` (n, 2), of any length.
 
-    They stand, with ids 0 to n - 1; their guidance (``gx``, ``gy``, ``togo``) is left to the caller.
+    ``goals`` (n,) are numbers of goals. Agents stand, with ids 0 to n - 1; their guidance (``gx``, ``gy``, ``togo``) is
+    left to the caller.
     """
     count = len(places)
     state = np.zeros(count, ROW)

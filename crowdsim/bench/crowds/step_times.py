@@ -64,7 +64,7 @@ def open_square(agents: int, density: float, seed: int = 1) -> tuple[State, floa
 def turn_back(state: State, side: float, margin: float = 0.0) -> None:
     """Let agents of a square that are nearer than ``margin`` to its edge, or outside, head for its middle.
 
-    Sets ``gx`` and ``gy`` of their rows. ``side`` is that of the square [m], ``margin`` is in meters.
+    This sets ``gx`` and ``gy`` of their rows. ``side`` is that of the square [m], ``margin`` is in meters.
     """
     low, high = margin, side - margin
     out = (state["x"] < low) | (state["x"] > high) | (state["y"] < low) | (state["y"] > high)

@@ -99,7 +99,7 @@ class LeastGaps:
             self.reserved = min(self.reserved, float(gap.min(initial=FAR)))
 
     def _ahead(self, steered: NDArray[Any], segments: Floats) -> None:
-        """Measure ``steered`` bodies (ROW[n]) against all later pieces of reserved ways.
+        """Measure ``steered`` bodies (ROW[n]) against all pieces of reserved ways that are still to be walked.
 
         ``segments`` (k, 5) hold both ends x, y, x, y and the radius [m], enlarged by TRACK_ROOM, which is taken off
         again. The quarter pieces of bent tracks are enlarged by REST of their sample instead (see

@@ -162,8 +162,9 @@ def _search_all(
 ) -> list[tuple[SearchResult, float]]:
     """Return the result of each query of an environment, and its shortest time [ms].
 
-    The words of ``name`` say how it is searched: ``bent`` with branch kinematics, ``1 cm`` to that distance from the
-    goal, ``channel`` in the path's channel and not with collision tests.
+    The words of ``name`` say how a query is searched: ``bent`` with branch kinematics, ``1 cm`` to that distance from
+    the goal, ``channel`` in the path's channel and not with collision tests. Each is searched ``passes`` times, with at
+    most ``budget`` nodes expanded.
     """
     options = SearchOptions(branch_kinematics="bent" in name, budget=budget)
     if "1 cm" in name:
