@@ -334,7 +334,10 @@ def flow_of(run: Observed, line: str) -> float:
 
 
 def _ratio(more: float, less: float) -> float:
-    """Return ``more / less``, two times; nan if one is infinite because agents stayed, or if ``less`` is 0."""
+    """Return the quotient of the times ``more`` and ``less`` [s].
+
+    It is nan if one of them is infinite, because agents stayed, or if ``less`` is 0.
+    """
     return more / less if np.isfinite(more) and np.isfinite(less) and less > 0.0 else float("nan")
 
 

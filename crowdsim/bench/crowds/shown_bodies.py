@@ -29,8 +29,8 @@ STEPS = 60
 def frames_a_second(simulated: int, posed: int) -> float:
     """Return frames per second of ``simulated`` agents at 0.25 /m2, with ``posed`` bodies posed in every frame.
 
-    One thread steps the crowd while another poses bodies. Each step has FRAMES_A_STEP frames, so the goal is 30.
-    Drawing is not included.
+    One thread steps the crowd while another poses bodies, FRAMES_A_STEP times in each step. From 30 frames per second
+    on, both keep up with real time. Drawing is not included.
     """
     clips = gait_clips(load_behavior_set(("lateral", "arm_constrained", "frontal"), [(0.0, 2.0)]))
     clip = deform_clip(clips[-1])

@@ -138,8 +138,9 @@ class _Sculptor(BodyParts):
         return loft(centers, width * u, width * np.cross(along, u), self.sides)
 
     def dress(self, trunk: tuple[Trunk, Surface], limbs: list[tuple[Floats, Floats]]) -> tuple[Skin, list[Surface]]:
-        """Return the skin over a trunk and limbs, and their surfaces, which are not moved to it yet: the trunk's first.
+        """Return the skin over a trunk and limbs, and the surfaces of all parts, the trunk's first.
 
+        :meth:`wear` moves the surfaces to the skin.
         Each of the ``limbs`` is given by points (K, 3) and radii (K,) [m].
         """
         tubes = [self.tube(points, radii) for points, radii in limbs]
