@@ -109,7 +109,10 @@ def simulate_run(level: str, agents: int, steps: int, turns: Connection) -> None
     began = 0.0
 
     def take_turns(step: int, _: int, simulation: Simulation) -> None:
-        """Send the hash after each step and wait for the next turn; the clock starts after the first steps."""
+        """Send the hash after each step and wait for the next turn, except after the last step.
+
+        The clock starts after the first steps.
+        """
         nonlocal began
         if step == first:
             began = time.process_time()
@@ -125,9 +128,9 @@ def simulate_run(level: str, agents: int, steps: int, turns: Connection) -> None
 
 
 def simulate_driven(level: str, agents: int, steps: int, turns: Connection) -> None:
-    """Step a simulation and read all columns after each step; the same messages as of :func:`simulate_run`.
+    """Step a simulation for each message from ``turns``, and read all columns after each step.
 
-    The tuple at the end also holds the CPU time of reading [s].
+    Send the same messages as :func:`simulate_run`; the tuple at the end also holds the CPU time of reading [s].
     """
     first = _first(level)
     began = read = 0.0
@@ -152,5 +155,5 @@ def read_columns(simulation: Simulation) -> float:
 
 
 def _first(level: str) -> int:
-    """Return the number of steps before those that are compared."""
+    """Return the number of steps on ``level`` before those that are compared."""
     return round(FIRST * _LEVELS[level])

@@ -42,7 +42,7 @@ agents:
 def measure(seconds: float = 60.0) -> Measurement:
     """Return CPU and wall-clock time of a film of ``seconds``, as ``crowdsim play --film`` makes it.
 
-    The film is shorter if the run ends before, which lasts a minute at most.
+    The film is shorter if the run is, which ends after a minute at most. The limit of CPU time is in proportion.
     """
     with TemporaryDirectory() as name:
         folder = Path(name)

@@ -49,7 +49,10 @@ agents:
 
 
 def measure(seconds: float = SECONDS, agents: int = AGENTS) -> Measurement:
-    """Watch a simulation of each level for ``seconds`` of real time; clicks begin when all have come."""
+    """Watch a simulation of each level for ``seconds`` of real time, with ``agents`` agents.
+
+    A client begins to watch and click when all agents have come, or after 60 simulated seconds.
+    """
     if find_spec("websockets") is None:
         raise CrowdSimError("websockets is not installed; pip install 'crowdsim[live]'")
     rows = [_watched(level, rate, seconds, agents) for level, rate in _LEVELS.items()]
@@ -64,7 +67,7 @@ def hall(level: str, rate: int, agents: int) -> Scenario:
 
 
 def _watched(level: str, rate: int, seconds: float, agents: int) -> dict[str, Any]:
-    """Return the row of one level, at ``rate`` steps a second, watched for ``seconds`` of real time [s]."""
+    """Return the row of one level with ``agents`` agents, at ``rate`` steps a second, watched for ``seconds``."""
     from crowdsim.live.opening import pack_opening
     from crowdsim.live.page import live_page
     from crowdsim.live.server import Server
@@ -105,11 +108,11 @@ def _watched(level: str, rate: int, seconds: float, agents: int) -> dict[str, An
 
 
 def click(address: str, agents: int, out: Connection) -> None:
-    """Watch the page at ``address`` until it ends, and send one of ``agents`` elsewhere at a time.
+    """Watch the page at ``address`` until it ends, and send one agent elsewhere with each click.
 
-    Sends True to ``out`` when it watches. Sends a dict at the end: ``pictures``, the number that came; by click
-    ``steps``, from the picture last seen to the step in which it took effect, and ``milliseconds`` until the picture of
-    that step came.
+    ``agents`` is the number of agents. Send True to ``out`` when this process watches, and a dict at the end:
+    ``pictures`` is the number of pictures that came. ``steps`` has for each click the number of steps from the picture
+    last seen to the step in which the click took effect; ``milliseconds`` the time until the picture of that step came.
     """
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
@@ -131,7 +134,7 @@ def click(address: str, agents: int, out: Connection) -> None:
 
 
 class _Clicks:
-    """Clicks one after the other, each after the one before has taken effect.
+    """Clicks one after the other, each after the one before has taken effect; ``agents`` is the number of agents.
 
     ``pictures`` is the number of pictures that came; ``steps`` and ``milliseconds`` are by click, see :func:`click`.
     """

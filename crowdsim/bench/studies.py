@@ -31,7 +31,10 @@ _MOST_SECONDS = 600.0
 
 
 def measure(points: int = 200, calls: int = 20, killed_points: int = 40, kills: int = 10) -> Measurement:
-    """Sweep ``points`` seeds, run ``calls`` of them one by one, and kill a sweep of ``killed_points`` ``kills`` times.
+    """Sweep ``points`` seeds, run ``calls`` of them one by one, analyze a plaza, and kill another sweep repeatedly.
+
+    The other sweep has ``killed_points`` points. It is killed ``kills`` times, then goes on to its end. The figure
+    ``kills`` counts the times at which it was still running.
 
     Raises
     ------
@@ -110,7 +113,8 @@ def _kill(folder: Path, points: int, kills: int) -> int:
     draw, done = random.Random(_SEED), 0
     command = [sys.executable, "-m", "crowdsim", *_sweep("killed", points)]
     for left in range(kills, 0, -1):
-        # Let a random number of points be done, at most an even share for each kill left, and then some time pass.
+        # Wait until a random number of further points are done. It is at most an even share of the points left for each
+        # kill left, so that later kills find points to do, too.
         found = _done(folder)
         wanted = found + draw.randint(0, max((points - found) // left, 0))
         running = subprocess.Popen(

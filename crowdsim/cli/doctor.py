@@ -56,7 +56,7 @@ def _threads() -> dict[str, Any]:
 
 
 def _drawing() -> dict[str, Any]:
-    """Return the backend that pictures are drawn with, or what to install if there is none."""
+    """Return ``backend``, with which pictures are drawn, and ``remedy``, what to install; one of both is None."""
     from crowdsim.errors import DrawingUnavailable
     from crowdsim.playback.drawing_backend import find_backend
 

@@ -36,7 +36,10 @@ class Terminated(KeyboardInterrupt):
 
 @contextmanager
 def _terminated_as_interrupted() -> Iterator[None]:
-    """Raise Terminated on SIGTERM inside the block; restore the former handler of the signal afterwards."""
+    """Raise Terminated on SIGTERM inside the block; restore the former handler of the signal afterwards.
+
+    In other threads than the main one, change nothing.
+    """
 
     def terminate(number: int, frame: FrameType | None) -> None:
         """Raise Terminated: the handler of SIGTERM."""
@@ -109,7 +112,8 @@ class Commands(TyperGroup):
 def describe(error: BaseException) -> tuple[str, int]:
     """Return the message to print for an error, and the exit code.
 
-    Errors of crowdsim name their own code. Errors of the operating system count as bad input, others as bugs.
+    Interruptions, and errors of an import that one made fail, are INTERRUPTED or TERMINATED. Errors of crowdsim name
+    their own code. Errors of the operating system count as bad input, all others as bugs.
     """
     error = _interruption_behind(error) or error
     if isinstance(error, Terminated):
@@ -130,7 +134,7 @@ def describe(error: BaseException) -> tuple[str, int]:
 
 
 def _interruption_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """Return the interruption that made an import fail: numpy and others turn it into an ImportError."""
+    """Return the interruption that made an import fail, which numpy and others turn into an ImportError; else None."""
     cause: BaseException | None = error if isinstance(error, ImportError) else None
     while cause is not None and not isinstance(cause, KeyboardInterrupt):
         cause = cause.__cause__ or cause.__context__

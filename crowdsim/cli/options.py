@@ -64,7 +64,9 @@ def read_map_depth(text: str | None) -> dict[str, Any]:
     except ValueError:
         number = 0
     if not 0 < number < 1000:
-        raise typer.BadParameter(f"'{text}' is neither nodes, as 4, nor meters, as 3.5m", param_hint="--depth")
+        raise typer.BadParameter(
+            f"'{text}' is neither nodes, as 4, nor meters, as 3.5m, above 0 and below 1000", param_hint="--depth"
+        )
     # Of nodes and meters, the one that is not given is so large that it sets no bound; entries bound the memory.
     most = {"max_entries": 100_000}
     return most | ({"depth": 1000, "reach": number} if meters else {"depth": number, "reach": 1e3})

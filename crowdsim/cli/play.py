@@ -26,7 +26,10 @@ def play(
     ] = None,
     browser: Annotated[
         bool,
-        typer.Option("--browser", help="Show it in the browser instead of a window, as a temporary page."),
+        typer.Option(
+            "--browser",
+            help="Show it in the browser instead of a window, as a temporary page, without --color and --size.",
+        ),
     ] = False,
     time: Annotated[
         list[float] | None,
@@ -94,7 +97,10 @@ def play(
 
 
 def _open_window(recording: Recording, camera: dict[str, Any]) -> None:
-    """Play the recording in a window; without a display, say how to play it in a browser instead."""
+    """Play the recording in a window; without a display, say how to play it in a browser instead.
+
+    ``camera`` holds the other arguments of :func:`~crowdsim.playback.window.window`.
+    """
     from crowdsim.playback.window import window
 
     try:
@@ -107,7 +113,11 @@ def _open_window(recording: Recording, camera: dict[str, Any]) -> None:
 
 
 def _open_page(recording: Recording, view: str, agent: int | None, paths: bool) -> None:
-    """Write a page to a temporary folder, which stays for the browser, and open it."""
+    """Write a page to a temporary folder, which stays for the browser; open the page, and print its name.
+
+    The page shows ``view``, with ``agent`` selected if it is given. Without ``paths`` it draws none at first, else the
+    default ones of pages.
+    """
     from crowdsim.export.page.page import PageOptions, write_page
 
     page = Path(tempfile.mkdtemp(prefix="crowdsim-")) / f"{recording.path.stem}.html"
@@ -118,7 +128,10 @@ def _open_page(recording: Recording, view: str, agent: int | None, paths: bool) 
 
 
 def _make_film(recording: Recording, out: str, camera: dict[str, Any]) -> None:
-    """Write the film ``out`` with a progress bar; Ctrl-C ends it between two pictures."""
+    """Write the film ``out`` with a progress bar; Ctrl-C ends it between two pictures.
+
+    ``camera`` holds the other arguments of :func:`~crowdsim.playback.film.film`.
+    """
     from crowdsim.cli.progress import Interruption, progress_bar
     from crowdsim.playback.film import film
 

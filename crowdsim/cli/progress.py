@@ -1,4 +1,7 @@
-"""Progress on stderr: preparation, compilation, simulation, drawing; silent unless stderr is a terminal."""
+"""Progress on stderr: preparation, compilation, simulation, drawing.
+
+Bars are shown on a terminal only. Elsewhere, one line is printed if kernels have to be compiled, and nothing else.
+"""
 
 from __future__ import annotations
 
@@ -74,12 +77,15 @@ class Interruption:
             signal.signal(number, handler)
 
     def heed(self) -> None:
-        """Raise KeyboardInterrupt or Terminated if such a signal has come."""
+        """Raise the exception of the signal that was held back, if there is one."""
         if self.asked is not None:
             raise self.asked
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        """Note a signal for the end of the step; raise at once for a Ctrl-C after another one, or if nothing waits."""
+        """Hold a signal back until :meth:`heed`: the handler of both signals.
+
+        Raise its exception at once for a Ctrl-C after a signal that was held back, or if ``waits`` is False.
+        """
         again = number == signal.SIGINT and self.asked is not None
         asked = Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
         if again or not self.waits:
@@ -118,8 +124,8 @@ class FirstRun:
             kept = self._compiled_kernels()
             rest = sum(taken for name, taken in self._seconds.items() if name not in kept)
             done = self.missing - rest
-            # Begin with the pace of the machine that wrote the file; use the pace measured here once 5 s of that CPU
-            # time are compiled.
+            # The pace is the time of the clock for each second of CPU time in the file. Begin as if this machine were
+            # as fast as the one that wrote the file; use the pace measured here once 5 s of that CPU time are compiled.
             pace = (now - self._begin) / done if done > 5.0 else 1.0 / self.processes
             left = f"about {max(round(pace * rest), 1)} s left" if rest > 0.0 else ""
             self._state = sum(name in kept for name in self._seconds), len(self._seconds), left
@@ -147,7 +153,8 @@ class FirstRunElsewhere:
         self._bar = bar
         self._first_run = FirstRun()
         self._done = self._first_run.state()[0]
-        # An empty cache is filled for sure; one that lacks some kernels may never need them.
+        # An empty cache is filled for sure, so the line is shown at once. One that lacks some kernels may never need
+        # them: there the line is shown only after a kernel has appeared.
         self._grew_at = -QUIET_SECONDS if compiled_kernels() else time.monotonic()
         self._task: TaskID = bar.add_task("", total=None, visible=False)
         self._is_said = False
@@ -169,7 +176,11 @@ class FirstRunElsewhere:
             self.look()
 
     def look(self) -> None:
-        """Count the kernels in the cache, and show the line, or hide it."""
+        """Count the kernels in the cache; show the line while other processes compile, else hide it.
+
+        They count as compiling if kernels are left and the last one appeared less than QUIET_SECONDS ago. If the bar is
+        not shown, print :meth:`FirstRun.sentence` instead, once.
+        """
         done, total, left = self._first_run.state()
         if done != self._done:
             self._done, self._grew_at = done, time.monotonic()
@@ -182,9 +193,9 @@ class FirstRunElsewhere:
 
 
 class RunProgress:
-    """A progress bar on a terminal; elsewhere only one line if kernels have to be compiled.
+    """Context manager with a progress bar on a terminal; elsewhere it prints one line if kernels have to be compiled.
 
-    If many have to be compiled, other processes help. Use it as a context manager. ``step`` is the callback of
+    If many have to be compiled, other processes help. ``step`` is the callback of
     ``Simulation.run``. From ``begin_steps`` to ``end_steps``, a first Ctrl-C or SIGTERM ends the run at the end of its
     step, see :class:`Interruption`.
     """
@@ -227,7 +238,7 @@ class RunProgress:
         self._bar.stop()
 
     def maps(self, done: int, nodes: int) -> None:
-        """Show for how many of the ``nodes`` of the motion graph the map is built, until all maps are."""
+        """Show that ``done`` of the motion graph's ``nodes`` have a map; show steps again when all have one."""
         self._maps = (done, nodes) if done < nodes else (0, 0)
         self._show()
 
@@ -248,7 +259,10 @@ class RunProgress:
         self._interruption.heed()
 
     def _compiling(self, event: Any) -> None:
-        """Note a kernel that is compiled; numba calls this for kernels missing in the cache, and for their helpers."""
+        """Note a kernel that is compiled; numba calls this for kernels missing in the cache, and for their helpers.
+
+        For the first one, let other processes compile ahead, and print the sentence if there is no terminal.
+        """
         self._compiled.append(event.data["dispatcher"].py_func.__name__)
         if self._first_run is None:
             from crowdsim.first_run import CompilingAhead
@@ -265,7 +279,7 @@ class RunProgress:
         self._show()
 
     def _show(self) -> None:
-        """Show the kernel that is being compiled, else the maps being built, else the steps done."""
+        """Show the kernel that is being compiled (not its helpers), else the maps being built, else the steps done."""
         (done, total), title = self._steps, self._title if self.steps_done else f"{self._title}: preparing"
         if self._compiled and self._first_run is not None:
             done, total, left = self._first_run.state()

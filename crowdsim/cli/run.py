@@ -81,14 +81,20 @@ def run(
 
 
 def _output_file(output: str | None, name: str) -> Path:
-    """Return the file of a recording, as given or after the scenario's name, if it can be written."""
+    """Return the file of a recording: ``output``, or by default ``name``.h5, of the scenario's name.
+
+    Raise CrowdSimError if it cannot be written.
+    """
     file = Path(output if output is not None else f"{_file_name(name)}.h5")
     require_writable(file)
     return file
 
 
 def _tell(notes: Sequence[str]) -> None:
-    """Print up to _MOST_NOTES notes on captures, those on what was made of them first; count the rest."""
+    """Print up to _MOST_NOTES notes on captures, and how many more there are.
+
+    Notes on motions that were made of captures ("made ...") come first.
+    """
     first = sorted(notes, key=lambda note: not note.startswith("made"))
     for note in first[:_MOST_NOTES]:
         typer.echo(f"note: {note}", err=True)
@@ -136,6 +142,7 @@ def check(
     except CrowdSimError as error:
         if not as_json:
             raise
+        # Errors of scenario files list all problems; other errors are one message.
         problems = [asdict(problem) for problem in getattr(error, "problems", ())] or [{"message": str(error)}]
         typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": [], "notes": []}))
         raise typer.Exit(error.exit_code) from None
@@ -161,7 +168,7 @@ def recover(
     ] = None,
     debug: Debug = False,
 ) -> None:
-    """Make a recording from the file that a killed run left, marked as incomplete; and the scenario, if commanded."""
+    """Make a recording from the file that a killed run left. If the run had commands, also write its scenario."""
     from crowdsim.recording.recovery import recover as recover_part
 
     with recover_part(part, output) as recording:

@@ -50,6 +50,7 @@ def serve(
         simulation = Simulation(loaded, workers=workers, preparing=progress.maps)
     with simulation:
         ended, steps, late = _serve(simulation, file, (host, port), speed, open_page)
+    # Only a signal ends a session, so the command always ends as one that was interrupted.
     done = f"{steps} steps, {late} of them late"
     if file is not None and steps:
         saved = simulation.save_scenario(file.with_suffix(".yaml"))
@@ -61,7 +62,10 @@ def serve(
 def _serve(
     simulation: Simulation, file: Path | None, address: tuple[str, int], speed: float, open_page: bool
 ) -> tuple[KeyboardInterrupt, int, int]:
-    """Run and serve until a signal comes; return it, and the numbers of steps and late steps."""
+    """Run and serve until a signal comes; return its exception, and the numbers of steps and of late steps.
+
+    ``file`` is the recording to write, or None; ``address`` is host and port; ``speed`` is a multiple of real time.
+    """
     from crowdsim.cli.progress import Interruption
     from crowdsim.live.opening import pack_opening
     from crowdsim.live.page import live_page
@@ -83,7 +87,7 @@ def _serve(
 
 
 def _require_names(file: Path) -> None:
-    """Refuse names of the recording and of the scenario beside it before the work is done."""
+    """Raise CrowdSimError if the recording or the scenario beside it cannot be written, or have one name."""
     if file.suffix.lower() in (".yaml", ".yml"):
         raise CrowdSimError(f"{file}: a recording and a scenario beside it are written; choose a name like run.h5")
     require_writable(file)

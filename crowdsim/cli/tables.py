@@ -24,9 +24,11 @@ def print_table(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print one or more mappings with the same keys under a header line; None leaves its cell empty."""
+    """Print mappings with the same keys under a header line, nothing without any; None leaves its cell empty."""
     from rich.table import Table
 
+    if not rows:  # without a row, the keys of the header are unknown
+        return
     table = Table(box=None, pad_edge=False, header_style="cyan")
     for key in rows[0]:
         number = any(isinstance(row[key], int | float) for row in rows)
@@ -45,5 +47,5 @@ def _print(table: Table) -> None:
         console.width = 10_000
     with console.capture() as text:
         console.print(table)
-    # Not printed by rich, which pads every line, and ends the process if the reader is gone.
+    # Print it with typer: rich pads every line, and ends the process if the reader of a pipe is gone.
     typer.echo("\n".join(line.rstrip() for line in text.get().splitlines()))

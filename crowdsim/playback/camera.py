@@ -52,14 +52,14 @@ def place_camera(recording: Recording, view: str, aspect: float, time: float, ag
     aspect : float
         Width of the picture divided by its height.
     time : float
-        Time [s].
+        Time at which ``follow`` looks at its agent [s]; the other views are the same at all times.
     agent : int or None
         Agent that the view ``follow`` follows.
 
     Raises
     ------
     CrowdSimError
-        If there is no such view or agent.
+        If there is no such view; if the view is ``follow``, also if there is no such agent, or it never appears.
     """
     if view not in VIEWS:
         raise CrowdSimError(f"there is no view '{view}'; choose one of {', '.join(VIEWS)}")
@@ -98,13 +98,13 @@ def _plan(corners: Floats, up: Floats, aspect: float) -> Camera:
 
     ``corners`` (n, 3) [m]; ``up`` (3,) is the direction that is up in the picture; ``aspect`` is width over height.
     """
-    down = np.array([0.0, 0.0, 1.0])  # from the floor to the eye, which looks down along it
-    right = np.cross(up, down)
+    to_eye = np.array([0.0, 0.0, 1.0])  # from the floor to the eye
+    right = np.cross(up, to_eye)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     half_wide = np.max(np.abs((corners - middle) @ right))
     half_tall = np.max(np.abs((corners - middle) @ up))
     # The height of the eye [m] does not change a parallel projection; 1.12 leaves a margin around the floor.
-    return Camera(middle + 50.0 * down, middle, up, float(1.12 * max(half_tall, half_wide / aspect)))
+    return Camera(middle + 50.0 * to_eye, middle, up, float(1.12 * max(half_tall, half_wide / aspect)))
 
 
 def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camera:
@@ -134,7 +134,10 @@ def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camer
 
 
 def _follow(recording: Recording, time: float, agent: int | None) -> Camera:
-    """Return a camera at a fixed distance and direction from an agent, aimed at about half its height, 0.95 m."""
+    """Return a camera at a fixed distance and direction from an agent at ``time`` [s], aimed at 0.95 m above the floor.
+
+    Raise CrowdSimError if there is no such agent, or it never appears.
+    """
     if agent is None:
         raise CrowdSimError("the view 'follow' needs the number of an agent to follow")
     if not 0 <= agent < recording.agent_count:
@@ -149,7 +152,8 @@ def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
     """Return the smoothed position (2,) of an agent: the value at ``time`` of a weighted linear fit around it [m].
 
     Weights decrease linearly with the time difference. The result is calm and moves smoothly at any rate of steps.
-    Before the agent appears and after it leaves, the result is that of the moment at which it does.
+    Before the agent first appears, and after it leaves for good, the result is that of its first or last step. If it is
+    absent for longer in between, it is where it disappeared. Raise CrowdSimError if it never appears.
     """
     stay = recording.stay(agent)
     if stay is None:
@@ -160,7 +164,7 @@ def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
     rows = slice(max(int(middle - reach), stay[0]), min(int(middle + reach) + 1, stay[1]) + 1)
     here = recording.state[rows, agent] != AgentState.ABSENT
     if not here.any():
-        # Absent for a while: stay where it disappeared.
+        # Absent in all these steps: stay at its last step before them.
         left = np.flatnonzero(recording.state[: rows.start, agent] != AgentState.ABSENT)
         rows, here = slice(int(left[-1]), int(left[-1]) + 1), np.ones(1, bool)
     off = np.arange(rows.start, rows.stop) - middle

@@ -98,7 +98,7 @@ def crowd_meshes(recording: Recording, color_by: str, tallest: float = np.inf) -
     """Return one mesh for all agents, or two: a finer one for the _NEAR nearest agents, and one for the others.
 
     There are two if more than _MANY agents are present at once. ``tallest`` is how tall a body is in the picture at
-    most [pixels].
+    most [pixels]; below _SMALL, bodies have fewer corners. ``color_by`` is as of :class:`CrowdMesh`.
     """
     counts = [max(recording.most_present, 1)]  # if nobody ever appears, one mesh that draws nothing
     if counts[0] > _MANY:
@@ -117,7 +117,9 @@ def shown_by(
 ) -> list[NDArray[np.int64]]:
     """Return the numbers of the agents that each of ``meshes`` shows at ``time`` [s] to a camera, in ascending order.
 
-    ``eye`` and ``target`` are (x, y, z) of the camera, and of a point in the middle of the picture [m].
+    ``meshes`` are those of :func:`crowd_meshes`. Of two, the first shows the _NEAR nearest agents, with those behind
+    the camera last, and the second all others. ``eye`` is (x, y, z) of the camera [m], ``target`` that of a point in
+    the middle of the picture.
     """
     frame = recording.at_time(time)
     here = shown_agents(frame)
@@ -138,9 +140,10 @@ def shown_agents(frame: RecordedFrame) -> NDArray[np.int64]:
 class CrowdMesh:
     """Points, normals and colors of ``count`` bodies, and soft shadows on the floor.
 
-    By default there are as many bodies as agents are present at once at most. The first ones are those shown, in
+    ``count`` is by default the largest number of agents present at once. The agents shown get the first bodies, in
     order. Unused bodies shrink to a point, which draws nothing. ``sides`` is the number of corners of a body's
-    cross-sections.
+    cross-sections. ``color_by`` says what the color of shirts shows: "behavior", "group", "agent" or "level", or the
+    name of an attribute of the agents.
 
     Of bodies with V vertices each, ``points`` [m] and unit ``normals`` are (count, V, 3) float32 in the world, and
     ``colors`` are (count, V, 3) uint8. ``shadow_points`` are (count, S, 3) [m] of S points in three discs. Of all
@@ -164,6 +167,7 @@ class CrowdMesh:
         self._builds = builds_of(recording.agent_count, recording.header.motion.skeleton)
         self.legend: list[tuple[str, str]] = []
         agents = recording.header.agents
+        # For "agent", the shirts of `looks_of` stay; those for "behavior" and "level" are colored in `update`.
         if color_by in agents.attributes:
             shirts, self.legend = attribute_colors(agents.attributes[color_by])
             self._looks[:, Tissue.SHIRT] = shirts
@@ -189,7 +193,10 @@ class CrowdMesh:
         self._feet = [(skeleton.joint(f"{side}_ankle"), skeleton.joint(f"{side}_toe")) for side in ("left", "right")]
 
     def update(self, time: float, some: NDArray[np.int64] | None = None) -> None:
-        """Move the bodies to where agents are at ``time`` [s]: all that are shown, or the agents ``some`` (n,)."""
+        """Move and color the bodies as agents are at ``time`` [s]: all of :func:`shown_agents`, or ``some`` (n,).
+
+        There must be a body for each.
+        """
         frame = self._recording.at_time(time)
         here = shown_agents(frame) if some is None else some
         count = len(here)
@@ -212,7 +219,7 @@ class CrowdMesh:
         self.colors[:count] = looks[:, self._body.tissue]
 
     def _cast_shadows(self, count: int, joints: NDArray[np.float32]) -> None:
-        """Place the shadow discs of the first ``count`` bodies: an ellipse around its joints, and one along each foot.
+        """Place the shadows of the first ``count`` bodies: an ellipse around all joints, and one along each foot.
 
         ``joints`` (count, J, 3) are positions in the world [m].
         """
@@ -225,6 +232,7 @@ class CrowdMesh:
         for number, (ankle, toe) in enumerate(self._feet, start=1):
             heel, ball = joints[:, ankle, :2], joints[:, toe, :2]
             way = ball - heel
+            # A foot that points straight down has no direction: its shadow shrinks to a point.
             along = way / np.maximum(np.sqrt(np.sum(way * way, axis=1)), 1e-6)[:, None]
             across = np.stack([-along[:, 1], along[:, 0]], axis=1)
             # The shadow of a lifted foot shrinks with its height.
@@ -277,7 +285,10 @@ def looks_of(count: int) -> Colors:
 
 
 def _repeat(triangles: NDArray[np.int64], size: int, count: int) -> NDArray[np.int64]:
-    """Return the triangles of ``count`` copies of a mesh, whose ``size`` points each follow one after the other."""
+    """Return the triangles (count * F, 3) of ``count`` copies of a mesh with triangles (F, 3) over ``size`` points.
+
+    The points of one copy follow those of another.
+    """
     return (triangles[None] + size * np.arange(count)[:, None, None]).reshape(-1, 3)
 
 

@@ -54,9 +54,10 @@ _OSMESA = DrawingBackend("osmesa", "vtkOSOpenGLRenderWindow")
 
 
 def find_backend() -> DrawingBackend:
-    """Return the best backend of this machine; remember it until the next boot.
+    """Return the best backend of this machine; remember it in the cache folder.
 
-    It is tested again before if VTK, Python or the variables of the environment change that decide on it.
+    Backends are tested again after a boot (known on Linux only), and if VTK, the Python interpreter or an environment
+    variable that decides on drawing has changed.
 
     Raises
     ------
@@ -174,7 +175,10 @@ def _memory_file() -> Path:
 
 
 def _recall(memory: Path, key: str) -> DrawingBackend | None:
-    """Return the backend that was found for this situation before; None if none is kept."""
+    """Return the backend that the file ``memory`` holds for the situation ``key``; None without one.
+
+    A file that cannot be read or is damaged counts as none.
+    """
     try:
         known = json.loads(memory.read_text())
         return DrawingBackend(**known["backend"]) if known["situation"] == key else None
@@ -183,7 +187,10 @@ def _recall(memory: Path, key: str) -> DrawingBackend | None:
 
 
 def _remember(memory: Path, key: str, backend: DrawingBackend) -> None:
-    """Store the backend that worked. Failures are tested again, because the user may have installed something."""
+    """Store the backend that worked in the file ``memory``, for the situation ``key``, if the file can be written.
+
+    Failures are not stored but tested again, because the user may have installed something.
+    """
     text = json.dumps({"situation": key, "backend": asdict(backend)})
     written = memory.with_name(f"{memory.name}.{os.getpid()}")
     try:

@@ -74,13 +74,13 @@ def film(
     """
     stop = recording.duration if end is None else end
     _check(recording, fps, size, start, stop)
-    count = int(np.floor((stop - start) * fps + 1e-9)) + 1
+    count = int(np.floor((stop - start) * fps + 1e-9)) + 1  # one more than intervals: both ends have a picture
     shooting = Shooting(fps, size, start, view, agent, color_by, paths)
     middle = count // 2 if count >= _LONG else count
-    parts = [part for part in (range(middle), range(middle, count)) if part]
+    parts = [part for part in (range(middle), range(middle, count)) if part]  # of a short film, the second is empty
 
     def report(done: int) -> None:
-        """Tell the caller of the film how many pictures are done."""
+        """Call ``progress`` with the number of pictures done and their total."""
         if progress is not None:
             progress(done, count)
 
@@ -108,7 +108,10 @@ def _check(recording: Recording, fps: int, size: tuple[int, int], start: float, 
 def _drawn_here(
     recording: Recording, shooting: Shooting, parts: list[range], report: Callable[[int], None]
 ) -> Iterator[list[Packet]]:
-    """Draw all parts in this process in turn; yield packets, and call ``report`` with the number of pictures done."""
+    """Draw all parts in this process in turn; yield packets, and call ``report`` with the number of pictures done.
+
+    ``parts`` are numbers of pictures, consecutive from 0.
+    """
     for part in parts:
         for done, packets in enumerate(encoded_pictures(recording, shooting, part), start=1):
             yield packets

@@ -72,9 +72,10 @@ def sideways(along: Floats) -> tuple[Floats, Floats]:
 
 
 def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surface:
-    """Return a limb of circular section from ``start`` to ``end`` with ``radii`` at even distances and round ends.
+    """Return a limb of circular section from ``start`` to ``end``, with round ends beyond both.
 
-    ``start`` and ``end`` (3,) and ``radii`` (K,) [m]; ``sides`` is the number of corners of a section.
+    ``start`` and ``end`` (3,) are in meters, ``radii`` (K,) [m] are those at even distances from the one to the other.
+    ``sides`` is the number of corners of a section.
     """
     start, end, radii = (np.asarray(a, np.float64) for a in (start, end, radii))
     along = unit(end - start)

@@ -40,7 +40,7 @@ class Observed(NamedTuple):
         Time at which each was first SET_OUT from its start, less the time that it takes to walk so far at its drawn
         speed [s]; nan for never.
     left : (n,) float64
-        Time at which each left [s]; nan for never.
+        Time at which each left, the last time if it left several times [s]; nan for never.
     speeds, delays : (n,) float64
         Drawn walking speeds [m/s] and delays [s].
     crossed : dict of str to (n, 2) float64
@@ -77,8 +77,8 @@ def observe(scenario: Scenario, recording: Recording, seconds: float) -> Observe
     """Read from a recording what the criteria need; ``seconds`` is the duration of the computation [s].
 
     An agent sets out at the time at which it is first ``SET_OUT`` meters from its start, less the time that these
-    meters take at its drawn speed. It leaves in the first step in which it is absent again; if it comes and leaves
-    twice, the last time counts.
+    meters take at its drawn speed. It leaves in the first step in which it is absent again. If it comes and leaves
+    several times, the last time counts.
     """
     cast = place_crowd(scenario)
     rate = scenario.steps_per_second

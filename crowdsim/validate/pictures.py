@@ -19,7 +19,10 @@ _EVERY = 2
 
 
 def draw_run(scenario: Scenario, recording: Recording, picture: Path) -> None:
-    """Draw the tracks of a run into the file ``picture``, each group in a color of its own, fainter if it is large."""
+    """Draw floor, areas, lines and the tracks of a run into the file ``picture``.
+
+    Each of the first six groups has a color of its own; further groups repeat them. Large groups are fainter.
+    """
     from matplotlib.figure import Figure
 
     xmin, ymin, xmax, ymax = scenario.environment.floor.bounds

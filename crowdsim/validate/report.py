@@ -21,8 +21,8 @@ COLUMNS = ("test", "figure", "least", "median", "most", "band", "passed", "sourc
 def rows_of(outcomes: Sequence[Outcome]) -> list[dict[str, str]]:
     """Return a row of texts by COLUMNS for each figure of each test.
 
-    It holds the least, median and greatest value over the seeds, and how many values are in the band. The median is nan
-    if a value is nan or infinite.
+    It holds the least, median and greatest value over the seeds, and how many values are in the band. All three are nan
+    if a value is nan; the median is also nan if a value is infinite.
     """
     rows = []
     for outcome in outcomes:
@@ -47,7 +47,11 @@ def rows_of(outcomes: Sequence[Outcome]) -> list[dict[str, str]]:
 
 
 def band_of(findings: Sequence[Finding]) -> str:
-    """Return the band of a figure in words; if bands depend on the seed, from the least to the greatest end."""
+    """Return in words the band of a figure, given by its findings for all seeds.
+
+    If bands depend on the seed, it reaches from the least of their lower ends to the greatest of their upper ends. An
+    infinite upper end is not named, and a band of one value is that value.
+    """
     least, most = min(finding.least for finding in findings), max(finding.most for finding in findings)
     if math.isinf(most):
         return f"at least {_number(least)}"
@@ -57,10 +61,10 @@ def band_of(findings: Sequence[Finding]) -> str:
 
 
 def as_json(outcomes: Sequence[Outcome], locomotion: str) -> dict[str, Any]:
-    """Return all results for programs; figures that are unknown or infinite are None."""
+    """Return all results for programs; values and ends of bands that are nan or infinite are None."""
 
     def figure(findings: Sequence[Finding]) -> dict[str, Any]:
-        """Return one figure with its values and bands in all runs."""
+        """Return one figure, given by its findings for all seeds, with their values and bands."""
         first = findings[0]
         return {
             "what": first.what,

@@ -130,7 +130,7 @@ def _ring(count: int) -> Case:
 
 
 def _ring_band(count: int) -> tuple[float, float]:
-    """Return the band of the mean speed of ``count`` people in the ring [m/s]."""
+    """Return the band of the mean speed of ``count`` people in the ring [m/s], interpolated between FILE_SPEEDS."""
     density, least, most = np.array(FILE_SPEEDS).T
     at = count / _RING
     return float(np.interp(at, density, least)), float(np.interp(at, density, most))

@@ -43,7 +43,7 @@ def edited_mesh(number: int) -> str:
 
 
 def mutated_scenario(number: int) -> str:
-    """Load and check a built-in scenario with random faults."""
+    """Load and check a built-in scenario with random faults: "fine" or "refused"."""
     from crowdsim.scenario.check import check_scenario
     from crowdsim.scenario.loader import load_scenario
 
@@ -61,7 +61,7 @@ def mutated_scenario(number: int) -> str:
 
 
 def mutated_clip(number: int) -> str:
-    """Read a clip with random faults."""
+    """Read a clip with random faults: "fine" or "refused"."""
     from crowdsim.motion.captures.reader import read_capture
 
     path = _folder() / "clip.bvh"
@@ -76,8 +76,8 @@ def mutated_clip(number: int) -> str:
 def mutated_recording(number: int) -> str:
     """Read all of a recording with random faults.
 
-    Odd numbers damage its bytes: what is read must then be what was written. Even ones change its datasets by HDF5,
-    which removes the checksums of those it writes anew.
+    Odd numbers damage its bytes: all values that can be read must then be those that were written (else "fake"). Even
+    numbers change its datasets by HDF5, which removes the checksums of those it writes anew: other values are "fine".
     """
     rng = np.random.default_rng(number)
     given = number // 2 % len(_recordings())
@@ -117,7 +117,10 @@ def damaged_map(number: int) -> str:
 
 
 def damaged_kernel(number: int) -> str:
-    """Call a cached kernel whose file has random faults, in a new process."""
+    """Call a cached kernel whose file has random faults, in a new process.
+
+    It must return what the undamaged one does (else "fake"); a warning tells that it was compiled anew.
+    """
     kept = _folder() / "kernels"
     if not kept.exists():
         _call_kernel(kept)
@@ -138,7 +141,10 @@ def damaged_kernel(number: int) -> str:
 
 
 def killed_run(number: int) -> str:
-    """Kill a run at a random moment and recover it: every step that it reported must be in the recording."""
+    """Kill a run at a random moment and recover it; "fake" if the recording lacks a step that the run has reported.
+
+    It is also "fake" if a recording that is not complete says that it is.
+    """
     rng = np.random.default_rng(number)
     changes = [f"agents.0.locomotion={('steered', 'captured')[number % 2]}", "agents.0.count=2", f"duration={_SECONDS}"]
     file = _folder() / "killed.h5"
@@ -205,7 +211,7 @@ def _graph() -> GraphArrays:
 
 @cache
 def _recorded(number: int) -> dict[str, tuple[Any, ...]]:
-    """Return all values of an undamaged recording."""
+    """Return all values of recording ``number`` of :func:`_recordings`, undamaged, see :func:`all_values`."""
     path = _folder() / "whole.h5"
     path.write_bytes(_recordings()[number])
     return all_values(path)

@@ -57,7 +57,10 @@ Floats = NDArray[np.float64]
 
 
 def walk_auto(drill: Drill, state: Any, watch: Watch | None = None) -> MixedResult:
-    """Walk the people of a state through a drill as auto agents; a row's goal is the index of its group."""
+    """Walk the people of ``state`` (ROW[n], in the order of their groups) through a drill as auto agents.
+
+    A row's ``goal`` is the index of its group.
+    """
     scenario = scenario_of(drill)
     return walk_mixed(scenario, cast_of(scenario, state), watch)
 
@@ -65,7 +68,10 @@ def walk_auto(drill: Drill, state: Any, watch: Watch | None = None) -> MixedResu
 def _row(
     case: str, bar: str, steered: str, auto: str, failed: Sequence[bool], results: Sequence[MixedResult]
 ) -> dict[str, Any]:
-    """Return the row of a case, with the columns KEYS."""
+    """Return the row of a case, with the columns KEYS; the first four are texts.
+
+    ``results`` are those of the auto runs, ``failed`` says of each whether it misses the bar.
+    """
     return {
         "case": case,
         "bar": bar,
@@ -99,7 +105,7 @@ def walked(drill: Drill, seconds: float) -> dict[str, Any]:
 
 
 def neck(drill: Drill, width: float) -> dict[str, Any]:
-    """Return the row of a bottleneck of ``width`` [m], whose flow per meter must be LEAST_FLOW at least."""
+    """Return the row of a bottleneck of ``width`` [m]: all must arrive, with a flow per meter of LEAST_FLOW or more."""
     results = [walk_auto(drill, draw_agents(drill, seed)) for seed in SEEDS]
     flows = [DrillResult(result.arrived, 0.0).flow() / width for result in results]
     failed = [bool(np.isnan(r.arrived).any()) or flow < LEAST_FLOW for r, flow in zip(results, flows, strict=True)]

@@ -54,7 +54,7 @@ class Arrival(NamedTuple):
 def measure_arrivals(
     motions: MotionSet, maps: MotionMaps, ground: Ground, name: str
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
-    """Return rows and figures: how many of the trials are solved, and how many of these meet their requirements.
+    """Return rows and figures, one row for each search of _KEYS: trials solved, and those that meet their requirements.
 
     Required headings are arbitrary for the built-in set, which has turns on the spot, and within 30 degrees of the
     path's end for captured walks. Motions that need only a heading do not have to stand, unless branch kinematics is

@@ -169,7 +169,10 @@ def load_standard(name: str, captures: Path | None, features: MotionSet) -> Moti
 
 
 def make_ground(behavior: int, trials: int, seed: int = 0) -> Ground:
-    """Return a room of obstacles like that of the paper's figure 8, and random paths in it for ``behavior``."""
+    """Return a room of obstacles like that of the paper's figure 8, and ``trials`` random paths in it.
+
+    ``behavior`` is the number of the behavior of all paths.
+    """
     ground = random_ground(GroundKind(SIDE, SIZES, CLEARANCE, LENGTHS), DENSITY, trials, seed)
     return Ground((ground.legs, ground.torso), [as_trial(points, behavior) for points in ground.paths])
 
@@ -197,7 +200,7 @@ def follow_all(motions: MotionSet, maps: MotionMaps, ground: Ground) -> list[tup
 
 
 def best_of(search: Callable[[], Any], passes: int = PASSES) -> tuple[Any, float]:
-    """Return the result of ``search``, and its shortest time [ms]."""
+    """Return the result of ``search``, which is called ``passes`` times, and its shortest time [ms]."""
     seconds = []
     for _ in range(passes):
         begin = time.perf_counter()

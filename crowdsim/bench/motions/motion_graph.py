@@ -104,7 +104,7 @@ def _drift_cm(graph: MotionGraph, clips: list[Clip]) -> dict[str, float]:
 def _timed(
     build: Callable[[Sequence[MotionSource]], MotionGraph], sources: list[MotionSource]
 ) -> tuple[float, MotionGraph]:
-    """Return the median time of building a graph [s], and the graph."""
+    """Return the median time of REPEATS builds of a graph [s], and the graph."""
     seconds = []
     for _ in range(REPEATS):
         begin = time.perf_counter()

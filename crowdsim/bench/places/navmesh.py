@@ -97,11 +97,14 @@ def measure_builds(table: _Table, where: BenchMap) -> None:
 
 
 def measure_paths(table: _Table, where: BenchMap, mesh: NavMesh, optimality: str) -> None:
-    """Time the queries of a map: all but the first one by one, and all in a batch with one and two threads."""
+    """Time the queries of a map: all but the first one by one, and all in a batch with one and two threads.
+
+    ``optimality`` is one of OPTIMALITIES.
+    """
     starts, goals = (np.ascontiguousarray(where.queries[:, part]) for part in (slice(0, 2), slice(2, 4)))
 
     def find(first: int, last: int, workers: int = 1) -> Paths:
-        """Answer the queries from ``first`` to before ``last`` in a batch."""
+        """Return the paths of the queries ``first`` to before ``last``, found in a batch by ``workers`` threads."""
         return mesh.find_paths(starts[first:last], goals[first:last], where.radius, optimality, workers)
 
     paths = find(0, len(starts))

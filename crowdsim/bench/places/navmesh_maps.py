@@ -57,6 +57,7 @@ def read_map(file: Path) -> BenchMap:
             obstacles=obstacles,
             radius=float(content["radius"]),
             queries=np.array(content["queries"], np.float64).reshape(len(lengths), 4),
+            # Null in the file, -1 here: there is no path.
             optimum=np.where(lengths > 0.0, lengths, math.nan),
         )
     except OSError as error:

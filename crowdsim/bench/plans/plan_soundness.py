@@ -44,7 +44,7 @@ def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement
         ground = ground_of(name, worlds)
         if ground is None:
             continue
-        paths = random_paths(ground, -(-sections // len(PLACES)), seed=4)
+        paths = random_paths(ground, -(-sections // len(PLACES)), seed=4)  # an even share of the sections, rounded up
         if not paths:
             raise CrowdSimError(f"{name}: no path was found for {sections} sections in all places; ask for more")
         motions, obstacles = motions_of(ground.behaviors), Obstacles(ground.solids)
@@ -104,7 +104,9 @@ def random_paths(ground: Ground, count: int, seed: int, least: float = 2.0) -> l
 
 
 def worst_clearance(layers: Sequence[shapely.Geometry], need: Requirements, paths: Sequence[AnnotatedPath]) -> float:
-    """Return how far a disc swept along a section leaves a layer's free area at most [m]; negative if none does.
+    """Return how far a disc of its behavior, swept along a section, leaves a layer's free area at most [m].
+
+    Negative if none does. ``layers`` are the free areas.
 
     Computed with shapely only, from the polygons that the meshes were made of.
     """
@@ -123,6 +125,6 @@ def worst_clearance(layers: Sequence[shapely.Geometry], need: Requirements, path
 
 
 def section_line(path: AnnotatedPath, start: float, end: float) -> shapely.LineString:
-    """Return the polyline between two arc lengths."""
+    """Return the polyline of a path between two arc lengths [m]."""
     inner = path.arc[(path.arc > start) & (path.arc < end)]
     return shapely.LineString(path.at(np.concatenate([[start], inner, [end]])))

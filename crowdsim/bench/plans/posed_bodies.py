@@ -264,7 +264,7 @@ class Obstacles:
         self._tree = shapely.STRtree([solid.footprint for solid in solids])
 
     def depths(self, posed: Posed) -> Floats:
-        """Return how far the body around each point reaches into a solid (n,) [m]; -inf if it is clear of all."""
+        """Return how far the body around each of n points reaches into a solid, (n,) [m]; -inf if it touches none."""
         depths = np.full(len(posed.reach), -np.inf)
         points = shapely.points(posed.places[:, :2])
         row, solid = self._tree.query(points, predicate="dwithin", distance=posed.reach)

@@ -66,7 +66,7 @@ def _load(motions: str, meters_per_unit: float | None, joints: dict[str, str]) -
 
     Facings (B, F) are the angles from the direction of motion at which each of B behaviors may face [rad]; rows are
     padded with nan to the largest number F of one behavior. Of captures only the frontal walk is taken, which faces
-    ahead.
+    ahead. ``meters_per_unit`` (None to find it out) and ``joints``, names by role, are for captures only.
     """
     import numpy as np
 

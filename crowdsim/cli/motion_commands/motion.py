@@ -45,7 +45,11 @@ def info(
 
 
 def _walking(folder: Path, meters_per_unit: float | None, joints: dict[str, str]) -> list[str]:
-    """Return sentences on the walks that a scenario would make of these captures, or on why it can make none."""
+    """Return sentences on the walk that a scenario would make of these captures, or on why it can make none.
+
+    ``meters_per_unit`` is the length of a unit of the files [m], None to find it out; ``joints`` gives names of joints
+    by role.
+    """
     from crowdsim.behaviors.behavior import CAPTURED, FRONTAL
     from crowdsim.behaviors.library import load_behavior_set
     from crowdsim.environment.layers import LEGS, TORSO

@@ -25,7 +25,10 @@ _BELOW_BALL = 0.028
 
 
 def builds_of(count: int, skeleton: Skeleton) -> NDArray[np.float32]:
-    """Return (count, 2) the stature, a multiple of the skeleton's, and the girth [m] of each agent."""
+    """Return (count, 2) the stature, a multiple of the skeleton's, and the girth [m] of each agent.
+
+    Statures are limited to heights from SHORTEST to TALLEST, unless the skeleton itself is outside of these.
+    """
     rest = skeleton.rest_positions()
     feet = min(float(rest[skeleton.joint(f"{side}_toe"), 2]) for side in ("left", "right"))
     height = float(rest[skeleton.joint("head"), 2]) + _ABOVE_HEAD - feet + _BELOW_BALL

@@ -109,6 +109,7 @@ class _Sculptor(BodyParts):
         height = (self.at("left_shoulder") + self.at("right_shoulder")) / 2.0 - hips
         halves = [0.5 * float(np.linalg.norm(self.at(f"left_{part}") - self.at(f"right_{part}"))) for part in _BREADTHS]
         bones = np.interp(rings[:, 0], [0.1, 0.8], halves)
+        # Never less than 4 cm in all, as the hips or shoulders of odd skeletons may be at one place.
         breadth = np.maximum(bones + rings[:, 1] * k, 0.02 * k)
         centers = hips + rings[:, :1] * height + rings[:, 3:] * k * X
         depth = rings[:, 2] * k
@@ -137,8 +138,9 @@ class _Sculptor(BodyParts):
         return loft(centers, width * u, width * np.cross(along, u), self.sides)
 
     def dress(self, trunk: tuple[Trunk, Surface], limbs: list[tuple[Floats, Floats]]) -> tuple[Skin, list[Surface]]:
-        """Return the skin over a trunk and limbs, and their surfaces, which are not moved to it yet: the trunk's first.
+        """Return the skin over a trunk and limbs, and the surfaces of all parts, the trunk's first.
 
+        :meth:`wear` moves the surfaces to the skin.
         Each of the ``limbs`` is given by points (K, 3) and radii (K,) [m].
         """
         tubes = [self.tube(points, radii) for points, radii in limbs]
@@ -261,8 +263,9 @@ class _Sculptor(BodyParts):
     def along_spine(self, points: Floats) -> tuple[NDArray[np.int32], Floats]:
         """Return joints (V, 2) and weights (V, 2) by which points (V, 3) [m] bend with the bones from hips to neck.
 
-        A point follows the two bones whose middles are next to it in height, with linear weights. A bone moves with its
-        lower joint; bones without height, as between joints at one place, are left out.
+        A point follows the two bones whose middles are next to it in height, with linear weights; above or below all
+        middles, it follows the nearest bone alone. A bone moves with its lower joint. Bones without height, as between
+        joints at one place, are left out.
         """
         chain = [self.skeleton.joint("neck")]
         # From the neck down to the hips, or to the root (-1 is its parent) if the hips are not below the neck.
@@ -286,7 +289,7 @@ class _Sculptor(BodyParts):
 
 
 def _between(start: Floats, end: Floats, shares: tuple[float, ...]) -> list[Floats]:
-    """Return the points at ``shares`` of the way from ``start`` to ``end``."""
+    """Return the points (3,) at ``shares``, from 0 to 1, of the way from ``start`` to ``end`` (3,)."""
     return [start + share * (end - start) for share in shares]
 
 

@@ -60,7 +60,7 @@ class Tube:
     radii: Floats
 
     def __call__(self, points: Floats) -> Floats:
-        """Return signed distances (V,) of ``points`` (V, 3) [m], negative inside."""
+        """Return signed distances (V,) of ``points`` (V, 3) [m], negative inside; radii go linearly from end to end."""
         nearest = np.full(len(points), np.inf)
         for a, b, first, last in zip(self.points, self.points[1:], self.radii, self.radii[1:], strict=False):
             along = b - a
@@ -86,7 +86,7 @@ class Skin:
         return smooth
 
     def normals(self, points: Floats) -> Floats:
-        """Return unit normals (V, 3) of the skin near ``points``."""
+        """Return unit normals (V, 3) at ``points`` (V, 3) [m] near the skin: the gradients of its distance."""
         ways = [self.distance(points + _STEP * axis) - self.distance(points - _STEP * axis) for axis in np.eye(3)]
         return unit(np.stack(ways, axis=1))
 

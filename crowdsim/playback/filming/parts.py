@@ -86,6 +86,7 @@ def encoded_pictures(recording: Recording, shooting: Shooting, pictures: range) 
             if shooting.view == "follow":
                 scene.look(shooting.view, time, shooting.agent)
             elif number == pictures.start:
+                # In all other views the camera stands still, so what stands still is drawn only once.
                 scene.keep_still()
             scene.show_time(time)
             picture = reduction.frame(scene.drawn_rows())
@@ -137,5 +138,5 @@ class _Reduction:
 
 
 def _packets(encoded: list[Any], first: int) -> list[Packet]:
-    """Return PyAV's packets of a part; its times count from the picture ``first`` of the film, at which it begins."""
+    """Return PyAV's packets, whose times count from the picture ``first`` of the film, with times of the whole film."""
     return [Packet(bytes(each), first + each.pts, first + each.dts, bool(each.is_keyframe)) for each in encoded]

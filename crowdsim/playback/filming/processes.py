@@ -23,7 +23,7 @@ _LOOK_SECONDS = 0.2
 def draw_in_processes(
     recording: Path, shooting: Shooting, parts: Sequence[range], report: Callable[[int], None]
 ) -> Iterator[list[Packet]]:
-    """Draw each part of a film in a process of its own; yield what is encoded, in the order of the film.
+    """Draw each part of a film in a process of its own; yield lists of packets, some empty, in the order of the film.
 
     Parameters
     ----------
@@ -77,7 +77,10 @@ def draw_in_processes(
 
 
 def _received(connection: Connection) -> list[Packet] | None:
-    """Return the next packets of a process, or None at the end of its part."""
+    """Return the next packets of a process, or None at the end of its part.
+
+    Raise the error that it sent, or CrowdSimError if it died.
+    """
     try:
         message = connection.recv()
     except (EOFError, OSError):
@@ -131,7 +134,7 @@ def _work(connection: Connection, path: Path, shooting: Shooting, pictures: rang
             for packets in encoded_pictures(recording, shooting, pictures):
                 connection.send(packets)
         connection.send(None)
-    except (BrokenPipeError, ConnectionResetError):
+    except (BrokenPipeError, ConnectionResetError):  # the process that started this one has ended
         return
     except (CrowdSimError, OSError) as error:
         connection.send(error)
