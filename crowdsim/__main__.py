@@ -4,7 +4,7 @@ import sys
 
 
 def main() -> None:
-    """Run the command line; say so if it is interrupted before it can do so itself."""
+    """Run the command line; report an interrupt (exit code 130) even while the command line is being imported."""
     try:
         from crowdsim.cli.app import main as run
     except KeyboardInterrupt:

@@ -7,7 +7,7 @@ CAPTURE_PATTERNS = ("*.bvh", "*.amc")
 """Patterns of file names: which files in a folder are taken as motion captures."""
 
 NONE = -1
-"""Value that stands for "no index" in int32 index columns."""
+"""Value that stands for "no index" in columns of indices."""
 
 TRACKING_MARGIN = 0.05
 """Extra clearance of planned paths beyond the body's own [m]. A motion may leave its path by this much."""

@@ -81,7 +81,7 @@ class ScenarioError(CrowdSimError):
 
 
 class GeometryError(CrowdSimError):
-    """A polygon, solid or layer is invalid."""
+    """A polygon, solid or layer is invalid, or an argument of a mesh or a path."""
 
 
 class PlaceError(CrowdSimError):
@@ -107,7 +107,7 @@ class BoundExceeded(CrowdSimError):
 
 
 class CacheWarning(UserWarning):
-    """A cached file is damaged; it is made anew."""
+    """A cached file is damaged and made anew, or cannot be stored."""
 
 
 class PathNotFound(CrowdSimError):
@@ -124,15 +124,15 @@ class PathNotFound(CrowdSimError):
 
 
 class MotionError(CrowdSimError):
-    """A capture, a motion set or a motion graph is unusable."""
+    """A capture, a motion set or a motion graph is unusable, or an argument of a search for motion."""
 
 
 class BehaviorError(CrowdSimError):
-    """A behavior folder is incomplete or contradicts itself."""
+    """A behavior folder is incomplete or contradicts itself, or behaviors do not fit the layers or the planner."""
 
 
 class RecordingError(CrowdSimError):
-    """A recording file is missing, unfinished, or of another format or version."""
+    """A recording file is missing, unfinished, of another format or version, or cannot be written."""
 
 
 class ColumnError(CrowdSimError):
@@ -149,7 +149,7 @@ class ColumnError(CrowdSimError):
 
 
 class StageError(CrowdSimError):
-    """An own system stands before a stage that does not exist, or does what is not for systems.
+    """An own system cannot be added (its name, its stage or its ``run`` is wrong), or takes steps itself.
 
     Examples
     --------
@@ -194,5 +194,5 @@ class DrawingUnavailable(CrowdSimError):
 
 
 def one_line(error: Exception) -> str:
-    """Return what a parser says of a damaged file, on one line of at most 120 signs."""
+    """Return the message of an error, such as a parser's, on one line, cut off after 120 signs."""
     return " ".join(str(error).split())[:120]

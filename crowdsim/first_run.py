@@ -32,7 +32,7 @@ _MOST_PROCESSES = 3
 """Most processes that compile ahead: each takes 250 MB, and with more of them the run itself is what takes longest."""
 
 _WORTHWHILE = 10.0
-"""CPU time of the kernels to be compiled from which on other processes help [s]; one takes 2 s to start."""
+"""CPU time of the kernels still to be compiled above which other processes help [s]; each takes 2 s to start."""
 
 _Signature: TypeAlias = tuple[Any, ...]
 
@@ -40,7 +40,8 @@ _Signature: TypeAlias = tuple[Any, ...]
 class FirstKernel(NamedTuple):
     """A kernel that a first run compiles: dotted path of its function, CPU time [s], numba types of its arguments.
 
-    If it is compiled with a kernel that calls it, ``arguments`` are None. One that Python calls, too, is listed twice.
+    ``arguments`` are None if it is compiled together with a kernel that calls it. A kernel that Python calls, too, is
+    listed twice, once with and once without arguments.
     """
 
     function: str
@@ -99,7 +100,10 @@ def write_kernels(file: Path, kernels: Iterable[FirstKernel]) -> None:
 
 
 def _number(kind: Any, known: dict[Any, int], described: list[Any]) -> int:
-    """Return the place of a type in the list of described ones; add it, after those that it is made of."""
+    """Return the place of a type in the list ``described``; add it there if it is new, after those that it is made of.
+
+    ``known`` has the place of each type that is described already.
+    """
     if kind not in known:
         if isinstance(kind, types.Record):
             dtype = numba.np.numpy_support.as_dtype(kind)
@@ -119,7 +123,7 @@ def _number(kind: Any, known: dict[Any, int], described: list[Any]) -> int:
 
 
 def _type(made_of: Sequence[Any], known: Sequence[Any]) -> Any:
-    """Return the numba type that :func:`_number` has described."""
+    """Return the numba type that :func:`_number` has described; ``known`` are the types described before it."""
     match made_of:
         case ["record", fields, size, is_aligned]:
             names, formats, offsets = zip(*fields, strict=True)
@@ -177,8 +181,8 @@ class CompilingAhead:
 def compile_last_first(part: int, parts: int) -> None:
     """Compile a part of the kernels, from the last one on, but for those in the cache.
 
-    Counted from the last one as 0, the part is number ``part`` and every ``parts``-th one from there. Kernels that
-    are compiled with others are not counted.
+    The last kernel is number 0, the one before it number 1. The part is number ``part`` and every ``parts``-th one from
+    there on. Kernels that are compiled with others (without ``arguments``) are not counted.
     """
     kernels = [each for each in reversed(read_kernels()) if each.arguments is not None]
     for each in kernels[part::parts]:
@@ -187,12 +191,13 @@ def compile_last_first(part: int, parts: int) -> None:
 
 
 def main() -> None:
-    """Compile the part given on the command line; end if the run that has asked for it ends, however it does."""
+    """Compile the part given on the command line; end as soon as the run that started this process ends."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     compile_last_first(*map(int, sys.argv[1:]))
 
 
 def _end_with_parent() -> None:
+    """Wait until the parent process ends, then end this process at once."""
     # The other end of this pipe is closed as its process ends, killed or not. Nothing is ever written to it.
     os.read(sys.stdin.fileno(), 1)
     os._exit(0)

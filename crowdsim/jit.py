@@ -61,7 +61,7 @@ def kernel_sources(package: Path) -> dict[Path, bytes]:
     """Return the content of all files of ``package`` that compiled kernels depend on, by path, in order.
 
     These are the kernels, and the modules that they name in lines ``from crowdsim.MODULE import`` without indentation,
-    directly or not: numba compiles constants of other files into them. What is no module file is left out.
+    directly or not: numba compiles constants of other files into them. Names that are no module files are left out.
     """
     waiting = [*package.rglob("*_kernels.py"), package / "jit.py", package / "numba_internals.py"]
     sources: dict[Path, bytes] = {}

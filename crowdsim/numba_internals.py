@@ -323,9 +323,10 @@ class _LinkedLibrary(JITCodeLibrary):
         return 0
 
     def _optimize_final_module(self) -> None:
-        pass
+        """Do nothing: the kernel that links this code optimizes it."""
 
     def _finalize_final_module(self) -> None:
+        """Finish the library as numba does, but generate no machine code."""
         self._finalize_dynamic_globals()
         self._verify_declare_only_symbols()
         self._finalized = True
@@ -369,20 +370,23 @@ class _CheckedCacheFile(IndexDataCacheFile):
             return None
         if hashlib.sha256(content[32:]).digest() == content[:32]:
             version, stamp, name, data = pickle.loads(content[32:])
+            # An entry of another key under the same name counts as damaged.
             if name == repr(key):
                 return data if version == self._version and stamp == self._source_stamp else None
         warnings.warn(f"a cached kernel is damaged and compiled again: {path}", CacheWarning, stacklevel=2)
         return None
 
     def _entry_path(self, key: Any) -> str:
+        """Return the path of the file for a key: its name has a hash of the key."""
         name = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
         return os.path.join(self._cache_path, f"{self._index_name.removesuffix('.nbi')}.{name}.nbc")
 
 
 def _cache_path(function: Callable[..., Any], usual: str) -> str:
-    """Return the folder of a kernel's cache entries: that of the package is the same wherever the package lies.
+    """Return the folder of a kernel's cache entries, named by the kernel's folder within the package.
 
-    numba names it by the path of the source (``usual``), so that a second checkout or environment would compile anew.
+    numba names it by the full path of the source (``usual``), so that a second checkout or environment would compile
+    anew. Kernels outside of the package keep numba's folder.
     """
     package = Path(__file__).parent
     file = Path(function.__code__.co_filename)

@@ -44,7 +44,7 @@ def require_replaceable(file: Path, kind: type[CrowdSimError] = CrowdSimError) -
 
 
 def require_writable(file: Path) -> None:
-    """Refuse an output file before the work is done, not after it; nothing is written."""
+    """Raise CrowdSimError if ``file`` cannot be written, before work for it begins; write nothing."""
     folder = file.parent
     if file.is_dir():
         raise CrowdSimError(f"cannot write {file}: it is a folder; name a file in it")

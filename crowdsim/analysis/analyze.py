@@ -24,7 +24,7 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.recording.reader import Recording
 from crowdsim.yamlfile.messages import nearest
 
-# Results of tracks and places, and results of what was measured in areas, which is done once for both of them.
+# Functions that make results: from tracks and places; and from measurements in areas, which are made once for both.
 _DIRECT: dict[str, Callable[[Tracks, Places], Result]] = {
     "evacuation": measure_evacuation,
     "groups": measure_groups,
@@ -60,7 +60,7 @@ class Analysis(NamedTuple):
     results: tuple[Result, ...]
 
     def values(self) -> dict[str, Any]:
-        """Return all figures, for programs."""
+        """Return all figures, for programs and JSON; None stands for those that are unknown or infinite."""
         recording = self.tracks.recording
         return {
             "recording": recording.path.name,
@@ -77,7 +77,7 @@ class Analysis(NamedTuple):
 
 
 def _plain(value: Any) -> Any:
-    """Return values for JSON, which has no nan and no infinity: None instead."""
+    """Return values for JSON, with None instead of nan and infinity, which JSON does not have."""
     if isinstance(value, dict):
         return {key: _plain(inner) for key, inner in value.items()}
     if isinstance(value, list):
@@ -94,14 +94,14 @@ def analyze(
     voronoi_rate: float = VORONOI_RATE,
     only: Sequence[str] = (),
 ) -> Analysis:
-    """Measure a recording.
+    """Make the measurements of a recording that are wanted.
 
     Parameters
     ----------
     recording : Recording
         The recording.
     lines, areas : sequence of str
-        Places beside those of the scenario, as ``door=10,4.5,10,5.5``.
+        Further lines and areas beside those of the scenario, as ``door=10,4.5,10,5.5`` [m].
     rate : float or None
         Frames per second [1/s], a divisor of the recording's; by default up to 10.
     voronoi_rate : float

@@ -29,7 +29,10 @@ Floats = NDArray[np.float64]
 
 
 def measure_distances(tracks: Tracks, _: Places) -> Result:
-    """Return the distances from each agent to the nearest other one, in all frames, center to center."""
+    """Return quantiles and shares of the distances from each agent to the nearest other one, over all frames.
+
+    Distances are from center to center [m]. Agents that are alone in a frame do not count.
+    """
     name, title = "distances", "Distance to the nearest other agent"
     found = nearest_distances(
         tracks.table["frame"].to_numpy(), tracks.table[["x", "y"]].to_numpy(), tracks.recording.header.ends
@@ -50,12 +53,13 @@ def measure_distances(tracks: Tracks, _: Places) -> Result:
         f"The nearest other is {values['median']:.2f} m away (median), {values['least']:.2f} m at least, by centers.",
         f"Zones of {HALL_SOURCE}: {bounds}.",
     )
-    # Distances of more than some 8 m are neither drawn nor in the table.
+    # The histogram leaves out distances of more than some 8 m. The last bar holds the greatest one up to there.
     edges = np.arange(0.0, min(float(known.max()), 8.0) + 2.0 * BIN, BIN)
     counts = np.histogram(known, edges)[0]
     table = pandas.DataFrame({"from": edges[:-1], "to": edges[1:], "count": counts})
 
     def draw(figure: Figure) -> None:
+        """Draw the histogram of distances, and dashed lines at which zones begin."""
         (axes,) = panels(figure)
         axes.bar(edges[:-1], counts / len(known), BIN, align="edge", color=COLORS[0])
         far = min(edges[-1], max(1.5, 1.3 * values["p95"]))
@@ -79,8 +83,8 @@ def nearest_distances(frame: NDArray[np.int64], places: Floats, ends: Ends | Non
     places : (R, 2) float64
         Positions [m].
     ends : Ends or None
-        Ends of a periodic floor, which are the same place. The row itself, one length away, counts as another one
-        there.
+        Ends of a periodic floor, which are the same place. An agent there also sees itself, one length of the floor
+        away.
     """
     if not len(frame):
         return np.empty(0)
@@ -93,7 +97,7 @@ def nearest_distances(frame: NDArray[np.int64], places: Floats, ends: Ends | Non
             beyond = points.copy()
             beyond[:, ends.axis] += sign * (ends.high - ends.low)
             others.append(beyond)
-    # The nearest of two is the row itself. The bound leaves out other frames, which are farther.
+    # Of the two nearest positions, the first is the row itself. The bound leaves out other frames, which are farther.
     found, _ = cKDTree(np.concatenate(others)).query(points, k=2, distance_upper_bound=0.5 * APART)
     return np.asarray(found[:, 1], np.float64)
 
@@ -101,12 +105,13 @@ def nearest_distances(frame: NDArray[np.int64], places: Floats, ends: Ends | Non
 def measure_behaviors(tracks: Tracks, places: Places) -> Result:
     """Return the share of each behavior in the time of all agents, on the whole floor and by area.
 
-    The times of areas do not count: shares are those of the whole run, as in its summary.
+    Shares are over the whole run, as in its summary, also in areas that are measured only at certain times. The shares
+    of a place in which no agent was are None. Rows without a known speed, those of very short tracks, do not count.
     """
     name, title = "behaviors", "Behaviors by place"
     header, table = tracks.recording.header, tracks.table
     names = [behavior.name for behavior in header.behaviors]
-    moving = table[table["speed"] >= 0.0]  # not those without a speed, in tracks of a few frames
+    moving = table[table["speed"] >= 0.0]  # leaves out nan, the speed in tracks of a few frames
     positions = moving[["x", "y"]].to_numpy()
     where = {"whole floor": np.ones(len(moving), np.bool_)}
     where |= {area: shapely.contains_xy(place.shape, positions) for area, place in places.areas.items()}
@@ -133,6 +138,7 @@ def measure_behaviors(tracks: Tracks, places: Places) -> Result:
     shares_table = pandas.DataFrame(rows)
 
     def draw(figure: Figure) -> None:
+        """Draw a bar for each place, divided by the shares of the behaviors."""
         (axes,) = panels(figure, names_beside=True)
         before = np.zeros(len(rows))
         for behavior in header.behaviors:

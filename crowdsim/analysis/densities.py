@@ -45,8 +45,8 @@ class Measured(NamedTuple):
     ----------
     table : pandas.DataFrame
         A row for each area and frame in which it is not empty: area, time [s], density_classic, density_voronoi,
-        density [1/m2], speed_classic, speed_voronoi, speed [m/s]. The classic density is that of centers in the area;
-        density and speed are classic if that is below LEAST_VORONOI or no cell is known, else of Voronoi cells.
+        density [1/m2], speed_classic, speed_voronoi, speed [m/s]. The classic density counts centers in the area;
+        density and speed are classic if it is below LEAST_VORONOI or no cell is known, else of Voronoi cells.
     sentences : tuple of str
         What a reader has to know.
     """
@@ -59,7 +59,11 @@ COLUMNS = ("area", "time", "density_classic", "density_voronoi", "density", "spe
 
 
 def measure_areas(tracks: Tracks, places: Places, voronoi_rate: float = VORONOI_RATE) -> Measured:
-    """Measure density and speed in all areas, about ``voronoi_rate`` times a second [1/s], at most in each frame."""
+    """Measure density and speed in all areas, about ``voronoi_rate`` times a second [1/s], once a frame at most.
+
+    Only frames in which an area is not empty are measured; some of these are skipped if more than MOST_VORONOI_ROWS
+    agents would be measured in all. Areas that are not convex are left out, which a sentence says.
+    """
     empty = pandas.DataFrame({column: [] for column in COLUMNS})
     if not places.areas:
         return Measured(empty, ("There is no area: name one under `areas` of the scenario or by --area.",))
@@ -92,7 +96,7 @@ def measure_areas(tracks: Tracks, places: Places, voronoi_rate: float = VORONOI_
 
 
 def _usable(tracks: Tracks, places: Places) -> tuple[dict[str, pedpy.MeasurementArea], list[str]]:
-    """Return the areas that PedPy takes, and sentences on others and on those that walls or obstacles fill in part."""
+    """Return the areas that PedPy takes, the convex ones, and sentences on their times, other areas, and obstacles."""
     usable, sentences = {}, []
     free = tracks.recording.walkable()
     for name, place in places.areas.items():
@@ -154,7 +158,7 @@ def _measure(
 
 
 def fundamental_diagram(measured: Measured, _: Tracks) -> Result:
-    """Return speed and flow over density in the areas, beside people."""
+    """Return speed and flow over density in the areas, beside measurements of people; no values if nothing is known."""
     name, title = "diagram", "Fundamental diagram"
     table = measured.table
     values: dict[str, Any] = {}
@@ -179,6 +183,7 @@ def fundamental_diagram(measured: Measured, _: Tracks) -> Result:
     )
 
     def draw(figure: Figure) -> None:
+        """Draw speed (above) and flow (below) over density: a dot for each area and moment, beside people."""
         upper, lower = panels(figure, 2)
         density, least, most = np.array(ONE_WAY_SPEEDS).T
         upper.fill_between(density, least, most, color=BAND, label="people, one way")
@@ -201,14 +206,15 @@ def fundamental_diagram(measured: Measured, _: Tracks) -> Result:
 
 
 def _in_words(speed: float) -> str:
+    """Return a speed [m/s] in words; nan is an unknown one."""
     return f"{speed:.2f} m/s" if np.isfinite(speed) else "no speed is known"
 
 
 def _by_density(rows: pandas.DataFrame) -> list[dict[str, Any]]:
     """Return count and quantiles of the speed by density, in steps of 0.25 /m2, with the measured band of people.
 
-    ``rows`` are those of one area. Densities below the first step count as it, those of no known speed not at all. The
-    band is None outside of the densities at which people were measured.
+    ``rows`` are those of one area. Densities below the first step count as the first step; rows without a known speed
+    do not count. The band is None outside of the densities at which people were measured.
     """
     density, least, most = np.array(ONE_WAY_SPEEDS).T
     steps = np.maximum(np.round(rows["density"].to_numpy() / 0.25), 1.0) * 0.25
@@ -233,7 +239,7 @@ def _by_density(rows: pandas.DataFrame) -> list[dict[str, Any]]:
 
 
 def levels_of_service(measured: Measured, _: Tracks) -> Result:
-    """Return the share of each level of service in the time that people spend in each area."""
+    """Return the share of each level of service in the time that people spend in each area, by two tables of Fruin."""
     name, title = "service", "Level of service"
     table = measured.table
     if not len(table):
@@ -254,6 +260,7 @@ def levels_of_service(measured: Measured, _: Tracks) -> Result:
     shares_table = pandas.DataFrame(rows)
 
     def draw(figure: Figure) -> None:
+        """Draw for each service table a bar for each area, divided by the shares of the levels A to F."""
         look = ("#1a9850", "#91cf60", "#d9ef8b", "#fee08b", "#fc8d59", "#d73027")
         for axes, service in zip(panels(figure, 2, names_beside=True), (WALKWAYS, QUEUES), strict=True):
             mine = shares_table[shares_table.table == service.name]
@@ -269,7 +276,10 @@ def levels_of_service(measured: Measured, _: Tracks) -> Result:
 
 
 def level_shares(density: NDArray[np.float64], service: ServiceTable) -> dict[str, float]:
-    """Return the share of each level over densities (n,) [1/m2] of one area; each counts as often as it has people."""
+    """Return the share of each level over densities (n,) above 0 [1/m2] of one area, weighted by the people in it.
+
+    The number of people in the area is proportional to the density, so the density is the weight.
+    """
     with np.errstate(divide="ignore"):
         space = 1.0 / density
     # Negated, the least areas ascend, as searchsorted needs; A, number 0, has at least the first of them.

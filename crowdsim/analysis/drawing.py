@@ -48,10 +48,14 @@ def color(number: int) -> str:
 
 
 def floor_panels(figure: Figure, walkable: shapely.Geometry, count: int) -> list[Axes]:
-    """Return ``count`` panels that show the floor from above: side by side, or above each other if it is wide."""
+    """Return ``count`` panels that show the floor from above: side by side, or above each other if it is wide.
+
+    The size of ``figure`` is set to fit them. ``walkable`` is the free floor [m].
+    """
     low_x, low_y, high_x, high_y = walkable.bounds
+    # Never 0, as they divide.
     wide, high = max(high_x - low_x, 1e-6), max(high_y - low_y, 1e-6)
-    # `each` and `tall` are the size of a panel [inch], as the shape of the floor, but neither flat nor higher than 6.
+    # `each` and `tall` are width and height of a panel [inch]: like the floor, but neither flat nor higher than 6.
     rows = count if wide > 1.3 * high else 1
     each = 7.2 if rows > 1 or count == 1 else 4.2
     tall = min(max(each * high / wide, 1.4), 6.0)
@@ -65,7 +69,7 @@ def floor_panels(figure: Figure, walkable: shapely.Geometry, count: int) -> list
 
 
 def outline(axes: Axes, walkable: shapely.Geometry, places: Places) -> None:
-    """Draw the outline of the free floor, areas and lines."""
+    """Draw the outlines of the free floor and of areas, and the lines."""
     fill(axes, walkable, facecolor="none", edgecolor=EDGE, linewidth=0.8)
     for area in places.areas.values():
         fill(axes, area.shape, facecolor="none", edgecolor=COLORS[1], linewidth=1.2, linestyle="--")

@@ -25,7 +25,10 @@ WINDOW = 5.0
 
 
 def measure_flow(tracks: Tracks, places: Places) -> Result:
-    """Return who passed each line when, and the flow."""
+    """Return which agents passed each line when, how many, the flow [1/s], and the flow for each meter [1/(m s)].
+
+    A flow is None if too few agents passed, and that for each meter also if no part of the line is free floor.
+    """
     name, title = "flow", "N-t and flow at lines"
     if not places.lines:
         return Result(name, title, {}, ("There is no line: name one under `lines` of the scenario or by --line.",))
@@ -33,7 +36,8 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
     sentences, parts, intervals = [], [], {}
     for line_name, place in places.lines.items():
         line = place.shape
-        # The first crossing of each stretch of a track, if it is in the time in which this line is measured.
+        # The first crossing of each stretch of a track (see Tracks), if it is in the time in which the line is
+        # measured.
         crossings = crossing_frames(tracks, line)
         crossings = crossings[place.during(tracks.time(crossings["frame"].to_numpy()))]
         times = tracks.time(crossings["frame"].to_numpy())
@@ -63,6 +67,7 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
     table = pandas.concat(parts, ignore_index=True)
 
     def draw(figure: Figure) -> None:
+        """Draw passages (above) and flow for each meter of width (below) over time, a color for each line."""
         upper, lower = panels(figure, 2)
         for number, line_name in enumerate(places.lines):
             mine = table[table.line == line_name]
@@ -86,7 +91,10 @@ def measure_flow(tracks: Tracks, places: Places) -> Result:
 
 
 def crossing_frames(tracks: Tracks, line: LineString) -> pandas.DataFrame:
-    """Return PedPy's crossing frames of a line: id and frame, in order of frames; of each id only the first."""
+    """Return the first frame in which each stretch of a track crosses a line, by PedPy: id and frame, by frame.
+
+    Stretches that never cross it have no row.
+    """
     if tracks.trajectory is None:
         return pandas.DataFrame({"id": np.zeros(0, np.int64), "frame": np.zeros(0, np.int64)})
     # PedPy's lines have two points: take a longer one piece by piece.
@@ -103,15 +111,17 @@ def crossing_frames(tracks: Tracks, line: LineString) -> pandas.DataFrame:
 def _intervals(tracks: Tracks, line: LineString, crossings: pandas.DataFrame) -> pandas.DataFrame:
     """Return PedPy's flow in intervals of WINDOW: the time of their middle [s] and the flow for each meter [1/(m s)].
 
-    It is empty if there are fewer than two passages, no whole interval follows the first, or no part of the line is
-    free floor.
+    ``crossings`` are the rows of :func:`crossing_frames` in the time in which the line is measured. The table is empty
+    if there are fewer than two of them, if no whole interval follows the first one, or if no part of the line is free
+    floor.
     """
     empty = pandas.DataFrame({"time": [], "flow_per_m": []})
     width = _free_width(tracks, line)
     if len(crossings) < 2 or width <= 0.0:
         return empty
     frames = np.arange(int(tracks.table["frame"].min()), int(tracks.table["frame"].max()) + 1)
-    # PedPy's N-t, how many have passed up to each frame, of these crossings: its own would count those at other times.
+    # N-t of these crossings, how many there are up to each frame. PedPy's own would count crossings at other times,
+    # too.
     passed = np.searchsorted(np.sort(crossings["frame"].to_numpy()), frames, side="right")
     nt = pandas.DataFrame({"frame": frames, "cumulative_pedestrians": passed, "time": frames / tracks.rate})
     window = max(1, round(WINDOW * tracks.rate))
@@ -138,7 +148,7 @@ def _free_width(tracks: Tracks, line: LineString) -> float:
 
 
 def _agents(tracks: Tracks, crossings: pandas.DataFrame) -> NDArray[np.int64]:
-    """Return the agent of each crossing, which names the stretch of a track by its id."""
+    """Return the agent (n,) of each crossing; rows of :func:`crossing_frames` have only the id of a stretch."""
     agents: NDArray[np.int64] = crossings.merge(tracks.table[["id", "frame", "agent"]], on=["id", "frame"], how="left")[
         "agent"
     ].to_numpy()
@@ -146,7 +156,10 @@ def _agents(tracks: Tracks, crossings: pandas.DataFrame) -> NDArray[np.int64]:
 
 
 def _sentence(name: str, values: dict[str, Any], band: FlowBand | None) -> str:
-    """Say in a sentence what passed a line, beside what was measured of people at bottlenecks as wide."""
+    """Return a sentence on the passages and the flow at a line, beside flows measured at bottlenecks as wide.
+
+    ``values`` are the figures of the line, as in the result; ``band`` is None if nothing was measured at its width.
+    """
     text = f"{name} ({values['width']:.2f} m): {values['passages']} passages"
     if values["flow"] is None:
         return f"{text}, too few for a flow."

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 
 def measure_evacuation(tracks: Tracks, _: Places) -> Result:
-    """Return how many have not arrived yet over time, when half and 95 % have, and who is left at the end.
+    """Return how many agents have not arrived yet over time, when half and 95 % have, and which are left at the end.
 
     Agents that a command takes out before they arrive do not count.
     """
@@ -65,6 +65,7 @@ def measure_evacuation(tracks: Tracks, _: Places) -> Result:
     table = pandas.DataFrame({"time": steps, "not_arrived": remaining})
 
     def draw(figure: Figure) -> None:
+        """Draw the curve of agents that have not arrived, and dashed lines at t50 and t95."""
         (axes,) = panels(figure)
         axes.step(steps, remaining, where="post", color=COLORS[0])
         for share in (50, 95):
@@ -99,6 +100,7 @@ def measure_groups(tracks: Tracks, _: Places) -> Result:
         sentences.append(_sentence(str(group), values[str(group)]))
 
     def draw(figure: Figure) -> None:
+        """Draw a panel for each quantity: its cumulative distribution in each group."""
         axes = panels(figure, len(_MEASURED))
         for panel, (column, label) in zip(axes, _MEASURED.items(), strict=True):
             for number, (group, members) in enumerate(table.groupby("group", observed=True)):
@@ -118,9 +120,10 @@ _MEASURED = {"travel_time": "travel time [s]", "way": "way [m]", "detour": "deto
 def characters(tracks: Tracks) -> pandas.DataFrame:
     """Return a row for each agent that came: agent, group, entered, arrived, travel_time, way, detour, waiting.
 
-    Times are in seconds and ways in meters. Waiting is the time in which it was slower than SLOW; detour is the way
-    divided by the straight line between its ends, nan if that is shorter than LEAST_WAY. All ends with the arrival; nan
-    for what is unknown.
+    Times are in seconds and ways in meters. Waiting is the time in which the agent was slower than SLOW; detour is its
+    way divided by the straight line between its ends, nan if the line is shorter than LEAST_WAY. Way, detour and
+    waiting count until the agent arrives, or as long as it is there. Arrival and travel time of agents that never
+    arrive are nan.
     """
     recording, table = tracks.recording, tracks.table
     times = recording.agent_times
@@ -128,7 +131,7 @@ def characters(tracks: Tracks) -> pandas.DataFrame:
     agent, x, y = (table[column].to_numpy() for column in ("agent", "x", "y"))
     until = np.where(np.isnan(times.arrived), np.inf, times.arrived)[agent]
     before = tracks.time(table["frame"].to_numpy()) <= until + 1e-9
-    # Displacements between rows that follow each other count if both are of one agent, before its arrival.
+    # Displacements between successive rows count if both rows are of one agent, before its arrival.
     same = agent[1:] == agent[:-1]
     moved = [np.diff(along) for along in (x, y)]
     ends = recording.header.ends
@@ -139,7 +142,7 @@ def characters(tracks: Tracks) -> pandas.DataFrame:
     count = recording.agent_count
 
     def total(values: Floats) -> Floats:
-        """Return the sum of displacements' values by agent."""
+        """Return the sum (agents,) of a value (rows - 1,) of the displacements that count."""
         return np.bincount(agent[1:][counted], values[counted], minlength=count).astype(np.float64)
 
     way, straight = total(np.hypot(*moved)), np.hypot(total(moved[0]), total(moved[1]))
@@ -162,7 +165,7 @@ def characters(tracks: Tracks) -> pandas.DataFrame:
 
 
 def _spread(values: Floats) -> dict[str, float] | None:
-    """Return mean and quantiles of those values that are known; None if none is."""
+    """Return mean, median, and 5 and 95 % quantiles of the values that are not nan; None if all are."""
     known = values[np.isfinite(values)]
     if not len(known):
         return None
@@ -171,7 +174,7 @@ def _spread(values: Floats) -> dict[str, float] | None:
 
 
 def _sentence(group: str, values: dict[str, Any]) -> str:
-    """Say in a sentence how a group arrived; what is None was not measured."""
+    """Return a sentence on how a group arrived, without figures that are None, as they were not measured."""
     parts = [f"{values['arrived']} of {values['characters']} arrived"]
     for column, unit in (("travel_time", " s"), ("way", " m"), ("detour", ""), ("waiting", " s")):
         if values[column] is not None:

@@ -28,7 +28,10 @@ Floats = NDArray[np.float64]
 
 
 def measure_maps(tracks: Tracks, places: Places) -> Result:
-    """Return mean density and speed in each cell, and the last time that it is not empty."""
+    """Return mean density [1/m2] and speed [m/s] in each cell, and the last time that it is not empty [s].
+
+    Cells that are always empty are left out of the table.
+    """
     name, title = "maps", "Density, speed, and longest time to leave"
     if tracks.trajectory is None:
         return Result(name, title, {}, ("Nobody was present: there is nothing to measure.",))
@@ -37,6 +40,7 @@ def measure_maps(tracks: Tracks, places: Places) -> Result:
     # A whole multiple of CELL with which at most about MOST_CELLS cover the floor.
     cell = CELL * max(1.0, float(np.ceil(np.sqrt((high_x - low_x) * (high_y - low_y) / (CELL * CELL) / MOST_CELLS))))
     count = tracks.frames
+    # Density and speed are means of at most MOST_FRAMES frames, one in `every`.
     every = max(-(-count // MOST_FRAMES), 1)
     rows = tracks.table[tracks.table["frame"] % every == 0]
     if not len(rows):  # nobody was there in these frames, but in others
@@ -50,11 +54,12 @@ def measure_maps(tracks: Tracks, places: Places) -> Result:
         speeds = pedpy.compute_speed_profile(
             data=moving[["id", "frame", "x", "y", "speed"]], speed_method=pedpy.SpeedMethod.MEAN, **grid
         )
-    # PedPy gives a map for each frame in which there is anyone; the mean counts empty frames too. Speeds are nan where
-    # a cell is empty.
+    # PedPy gives a map for each frame that is not empty; the mean density counts empty frames, too. The speed of an
+    # empty cell is nan.
     density = np.sum(present, axis=0) / len(range(0, count, every))
     known = np.isfinite(speeds).sum(axis=0) if len(speeds) else np.zeros(density.shape, np.int64)
     total = np.nansum(speeds, axis=0) if len(speeds) else np.zeros(density.shape)
+    # The maximum only avoids a division by 0 in empty cells.
     speed = np.where(known > 0, total / np.maximum(known, 1), np.nan)
     last = pedpy.compute_rset_map(traj_data=tracks.trajectory, method=pedpy.RsetMethod.MAX, **grid)
     values: dict[str, Any] = {
@@ -90,6 +95,7 @@ def measure_maps(tracks: Tracks, places: Places) -> Result:
     )
 
     def draw(figure: Figure) -> None:
+        """Draw three maps: density, speed, and the last time that people are there."""
         walkable = tracks.recording.walkable()
         for axes, (label, values_shown, shades) in zip(floor_panels(figure, walkable, 3), shown, strict=True):
             image = axes.imshow(values_shown, extent=extent, cmap=shades, origin="upper", vmin=0.0)

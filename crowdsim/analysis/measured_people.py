@@ -1,4 +1,4 @@
-"""What was measured on people, to lay beside a run; every table names its source."""
+"""Measurements of people to compare runs with; every table names its source."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WEIDMANN_SPEED, WEIDMANN_SHAPE, WEIDMANN_DENSITY = 1.34, 1.913, 5.4
 
 
 def weidmann_speed(density: ArrayLike) -> Floats:
-    """Return the speed at densities [1/m2] after Weidmann [m/s]; nan at no density, 0 at 5.4 /m2 and above."""
+    """Return the speed [m/s] at densities [1/m2] after Weidmann; nan at a density of 0, 0 at 5.4 /m2 and above."""
     at = np.asarray(density, np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = WEIDMANN_SPEED * (1.0 - np.exp(-WEIDMANN_SHAPE * (1.0 / at - 1.0 / WEIDMANN_DENSITY)))
@@ -43,7 +43,8 @@ def weidmann_speed(density: ArrayLike) -> Floats:
 class FlowBand(NamedTuple):
     """Flows through bottlenecks whose width is from ``narrowest`` to below ``widest`` [m].
 
-    ``studied`` is their number; ``least``, ``median`` and ``most`` of their flows for each meter [1/(m s)].
+    ``studied`` is the number of these bottlenecks; ``least``, ``median`` and ``most`` are of their flows for each meter
+    of width [1/(m s)].
     """
 
     narrowest: float
@@ -91,6 +92,6 @@ QUEUES = ServiceTable("Fruin 1971, queues", (13 * _SQUARE_FOOT, 10 * _SQUARE_FOO
                                             2 * _SQUARE_FOOT))  # fmt: skip
 
 HALL_ZONES = (("intimate", 0.0, 0.45), ("personal", 0.45, 1.2), ("social", 1.2, 3.6), ("public", 3.6, np.inf))
-"""Zones of distance between two people [m], after Hall."""
+"""Zones of distance between two people, after Hall: name, from which distance, and below which [m]."""
 
 HALL_SOURCE = "Hall 1966"

@@ -14,23 +14,23 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.recording.header import RecordingHeader, ShapeRecord
 
 _LEAST = 1e-3
-"""Shortest line [m], and least size of an area [m2]."""
+"""Least distance of two successive points of a line [m], and least size of an area [m2]."""
 
 
 def places_of(header: RecordingHeader, lines: Sequence[str] = (), areas: Sequence[str] = ()) -> Places:
-    """Return the places of a recording, and more.
+    """Return the areas and lines of a recording's scenario, and further ones.
 
     Parameters
     ----------
     header : RecordingHeader
         Its header, with the ``areas`` and ``lines`` of the scenario.
     lines, areas : sequence of str
-        More, as ``name=x0,y0,x1,y1``: two corners or more; an area of two is a rectangle.
+        Further ones, as ``name=x0,y0,x1,y1`` [m]: two corners or more; an area of two is a rectangle.
 
     Raises
     ------
     CrowdSimError
-        If a text is not of that form, or names a place that is there.
+        If a text is not of that form, names a place that is there, or draws no line or no area.
     """
     places = Places(
         {record.name: _of_scenario(record) for record in header.areas},
@@ -49,7 +49,7 @@ def places_of(header: RecordingHeader, lines: Sequence[str] = (), areas: Sequenc
 
 
 def _of_scenario(record: ShapeRecord) -> Place:
-    """Return an area or line of the scenario, as the recording's header holds it: WKT, and times [s]."""
+    """Return the area or line that a record of the recording's header holds as WKT, with its times [s]."""
     return Place(shapely.from_wkt(record.shape), record.start, record.end)
 
 

@@ -56,18 +56,20 @@ def write_analysis(analysis: Analysis, folder: Path) -> list[Path]:
 
 
 def _write_text(file: Path, text: str) -> None:
+    """Write a file of text, which appears whole or not at all."""
     with whole_file(file, (file.suffix,), "analyses") as written:
         written.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _new_figure() -> Figure:
-    """Return an empty figure, imported here as matplotlib is slow to import."""
+    """Return an empty figure; matplotlib is imported only here, as that is slow."""
     from matplotlib.figure import Figure
 
     return Figure(dpi=110, layout="constrained")
 
 
 def _drawn(result: Result) -> Figure:
+    """Return the picture of a result, empty if there is nothing to draw."""
     figure = _new_figure()
     if result.draw is not None:
         result.draw(figure)
@@ -81,6 +83,7 @@ def _draw_places(analysis: Analysis) -> Figure:
     (axes,) = floor_panels(figure, walkable, 1)
     outline(axes, walkable, analysis.places)
     for name, (shape, *_) in (*analysis.places.areas.items(), *analysis.places.lines.items()):
+        # The name stands inside of an area, and at the middle of a line.
         at = shape.representative_point() if shape.area else shape.interpolate(0.5, normalized=True)
         frame = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
         axes.annotate(name, (at.x, at.y), fontsize="small", ha="center", va="center", bbox=frame)
@@ -88,7 +91,7 @@ def _draw_places(analysis: Analysis) -> Figure:
 
 
 def _page(analysis: Analysis) -> str:
-    """Return the report as a page of HTML, beside whose file those of pictures and tables lie."""
+    """Return the report as a page of HTML; it links to pictures and tables in the folder of the page."""
     values = analysis.values()
     title = html.escape(f"{values['scenario']}, seed {values['seed']}")
     parts = [
@@ -122,5 +125,5 @@ def sentences(analysis: Analysis) -> list[tuple[str, str]]:
 
 
 def as_json(analysis: Analysis, files: list[Path]) -> dict[str, Any]:
-    """Return what ``crowdsim analyze --json`` prints."""
+    """Return what ``crowdsim analyze --json`` prints: all figures, and the names of the ``files`` written."""
     return {**analysis.values(), "files": [str(file) for file in files]}

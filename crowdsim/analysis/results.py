@@ -25,12 +25,12 @@ class Place(NamedTuple):
     end: float = math.inf
 
     def during(self, times: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which times [s] count."""
+        """Return whether each of the times (n,) [s] counts: from ``start`` until before ``end``."""
         return np.asarray((times >= self.start) & (times < self.end))
 
     @property
     def times_in_words(self) -> str:
-        """Return the times as the end of a sentence; nothing if they are those of the whole run."""
+        """Return the times as the end of a sentence; an empty text if the whole run is measured."""
         if self.start <= 0.0 and self.end == math.inf:
             return ""
         return f" from {self.start:g} s on" if self.end == math.inf else f" from {self.start:g} to {self.end:g} s"

@@ -43,7 +43,7 @@ class Tracks(NamedTuple):
     speeds : pandas.DataFrame
         PedPy's individual speeds: id, frame, speed [m/s].
     walkable : Polygon
-        The part of the free floor where agents walk.
+        The part of the free floor in which most rows of the table are [m]; PedPy takes one polygon only.
     notes : tuple of str
         What a reader has to know.
     """
@@ -62,7 +62,7 @@ class Tracks(NamedTuple):
         return -(-self.recording.steps * self.rate // self.recording.steps_per_second)
 
     def time(self, frame: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the time of frames [s]."""
+        """Return the times (n,) of frames (n,) [s]."""
         return np.asarray(frame, np.float64) / self.rate
 
 
@@ -124,9 +124,9 @@ def read_tracks(recording: Recording, rate: float | None = None) -> Tracks:
 def individual_speeds(trajectory: pedpy.TrajectoryData) -> pandas.DataFrame:
     """Return PedPy's speeds [m/s] over SPEED_SECONDS, in a row for each of the track's frames.
 
-    That time is rounded to as many frames after as before, at least one each, so it is 2 s at 1 frame per second. At
-    the ends of a track speeds are taken over half of it. They are nan where the track has less than that both
-    before and after, as in all of one of a few frames.
+    The time is rounded to as many frames before a frame as after it, at least one each, so it is 2 s at 1 frame per
+    second. At the ends of a track, the speed is taken over the half of the time that lies within the track. It is nan
+    if the track has neither half around a frame, as in a track of a few frames.
     """
     half = max(1, round(0.5 * SPEED_SECONDS * trajectory.frame_rate))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -148,10 +148,10 @@ def _usual_rate(recording: Recording) -> int:
 def _stretches(
     rows: TrackRows, x: NDArray[np.float64], y: NDArray[np.float64], order: NDArray[np.int64], ends: Ends | None
 ) -> NDArray[np.int64]:
-    """Return a number for each row, that of its stretch of a track, in ``order`` of agents and frames.
+    """Return, for each row in the ``order`` (R,) of agents and frames, the number (R,) of its stretch of a track.
 
     ``x`` and ``y`` (R,) are positions of ``rows`` [m]. A stretch ends if frames are missing, or if an agent jumps
-    across the ends of a periodic floor. If none does, the numbers are those of the agents.
+    across the ends of a periodic floor. If each agent has one stretch, its number is the agent's.
     """
     agent, frame = rows.agent[order], rows.frame[order]
     if not len(agent):
@@ -167,9 +167,9 @@ def _stretches(
 
 
 def _walkable(recording: Recording, table: pandas.DataFrame) -> tuple[Polygon, list[str]]:
-    """Return the part of the free floor in which most rows lie, as PedPy takes one polygon only, and notes.
+    """Return the part of the free floor with the most rows of ``table``, as PedPy takes one polygon only, and notes.
 
-    Of parts with as many rows, it is the largest.
+    Of parts with equally many rows, it is the largest. Notes say what Voronoi cells leave out.
     """
     free = recording.walkable()
     parts = polygons_of(free)

@@ -78,7 +78,7 @@ class Behavior:
 
 
 def facings_of(behaviors: Sequence[Behavior]) -> NDArray[np.float64]:
-    """Return the angles at which each of B behaviors may face off its motion, (B, F) [rad], padded with nan."""
+    """Return the ``facings`` of B behaviors as rows (B, F) [rad], padded with nan."""
     rows = np.full((len(behaviors), max(len(behavior.facings) for behavior in behaviors)), np.nan)
     for row, behavior in zip(rows, behaviors, strict=True):
         row[: len(behavior.facings)] = behavior.facings
@@ -95,6 +95,8 @@ class BehaviorClips:
 
 
 class _Model(BaseModel):
+    """Base of all mappings of a ``behavior.yaml``; unknown keys are refused."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
@@ -113,12 +115,14 @@ class TransitionEntry(_Model):
 
 
 def _checked_name(name: str) -> str:
+    """Return a valid name of a behavior; raise ValueError for others."""
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        raise ValueError(f"expected small letters, digits and _, such as side_steps, got '{name}'")
+        raise ValueError(f"expected small letters, digits and _, a letter first, such as side_steps, got '{name}'")
     return name
 
 
 def _checked_color(color: str) -> str:
+    """Return a valid color, "#rrggbb"; raise ValueError for others."""
     if not re.fullmatch(r"#[0-9a-fA-F]{6}", color):
         raise ValueError(f"expected a color such as \"#1f77b4\", in quotes, got '{color}'")
     return color
@@ -153,7 +157,11 @@ class BehaviorFile(_Model):
     def behavior(
         self, radii: NDArray[np.float64], folder: Path, turning: NDArray[np.float64] | None = None
     ) -> Behavior:
-        """Return the behavior with radii measured from its clips, and those of its turns."""
+        """Return the behavior of this file in ``folder``.
+
+        ``radii`` (layers,) are measured from its clips, and ``turning`` (2, layers) from its transitions, see
+        :class:`Behavior` [m].
+        """
         return Behavior(
             name=self.name,
             description=self.description,
@@ -184,10 +192,11 @@ def behavior_folder(entry: str, beside: Path, library: Path) -> Path:
 
 
 def carrier(radii: Sequence[NDArray[np.float64]], before: int, after: int) -> int:
-    """Return which of two behaviors a clip that leads from one to the other counts as: the wider one.
+    """Return which of two behaviors carries the nodes of a clip that leads from one to the other: the wider one.
 
-    The width is the largest clearance on any layer; of equally wide ones, it is that of the larger index. radii:
-    (layers,) clearances of each behavior [m]. before, after: indices of the two.
+    The width of a behavior is its largest clearance on any layer. Of two equally wide ones, it is the one with the
+    larger index. ``radii`` holds the clearances (layers,) of each behavior [m]; ``before`` and ``after`` are the
+    indices of the two.
     """
     return max((before, after), key=lambda index: (float(radii[index].max()), index))
 
@@ -198,7 +207,7 @@ def read_behavior(name: str, library: Path) -> BehaviorFile:
     Raises
     ------
     BehaviorError
-        With file, line and key of everything that is wrong, or the nearest name if there is no such behavior.
+        With file, line and key of everything that is wrong; with the nearest name if there is no such behavior.
     """
     path = library / name / FILE_NAME
     if not path.is_file():
@@ -226,6 +235,7 @@ def read_behavior(name: str, library: Path) -> BehaviorFile:
     if entry.captured:
         complaints += _of_captures(entry)
     else:
+        # Captures show their speed, and get a color; clips that are ready to use need all keys in the file.
         needed = [key for key in ("speed", "color", "clips") if not getattr(entry, key)]
         complaints += [((), f"'{key}' is missing, which goes with 'idle' and 'transitions'") for key in needed]
     for key in ("clips", "idle", "transitions"):

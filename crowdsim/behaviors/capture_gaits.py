@@ -24,7 +24,7 @@ _MOVING = 0.3
 """Speed above which a body is under way [m/s]."""
 
 _FAST = 0.9
-"""Quantile of the speeds under way that tells the gait of a clip."""
+"""Quantile of the speeds under way that counts as the speed of a clip."""
 
 _SHORTEST = 0.5
 """Least time under way from which a clip has a speed [s]."""
@@ -33,7 +33,8 @@ _SHORTEST = 0.5
 def clips_of_gait(clips: Sequence[Clip], speed: float) -> tuple[tuple[Clip, ...], tuple[str, ...]]:
     """Choose the clips of the gait whose natural speed is nearest to ``speed``.
 
-    Gaits are found by the speeds of straight cycles: sorted, they fall into groups that lie a tenth or more apart.
+    Each clip that walks ahead gives the speed of its straightest cycle. Of these speeds, sorted, two successive ones
+    belong to different gaits if the second is a tenth or more above the first.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ def clips_of_gait(clips: Sequence[Clip], speed: float) -> tuple[tuple[Clip, ...]
     Returns
     -------
     clips : tuple of Clip
-        Those of the gait, and those that walk nowhere, in order; all if there are not several gaits.
+        Those of the gait, and those that hardly move, in order; all if there are not several gaits.
     notes : tuple of str
         Which gait was chosen, and which clips are left out; empty if there are not several gaits.
     """
@@ -57,6 +58,7 @@ def clips_of_gait(clips: Sequence[Clip], speed: float) -> tuple[tuple[Clip, ...]
     out: list[Clip] = []
     for clip in clips:
         pace = _speed_under_way(clip)
+        # A clip that hardly moves goes with any gait. One that moves is of the nearest gait, unless it is far off.
         same = pace is None or (
             _nearest(gaits, pace) == chosen and max(pace, gaits[chosen]) <= _FARTHEST * min(pace, gaits[chosen])
         )
@@ -71,21 +73,21 @@ def clips_of_gait(clips: Sequence[Clip], speed: float) -> tuple[tuple[Clip, ...]
 
 
 def _gaits(speeds: Sequence[float]) -> list[float]:
-    """Return the natural speed of each gait, the median of its walks [m/s], from slow to fast."""
+    """Return the natural speed of each gait, the median of its walks' ``speeds`` [m/s], from slow to fast."""
     ranked = np.sort(np.asarray(speeds, np.float64))
     groups = np.split(ranked, np.flatnonzero(ranked[1:] >= _APART * ranked[:-1]) + 1)
     return [float(np.median(group)) for group in groups if len(group)]
 
 
 def _nearest(gaits: Sequence[float], speed: float) -> int:
-    """Return the index of the gait whose speed is nearest."""
+    """Return the index of the gait whose speed is nearest to ``speed`` [m/s]; of two as near, the slower one."""
     return int(np.argmin(np.abs(np.asarray(gaits) - speed)))
 
 
 def _speed_under_way(clip: Clip) -> float | None:
-    """Return the speed that a clip reaches in a tenth of the time under way [m/s]; None if it hardly moves.
+    """Return the speed that a clip exceeds in a tenth of the time under way [m/s]; None if it hardly moves.
 
-    Bodies are slower while they turn, set off or stop, so the fastest part tells the gait.
+    Bodies are slower while they turn, set off or stop, so the fastest part shows the gait.
     """
     steps = np.diff(track_of(clip)[:, :2], axis=0) * CAPTURE_RATE
     speeds = hypot(steps[:, 0], steps[:, 1])

@@ -21,6 +21,7 @@ from crowdsim.motion.graph.segmentation import Segment, is_locomotion, segment_c
 
 Floats = NDArray[np.float64]
 Band = tuple[float, float]
+"""Lowest and highest height above the floor of a range in which bodies are measured [m]."""
 Key = tuple[str, int, int]
 """Identifies a piece: name of the clip, first and last frame."""
 
@@ -86,12 +87,15 @@ class Room(NamedTuple):
 
 
 def find_pieces(clips: Sequence[Clip], detectors: Sequence[str], bands: Sequence[Band]) -> list[Piece]:
-    """Return the pieces of ``clips`` between feature cuts, in order; clips without locomotion have none."""
+    """Return the pieces of ``clips`` between feature cuts, in order; clips without locomotion have none.
+
+    ``detectors`` are names of feature detectors, which find the cuts; reaches are measured in the height ``bands``.
+    """
     return [piece for clip in clips for piece in _pieces_of(clip, detectors, bands)]
 
 
 def _pieces_of(clip: Clip, detectors: Sequence[str], bands: Sequence[Band]) -> list[Piece]:
-    """Return the segments of a clip between cuts; none if it shows no locomotion.
+    """Return the pieces of a clip between cuts; none if it shows no locomotion. Arguments as of :func:`find_pieces`.
 
     Each has its kind (on the spot, ahead, aside), its length [m] and turn [rad], and the widest reach (bands,) [m] of
     its frames, with the frame in which it is so wide.
@@ -111,6 +115,7 @@ def _pieces_of(clip: Clip, detectors: Sequence[str], bands: Sequence[Band]) -> l
         aside = abs(float(wrap_angle(float(atan2(way[1], way[0])) - facing)))
         kind = SPOT if length < _ON_THE_SPOT else WALK if aside <= _AHEAD else ASIDE
         inside = np.flatnonzero((frames >= segment.first) & (frames <= segment.last))
+        # ``frames`` are those in which the body moves on: there may be none in a piece on the spot.
         reach, at = np.zeros(len(bands)), np.full(len(bands), segment.first)
         if len(inside):
             widest = inside[np.argmax(reaches[inside], axis=0)]
@@ -121,7 +126,7 @@ def _pieces_of(clip: Clip, detectors: Sequence[str], bands: Sequence[Band]) -> l
 
 
 def room_of(pieces: Sequence[Piece]) -> Room | None:
-    """Return the largest space that a piece may take, from the walking ones among ``pieces``; None without any."""
+    """Return the largest space that a piece may take, by the ``pieces`` that walk ahead; None if none does."""
     walks = [piece for piece in pieces if piece.kind == WALK]
     if not walks:
         return None
@@ -130,7 +135,11 @@ def room_of(pieces: Sequence[Piece]) -> Room | None:
 
 
 def sort_out(pieces: Sequence[Piece], room: Room, layers: Sequence[str]) -> tuple[list[Piece], list[tuple[Piece, str]]]:
-    """Return the pieces to use for walking, and the pieces to leave out, each with the reason."""
+    """Return the pieces to use, and the pieces to leave out, each with the reason.
+
+    Left out are pieces that go aside, that exceed ``room`` in a height band, or that stay on the spot and spread
+    farther than ``room``. ``layers`` names the height bands in the reasons.
+    """
     kept: list[Piece] = []
     out: list[tuple[Piece, str]] = []
     for piece in pieces:

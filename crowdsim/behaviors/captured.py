@@ -67,7 +67,7 @@ class CapturedBehavior(NamedTuple):
     widest : tuple of str
         Clip and frame that determine the radius of each band.
     speed : float or None
-        Speed of the walk that other movements are synthesized from [m/s]; None if there is none.
+        Speed of the walk that other movements are synthesized from, None without one; if lateral, of its steps [m/s].
     """
 
     clips: BehaviorClips
@@ -142,7 +142,7 @@ def read_captures(
     skeleton: Skeleton | None = None,
     speed: float | None = None,
 ) -> Captures:
-    """Read the captures ``paths`` in ``folder``, and choose the pieces that walk ahead.
+    """Read the captures ``paths`` in ``folder``, and choose the pieces to use (:func:`sort_out`).
 
     Parameters
     ----------
@@ -159,8 +159,8 @@ def read_captures(
     skeleton : Skeleton or None
         Skeleton that all clips are brought to, if others walk on it.
     speed : float or None
-        Speed by which the gait, if there are several, and the walk to synthesize from are chosen [m/s]; None to use all
-        clips.
+        Speed by which the gait, if there are several, and the walk to synthesize from are chosen [m/s]; None for clips
+        of all gaits, and an ordinary walk to synthesize from.
 
     Returns
     -------
@@ -269,7 +269,7 @@ def captured_set(
 
 
 def _left_out(out: Sequence[tuple[Piece, str]]) -> list[str]:
-    """Return a sentence for each clip of which pieces are left out."""
+    """Return a sentence for each clip with pieces that are left out: their frames and the reasons."""
     by_clip: dict[str, dict[str, list[str]]] = {}
     for piece, reason in out:
         frames = f"{piece.segment.first} to {piece.segment.last}"
@@ -303,7 +303,7 @@ def _held_behavior(
 
 
 def _lateral_behavior(maker: MotionMaker, captures: Captures) -> CapturedBehavior:
-    """Return side steps synthesized from a walk, with the turns out of walking and back into it."""
+    """Return side steps synthesized from a walk, with the turns out of walking and back; raise MotionError if unfit."""
     bands = captures.bands
     steps = maker.side_steps(True), maker.side_steps(False)
     rest = _rest(steps, captures.room)
@@ -341,13 +341,13 @@ def _rest(walks: Sequence[Clip], room: Room) -> Clip | None:
     walk, cut, end = max(stills, key=lambda still: abs(still[2] - still[1]))
     frames = round(REST_SECONDS * CAPTURE_RATE)
     phase = np.linspace(0.0, 2.0 * np.pi, frames + 1)
-    # Frames of the stretch pass at the rate of pi * length / frames in the middle.
+    # In the middle, where time runs fastest, pi * |length| / frames frames of the stretch pass in a frame: 1 at most.
     length = min(max(end - cut, -frames / np.pi), frames / np.pi)
     return _at(walk, cut + length * (1.0 - cos(phase)) / 2.0, f"{walk.name}_rest")
 
 
 def _still_stretches(walk: Clip) -> list[tuple[int, int]]:
-    """Return (cut, farthest frame) for every cut that stands, once onward and once backward in time.
+    """Return (frame of the cut, farthest frame) for each standing cut, once onward and once backward in time.
 
     A stretch ends before an ankle moves, or before the body is SWAY away from its place at the cut.
     """
@@ -368,7 +368,7 @@ def _still_stretches(walk: Clip) -> list[tuple[int, int]]:
 
 
 def _transitions(kept: Sequence[Piece]) -> tuple[tuple[Clip, str, str], ...]:
-    """Return two transitions from the first whole stride of each walk: the arms come in, and the arms go out."""
+    """Return transitions (arms in, arms out) from each walk's first stride that neither begins nor ends at rest."""
     first: dict[str, Piece] = {}
     for piece in kept:
         if piece.kind == WALK and not (piece.segment.starts_standing or piece.segment.ends_standing):
@@ -386,13 +386,13 @@ def _transitions(kept: Sequence[Piece]) -> tuple[tuple[Clip, str, str], ...]:
 
 
 def _held(clip: Clip, weight: Floats | None = None, suffix: str = "held") -> Clip:
-    """Return the clip with its arms held by ``weight`` (F,) in [0, 1], fully if None."""
+    """Return the clip with its arms held by ``weight`` (F,) in [0, 1], fully if None, and ``suffix`` after its name."""
     edited = edit_arms(clip, np.ones(clip.frame_count) if weight is None else weight)
     return Clip(f"{clip.name}_{suffix}", edited.skeleton, edited.root_positions, edited.rotations)
 
 
 def _at(clip: Clip, times: Floats, name: str) -> Clip:
-    """Return the clip resampled at ``times`` (n,), in frames, by interpolation."""
+    """Return the clip resampled at ``times`` (n,) from 0 [frames], by interpolation, under another ``name``."""
     before = np.floor(times).astype(np.int64)
     after = np.minimum(before + 1, clip.frame_count - 1)
     share = (times - before)[:, None]

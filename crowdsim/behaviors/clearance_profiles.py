@@ -70,7 +70,7 @@ def measure_profile(name: str, library: Path, heights: Floats = HEIGHTS) -> Clea
 def representative_heights(
     profiles: Sequence[ClearanceProfile], bands: Sequence[tuple[float, float]]
 ) -> tuple[float, ...]:
-    """Return the height in each band (low, high) at which the widest behavior is widest, the lowest of equal ones [m].
+    """Return the height in each band (low, high) at which any behavior is widest, the lowest of equal ones [m].
 
     One horizontal plane at this height represents the band best. It is one of the measured heights, which all profiles
     share; the middle of a band in which none lies.
@@ -99,7 +99,10 @@ def write_profile(profile: ClearanceProfile, library: Path) -> Path:
 
 
 def draw_profiles(profiles: Sequence[ClearanceProfile], bands: Sequence[tuple[str, float, float]]) -> Figure:
-    """Draw diameters over height for each behavior, and the layers' bands (name, low, high) (2018 paper, figure 2)."""
+    """Draw diameters over height for each behavior, with the layers' bands and planes (2018 paper, figure 2).
+
+    ``bands`` are (name, low, high) [m], lowest first. A line marks the representative height of each band.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 6.0), dpi=110, layout="constrained")

@@ -115,7 +115,7 @@ def node_phases(behavior_set: BehaviorSet) -> Floats:
         if not alike:
             raise MotionError(f"node '{node_name}' was cut from a clip that its behavior does not have")
         # Several clips may share a name (transitions from two behaviors to a third): take the one with these poses. The
-        # root is left out, as the pool has it relative to the track.
+        # root, joint 0, is left out, as the pool has it relative to the track.
         shown = graph.poses.pool_rotations[rows, 1:]
         number = int(np.argmin([_difference(clip, first, last, shown) for clip in alike]))
         key = behavior, name, number
@@ -172,10 +172,11 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
     Raises
     ------
     MotionError
-        If the preferred behavior has none.
+        If the preferred behavior, the last one, has none.
     """
     arrays = behavior_set.graph.arrays
     natural = np.array([natural_speed(gait) for gait in gaits])
+    # A node of L frames has L + 1 poses. Of each pose: its node, its number in the node, and the frames that follow.
     counts = arrays.node_frames.astype(np.int64) + 1
     nodes = np.repeat(np.arange(len(counts)), counts)
     frames = np.arange(len(nodes)) - arrays.node_track[nodes].astype(np.int64)
@@ -183,7 +184,8 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
     left = arrays.node_frames[nodes] - frames
     velocity, turn = _movement(arrays.tracks, frames, left)
     speed = hypot(velocity[:, 0], velocity[:, 1])
-    # Direction and turning rate, now and on average until the node ends.
+    # Direction and turning rate, now and on average until the node ends; its last pose, with no frame left, has turned
+    # by 0, which any rate allows.
     wanted = natural[behavior]
     aheads = np.abs(velocity[:, 1]) <= tan(_MOST_ASIDE) * velocity[:, 0]
     last = (arrays.node_track + arrays.node_frames)[nodes]
@@ -236,8 +238,8 @@ def find_exits(behavior_set: BehaviorSet, entries: Entries, phases: Floats) -> N
     frames = np.arange(len(nodes)) - arrays.node_track[nodes].astype(np.int64)
     velocity, turn = _movement(arrays.tracks, frames, arrays.node_frames[nodes] - frames)
     speed = hypot(velocity[:, 0], velocity[:, 1])
-    # An exit may go twice as far aside as an entry. A body stands STAND after a landing, be it of the left foot (0) or
-    # of the right one (0.5).
+    # An exit may go twice as far aside as an entry. Frames in which a body stands have the phase STAND after the
+    # landing of the left foot (0) or of the right foot (0.5).
     aside = np.abs(velocity[:, 1]) > tan(2.0 * _MOST_ASIDE) * velocity[:, 0]
     walks = ~aside & (speed >= _WALKING * entries.natural_speed[arrays.node_behavior[nodes]])
     stands = (np.abs(np.mod(phases, 0.5) - STAND) < 1e-9) & (speed < _AT_REST) & (np.abs(turn) < _MOST_TURN)
@@ -246,18 +248,23 @@ def find_exits(behavior_set: BehaviorSet, entries: Entries, phases: Floats) -> N
 
 
 def entry_origins(entries: Entries, rows: NDArray[np.int64], poses: Floats) -> Floats:
-    """Return node origins (n, 3) that give frames of entries ``rows`` (n,) the world track poses ``poses`` (n, 3)."""
+    """Return node origins (n, 3) with which the frames of entries ``rows`` (n,) have the track poses ``poses`` (n, 3).
+
+    Origins and poses are x, y [m] and heading [rad] in the world.
+    """
     return compose(poses, invert(entries.track[rows]))
 
 
 def _movement(tracks: Floats, frames: NDArray[np.int64], left: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """Return velocities (P, 2), ahead and left [m/s], and turning rates (P,) [rad/s], by central differences.
 
-    The differences stay within the node: ``frames`` and ``left`` (P,) are the numbers of its frames before and after.
+    ``tracks`` (P, 3) are x, y [m] and heading [rad] of all frames of all nodes. The differences stay within the node:
+    ``frames`` and ``left`` (P,) are the numbers of frames of the node before each frame and after it.
     """
     reach = round(_AROUND * CAPTURE_RATE)
     rows = np.arange(len(tracks))
     before, after = np.minimum(frames, reach), np.minimum(left, reach)
+    # The maximum is for a node of a single frame, which has no movement.
     moved = (tracks[rows + after] - tracks[rows - before]) * (CAPTURE_RATE / np.maximum(before + after, 1))[:, None]
     c, s = cos(tracks[:, 2]), sin(tracks[:, 2])
     velocity = np.stack([c * moved[:, 0] + s * moved[:, 1], c * moved[:, 1] - s * moved[:, 0]], axis=1)
@@ -265,9 +272,10 @@ def _movement(tracks: Floats, frames: NDArray[np.int64], left: NDArray[np.int64]
 
 
 def _lead_on(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
-    """Return (N,) bool: whether a node leads on: it ends standing or leads to a stand, and is not idle itself.
+    """Return for each node (N,) whether the graph goes on from it: True if all of these hold.
 
-    Among the nodes that may follow it is one that is not idle.
+    The node is not idle itself; some node that may follow it is not idle; and it ends standing, or a path leads from it
+    to a stand (``stop_edge``).
     """
     arrays = behavior_set.graph.arrays
     source = np.repeat(np.arange(len(arrays.node_frames)), np.diff(arrays.edge_start))
@@ -277,7 +285,7 @@ def _lead_on(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
 
 
 def _plain(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
-    """Return (N,) bool: whether a node was cut from a clip of its own behavior, not from a transition."""
+    """Return for each node (N,) whether it was cut from a walking clip of its behavior, not from a transition."""
     own = {(number, clip.name) for number, clips in enumerate(behavior_set.clips) for clip in clips.clips}
     graph = behavior_set.graph
     names = (clip_frames(name)[0] for name in graph.node_names)
@@ -285,9 +293,10 @@ def _plain(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
 
 
 def _foot_places(behavior_set: BehaviorSet, rows: NDArray[np.int64], phases: Floats) -> Floats:
-    """Return (n, 2) the ball of the foot that landed last in pose rows ``rows``, from the track: ahead, left [m].
+    """Return, for poses ``rows`` (n,), how far ahead and left of the track the foot that landed last is (n, 2) [m].
 
-    ``phases`` (n,) are those of these rows [cycles].
+    The place of a foot is its ball, or the ankle if the skeleton has no toe. ``phases`` (n,) are the phases of the
+    poses [cycles].
     """
     poses, skeleton = behavior_set.graph.poses, behavior_set.graph.skeleton
     places, _ = forward_kinematics(

@@ -68,7 +68,7 @@ def natural_speed(gait: Clip) -> float:
 
 
 def _gait(behavior: Behavior, clips: Sequence[Clip]) -> Clip:
-    """Return the part of a clip around its straightest cycle that costs least and can be deformed.
+    """Return, of the parts of ``clips`` around their best cycles, the one that costs least and can be deformed.
 
     Raise MotionError with one of the reasons if there is none.
     """
@@ -99,9 +99,9 @@ def _gait(behavior: Behavior, clips: Sequence[Clip]) -> Clip:
 
 
 def _around_cycle(clip: Clip, speed: float) -> Clip:
-    """Return the part of a clip around its best cycle near ``speed`` [m/s]; the whole clip if none is found in a part.
+    """Return the part of a clip around its best cycle near ``speed`` [m/s].
 
-    Raise MotionError if the clip has no cycle.
+    Return the whole clip if this part by itself shows no cycle. Raise MotionError if the clip has no cycle.
     """
     times = find_cycle(clip, speed).times
     part = slice(max(int(times[0]) - _CONTEXT, 0), int(times[-1]) + _CONTEXT + 1)
@@ -114,7 +114,7 @@ def _around_cycle(clip: Clip, speed: float) -> Clip:
 
 
 def _cost(behavior: Behavior, cycle: Cycle) -> tuple[float, str]:
-    """Return how far a cycle is from the behavior (m/s plus radians), and why it cannot be used; '' if it can."""
+    """Return how far a cycle is from a behavior (m/s and radians, summed), and why it is unusable; '' if it is not."""
     way = cycle.track[-1, :2] - cycle.track[0, :2]
     speed = cycle.stride / cycle.seconds
     steps = np.diff(cycle.track[:, :2], axis=0)
@@ -129,7 +129,7 @@ def _cost(behavior: Behavior, cycle: Cycle) -> tuple[float, str]:
         reason = f"goes {np.degrees(aside):.0f} degrees off the way that '{behavior.name}' goes"
     elif turn > _MOST_TURN:
         reason = f"turns by {np.degrees(turn):.0f} degrees"
-    # The last term: what the way is longer than straight, as a speed, so that winding costs something.
+    # The last term: by how much the way is longer than straight, as a speed, so that winding costs something.
     return abs(speed - behavior.speed) + turn + aside + (length - cycle.stride) / cycle.seconds, reason
 
 

@@ -1,4 +1,8 @@
-"""Read behaviors with their clips, measure them, order them, and join them into one motion graph."""
+"""Read behaviors with their clips, measure them, order them, and join them into one motion graph.
+
+Arguments of helpers: ``files``, ``clips`` and ``radii`` of behaviors by name, the radii (bands,) in [m]; ``library``,
+the folder of behavior folders; ``bands``, height bands of the layers; others as of :func:`load_behavior_set`.
+"""
 
 from __future__ import annotations
 
@@ -39,6 +43,7 @@ LEGS_TOP = 0.60
 layer."""
 
 Band = tuple[float, float]
+"""Lowest and highest height above the floor of a layer [m]."""
 
 Made = TypeVar("Made")
 
@@ -138,7 +143,7 @@ def load_behavior_set(
     Raises
     ------
     BehaviorError
-        If a file is wrong, own behaviors are given with ``captures``, no motion leads to one and back, or none is used.
+        If a file is wrong, own behaviors come with ``captures``, no motion leads to one and back, or one is never used.
     MotionError
         If a clip cannot be read, cut or joined.
 
@@ -153,7 +158,7 @@ def load_behavior_set(
     library = library_folder("behaviors") if library is None else library
     folders = {folder.name: folder for folder in (behavior_folder(name, beside or Path(), library) for name in names)}
     files = {name: read_behavior(name, folder.parent) for name, folder in folders.items()}
-    # Made of captures. An own behavior that lists ``idle`` or ``transitions`` is read as those of the library are.
+    # Made of captures. Own behaviors that list ``idle`` or ``transitions`` are read like those of the library.
     captured = {name: file for name, file in files.items() if file.captured}
     if captures is not None:
         if any(is_own(name) for name in names):
@@ -206,7 +211,10 @@ def _load_captured(
     joints: Mapping[str, str] | None,
     speed: float | None,
 ) -> BehaviorSet:
-    """Load the behaviors ``files`` from captures; synthesize missing movements, or all if the graph is disconnected."""
+    """Load the behaviors ``files`` from the captures ``paths`` in ``folder``.
+
+    Missing movements are synthesized, or all movements if the captured ones do not join into one graph.
+    """
     # Imported late: it compiles the kernels that deform clips.
     from crowdsim.behaviors.captured import captured_set, read_captures
 
@@ -233,7 +241,11 @@ def _load_captured(
 def _joined_captures(
     found: CapturedSet, files: dict[str, BehaviorFile], library: Path, bands: Sequence[Band]
 ) -> BehaviorSet:
-    """Return the behaviors made of captures, narrowest first, and their graph; notes name captured pieces not in it."""
+    """Return the behaviors made of captures, narrowest first, and their graph; notes name captured pieces not in it.
+
+    Raise BehaviorError if one would never be used, or has no node in the graph, and MotionError if one has no node for
+    standing.
+    """
     given = found.behaviors
     order = sorted(given, key=lambda name: (float(given[name].radii.max()), name))
     clips = {name: given[name].clips for name in order}
@@ -275,7 +287,7 @@ def _joined_captures(
 
 
 def _library_clips(file: BehaviorFile, folder: Path, names: Sequence[str]) -> BehaviorClips:
-    """Return the clips of a behavior file; transitions only from and to behaviors in ``names``."""
+    """Read the clips of a behavior file; transitions only if they lead from and to behaviors in ``names``."""
     return BehaviorClips(
         tuple(read_clip(folder / entry.file) for entry in file.clips),
         tuple(read_clip(folder / entry.file) for entry in file.idle),
@@ -302,7 +314,10 @@ def _measured(bands: Sequence[Band]) -> list[Band]:
 
 
 def _turning(name: str, clips: BehaviorClips, bands: Sequence[Band]) -> NDArray[np.float64] | None:
-    """Return the largest reach (2, bands) while turning into a behavior, and out of it [m]; None if no clip does."""
+    """Return the largest reach (2, bands) while turning into a behavior, and out of it [m]; None if no clip does.
+
+    A row is 0 if clips turn only the other way.
+    """
     reaches: list[NDArray[np.float64]] = [np.zeros((2, len(bands)))]
     for clip, before, _ in clips.transitions:
         back = before == name
@@ -335,7 +350,7 @@ def _sources(
     radii: Mapping[str, NDArray[np.float64]],
     left_out: Mapping[str, Set[tuple[str, int, int]]] = MappingProxyType({}),
 ) -> list[MotionSource]:
-    """Return every clip with the index of its behavior; a transition carries the wider of its two behaviors.
+    """Return every clip with the index of its behavior in ``order``; a transition has the wider of its two behaviors.
 
     ``left_out`` lists for each behavior the pieces (clip, first frame, last frame) that must not become nodes.
     """

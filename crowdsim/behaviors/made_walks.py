@@ -83,9 +83,9 @@ def make_walks(maker: MotionMaker, needs: Sequence[str]) -> list[Clip]:
 
 
 def find_maker(clips: Sequence[Clip], speed: float | None = None) -> MotionMaker | None:
-    """Return a MotionMaker of the straightest walk near ``speed`` [m/s] among ``clips``; None if there is none.
+    """Return a MotionMaker of the walk among ``clips`` that is straightest and nearest to a speed; None without one.
 
-    ``speed`` is an ordinary one if None.
+    The speed is ``speed``, or _ORDINARY if that is None [m/s].
     """
     wanted = _ORDINARY if speed is None else speed
     ranked: list[tuple[float, int, Clip]] = []
@@ -103,9 +103,9 @@ def find_maker(clips: Sequence[Clip], speed: float | None = None) -> MotionMaker
 
 
 def _ahead(clip: Clip) -> list[Clip]:
-    """Return the stretches of a clip, of _SHORTEST or more, in which the body walks in the direction that it faces.
+    """Return the stretches of a clip, _SHORTEST or longer, in which the body walks in the direction that it faces.
 
-    That is the whole clip, of any length, if it does so all along.
+    If it does so all along, return the whole clip, however short.
     """
     track = track_of(clip)
     if len(track) < 2:
@@ -130,7 +130,7 @@ def speed_ahead(clip: Clip) -> float | None:
 
 
 def _cost(clip: Clip, wanted: float) -> float | None:
-    """Return how far the straightest cycle of a clip is from a straight walk at ``wanted`` m/s; None without one.
+    """Return how far the straightest cycle of a clip is from a straight walk at ``wanted`` m/s; None without a cycle.
 
     It is the angle by which the cycle turns and goes aside [rad], and half a radian for each m/s off.
     """

@@ -1,4 +1,4 @@
-"""Own behaviors: each made of the captures in a folder, and joined to one of the others by a walk that leads over."""
+"""Own behaviors: each made of the captures in a folder of the user, and joined to one other behavior by transitions."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.deformed.made_motions import MotionMaker
 
 COLORS = ("#2ca02c", "#ff7f0e", "#9467bd", "#8c564b", "#e377c2", "#bcbd22")
-"""Colors of own behaviors that say none, in order."""
+"""Colors of own behaviors whose files give none, in order."""
 
 
 @dataclass(frozen=True)
 class OwnBehaviors:
-    """What the folders of own behaviors give.
+    """What the folders of own behaviors give, by name of behavior.
 
-    files: what each is, with nothing missing. found: clips, clearances and what is left out. notes: a sentence each.
+    files: their ``behavior.yaml``, with speed and color filled in. found: clips, clearances and pieces that are left
+    out. notes: what was left out or synthesized, a sentence each.
     """
 
     files: dict[str, BehaviorFile]
@@ -42,15 +43,15 @@ def read_own(
 ) -> OwnBehaviors:
     """Make the behaviors ``files`` of their captures, on the skeleton of ``others``, which come from a library.
 
-    Without others, all take the skeleton of the first one. folders: where the captures of each are. bands: heights
-    (low, high) between which bodies are measured [m]; layers: their names in messages.
+    Without others, all take the skeleton of the first one. ``folders`` hold the captures of each. ``bands`` are heights
+    (low, high) between which bodies are measured [m]; ``layers`` are the names of the bands in messages.
 
     Raises
     ------
     MotionError
         If captures cannot be read, or none of them walks ahead for a whole cycle of steps.
     BehaviorError
-        If there are others, but none walks ahead, so that nothing could lead over to an own one.
+        If there are others, but none walks ahead, so that no transition to an own one can be made.
     """
     skeleton = next((clips.clips[0].skeleton for _, clips in others.values()), None)
     makers: dict[str, MotionMaker] = {}
@@ -85,7 +86,10 @@ def _made(
     layers: Sequence[str],
     skeleton: Skeleton | None,
 ) -> tuple[CapturedBehavior, MotionMaker, tuple[str, ...]]:
-    """Read a behavior from the captures in a folder; return it, its source of motions, and notes for the user."""
+    """Make a behavior of the captures in a folder; return it, its source of motions, and notes for the user.
+
+    If ``skeleton`` is given, all clips are brought to it. Raise MotionError if no clip walks ahead for a whole cycle.
+    """
     listed = [folder / clip.file for clip in file.clips]
     captures = read_captures(
         folder, listed or capture_paths(folder, CAPTURE_PATTERNS), bands, layers, None, None, skeleton
@@ -111,7 +115,7 @@ def _made(
 
 
 def _named(name: str, clips: Sequence[Clip]) -> tuple[Clip, ...]:
-    """Return the clips with the behavior's name before theirs, as synthesized clips have the same names in each."""
+    """Return the clips with the behavior's name before theirs, as all behaviors name synthesized clips alike."""
     return tuple(Clip(f"{name}_{clip.name}", clip.skeleton, clip.root_positions, clip.rotations) for clip in clips)
 
 
@@ -120,9 +124,10 @@ def _hub(
     own: Mapping[str, BehaviorFile],
     makers: Mapping[str, MotionMaker],
 ) -> tuple[str, MotionMaker]:
-    """Return the behavior that own ones join, and its source of motions: the cheapest of the library that walks ahead.
+    """Return the behavior that all own ones are joined to, and its source of motions.
 
-    Without ``others``, those of the library, it is the cheapest own one.
+    It is the cheapest of ``others``, which are of the library, that walks ahead. Without others, it is the cheapest own
+    one. Raise BehaviorError if there are others, but none walks ahead.
     """
     ahead = sorted((file.cost_per_meter, name) for name, (file, _) in others.items() if 0.0 in file.facing)
     for _, name in ahead:

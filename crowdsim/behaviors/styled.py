@@ -45,7 +45,7 @@ def _clips(
             )
         return made[Path(path).name]
 
-    # All clips made for the behavior but those for standing and the transitions are its own.
+    # Clips that are neither for standing nor transitions are the behavior's own, listed or not.
     apart = {Path(path).name for path in [*(e.file for e in file.idle), *(e.file for e in file.transitions)]}
     listed = {Path(entry.file).name: find(entry.file) for entry in file.clips}
     return BehaviorClips(

@@ -9,17 +9,19 @@ from crowdsim.behaviors.behavior import Behavior
 from crowdsim.errors import BehaviorError
 
 Band = tuple[float, float]
+"""Lowest and highest height above the floor of a layer [m]."""
 
 
 def layer_names(bands: Sequence[Band]) -> list[str]:
-    """Return the names of height bands [m] in messages."""
+    """Return the names of height bands [m] in messages: legs and torso if there are two, else their heights."""
     return ["legs", "torso"] if len(bands) == 2 else [f"height of {low:g} to {high:g} m" for low, high in bands]
 
 
 def _useless(behaviors: Sequence[Behavior]) -> list[tuple[Behavior, Behavior]]:
-    """Return pairs (narrow, wide) of behaviors of which the narrower costs less and fits wherever the wider does.
+    """Return pairs (narrow, wide) of behaviors of which the wide one is never used.
 
-    So the wider one is never used. Narrower is the one with the smaller greatest radius of all layers.
+    The narrow one costs less for each meter, fits wherever the wide one does (no radius is larger), and has a smaller
+    greatest radius.
     """
     return [
         (narrow, wide)
@@ -31,7 +33,7 @@ def _useless(behaviors: Sequence[Behavior]) -> list[tuple[Behavior, Behavior]]:
 
 
 def require_worth(behaviors: Sequence[Behavior]) -> None:
-    """Raise BehaviorError if a wider behavior costs more than a narrower one, which fits wherever it does."""
+    """Raise BehaviorError if a behavior would never be used, as a narrower one costs less and fits wherever it does."""
     for narrow, wide in _useless(behaviors):
         raise BehaviorError(
             f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii.max():.3f} m, {wide.radii.max():.3f} m)"
@@ -41,7 +43,7 @@ def require_worth(behaviors: Sequence[Behavior]) -> None:
 
 
 def never_used(behaviors: Sequence[Behavior]) -> list[str]:
-    """Return a sentence for each behavior that no plan can use."""
+    """Return a sentence for each behavior that no plan can use, as a narrower one is cheaper."""
     return [
         f"no plan asks for '{wide.name}': '{narrow.name}' is narrower ({narrow.radii.max():.3f} m, "
         f"{wide.radii.max():.3f} m) and cheaper"

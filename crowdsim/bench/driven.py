@@ -49,7 +49,7 @@ class Cost(NamedTuple):
 def measure(agents: int = AGENTS, steps: int = STEPS, rounds: int = ROUNDS) -> Measurement:
     """Compare a run and a driven simulation on each level.
 
-    Figures are medians of rounds; ``more_most_percent`` is the largest of them.
+    Figures are medians of rounds; only ``more_most_percent`` is the largest value of a round.
     """
     rows: list[dict[str, Any]] = []
     for level in _LEVELS:
@@ -72,7 +72,10 @@ def measure(agents: int = AGENTS, steps: int = STEPS, rounds: int = ROUNDS) -> M
 
 
 def compare(level: str, agents: int, steps: int) -> Cost:
-    """Take ``steps`` steps in turns, in a run and in a driven simulation of the same agents."""
+    """Take ``steps`` steps in turns, in a run and in a driven simulation of the same agents, and return what they cost.
+
+    Steps of the first FIRST seconds are taken before, and not timed. Raise CrowdSimError if states differ after a step.
+    """
     context = multiprocessing.get_context("spawn")
     pipes, children = [], []
     for simulate in (simulate_run, simulate_driven):
@@ -98,12 +101,18 @@ def compare(level: str, agents: int, steps: int) -> Cost:
 
 
 def simulate_run(level: str, agents: int, steps: int, turns: Connection) -> None:
-    """Run a simulation without a file, a step each time that ``turns`` has something; send its CPU time at the end."""
+    """Run a simulation without a file, and take a step for each message from ``turns``.
+
+    Send True when it is ready, the state's hash after each step, and a tuple of the CPU time at the end [s].
+    """
     first = _first(level)
     began = 0.0
 
     def take_turns(step: int, _: int, simulation: Simulation) -> None:
-        """Send the hash after each step and wait for the next turn; the clock starts after the first steps."""
+        """Send the hash after each step and wait for the next turn, except after the last step.
+
+        The clock starts after the first steps.
+        """
         nonlocal began
         if step == first:
             began = time.process_time()
@@ -119,7 +128,10 @@ def simulate_run(level: str, agents: int, steps: int, turns: Connection) -> None
 
 
 def simulate_driven(level: str, agents: int, steps: int, turns: Connection) -> None:
-    """Step a simulation and read all columns, as :func:`simulate_run` does; also send the time of reading."""
+    """Step a simulation for each message from ``turns``, and read all columns after each step.
+
+    Send the same messages as :func:`simulate_run`; the tuple at the end also holds the CPU time of reading [s].
+    """
     first = _first(level)
     began = read = 0.0
     with Simulation(hall(level, _LEVELS[level], agents), workers=1) as simulation:
@@ -143,5 +155,5 @@ def read_columns(simulation: Simulation) -> float:
 
 
 def _first(level: str) -> int:
-    """Return the number of steps before those that are compared."""
+    """Return the number of steps on ``level`` before those that are compared."""
     return round(FIRST * _LEVELS[level])

@@ -77,7 +77,7 @@ def measure() -> Measurement:
 
 
 def _row(recording: Recording, stem: Path, case: Case) -> dict[str, float]:
-    """Return MB and seconds of a format, at its second export: the first one loads modules."""
+    """Return MB and seconds of a format, with their limits, at its second export."""
     # The first export, of half a second, loads modules; the second one is measured.
     seconds = 0.0
     file = stem if case.kind == "bvh" else stem.with_suffix(f".{case.kind}")

@@ -42,7 +42,7 @@ agents:
 def measure(seconds: float = 60.0) -> Measurement:
     """Return CPU and wall-clock time of a film of ``seconds``, as ``crowdsim play --film`` makes it.
 
-    It is shorter if the run, of a minute, ends before.
+    The film is shorter if the run is, which ends after a minute at most. The limit of CPU time is in proportion.
     """
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -55,7 +55,7 @@ def measure(seconds: float = 60.0) -> Measurement:
             film(recording, folder / "film.mp4", end=length, processes=2)
             wall, cpu = time.perf_counter() - began, _cpu() - cpu
         size = (folder / "film.mp4").stat().st_size / 1e6
-    pictures = 30.0 * length  # a film has 30 a second unless told otherwise
+    pictures = 30.0 * length  # a film has 30 a second by default
     row = {
         "film_s": round(length, 2),
         "people": 30,

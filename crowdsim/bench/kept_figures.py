@@ -66,7 +66,7 @@ def machine_name(result: BenchResult) -> str:
 
 
 def _rows(file: Path) -> list[dict[str, str]]:
-    """Return the lines of a file, none if there is no file yet."""
+    """Return the lines of a file, by COLUMNS; none if there is no file yet. Raise CrowdSimError for another table."""
     if not file.exists():
         return []
     with file.open(encoding="utf-8", newline="") as lines:
@@ -78,12 +78,15 @@ def _rows(file: Path) -> list[dict[str, str]]:
 
 
 def _commit(folder: Path) -> tuple[str, str]:
-    """Return the commit that is checked out, with a ``+`` if files differ from it, and its date."""
+    """Return the commit that is checked out, with a ``+`` if files other than .csv differ from it, and its date.
+
+    Raise CrowdSimError if ``folder`` does not exist, or is in no repository with a commit.
+    """
     if not folder.is_dir():
         raise CrowdSimError(f"the folder {folder} does not exist; make it first")
     try:
         line = _git(folder, "log", "-1", "--format=%h %cs")
-        # The file itself does not count: several benchmarks are kept one after the other.
+        # Files of figures do not count: several benchmarks are kept one after the other.
         changed = _git(folder, "status", "--porcelain", "--untracked-files=no", ":/", ":(exclude,top,glob)**/*.csv")
     except (OSError, subprocess.CalledProcessError) as error:
         raise CrowdSimError(f"{folder} is in no git repository with a commit; figures are kept by commit") from error
@@ -92,6 +95,7 @@ def _commit(folder: Path) -> tuple[str, str]:
 
 
 def _git(folder: Path, *arguments: str) -> str:
+    """Return what git prints in ``folder``; raise CalledProcessError if it fails."""
     return subprocess.run(
         ["git", "-C", str(folder), *arguments], check=True, capture_output=True, text=True
     ).stdout.strip()

@@ -49,7 +49,10 @@ agents:
 
 
 def measure(seconds: float = SECONDS, agents: int = AGENTS) -> Measurement:
-    """Watch a simulation of each level for ``seconds`` of real time; clicks begin when all have come."""
+    """Watch a simulation of each level for ``seconds`` of real time, with ``agents`` agents.
+
+    A client begins to watch and click when all agents have come, or after 60 simulated seconds.
+    """
     if find_spec("websockets") is None:
         raise CrowdSimError("websockets is not installed; pip install 'crowdsim[live]'")
     rows = [_watched(level, rate, seconds, agents) for level, rate in _LEVELS.items()]
@@ -64,7 +67,7 @@ def hall(level: str, rate: int, agents: int) -> Scenario:
 
 
 def _watched(level: str, rate: int, seconds: float, agents: int) -> dict[str, Any]:
-    """Return the row of one level."""
+    """Return the row of one level with ``agents`` agents, at ``rate`` steps a second, watched for ``seconds``."""
     from crowdsim.live.opening import pack_opening
     from crowdsim.live.page import live_page
     from crowdsim.live.server import Server
@@ -76,14 +79,14 @@ def _watched(level: str, rate: int, seconds: float, agents: int) -> dict[str, An
             simulation.step()
         begun: list[float] = []
         with Server(live_page("hall"), pack_opening(simulation), "127.0.0.1", 0) as server:
-            # It ends some seconds after the client has begun to watch.
+            # The session ends ``seconds`` after the client has begun to watch.
             session = Session(simulation, server, lambda: time.perf_counter() > begun[0] + seconds)
             server.ask = session.ask
             mine, its = multiprocessing.get_context("spawn").Pipe()
             client = multiprocessing.get_context("spawn").Process(target=click, args=(server.address, agents, its))
             client.start()
             its.close()
-            mine.recv()  # it watches
+            mine.recv()  # the client watches
             begun.append(time.perf_counter())
             session.step_until_stopped(None)
         clicks = mine.recv()
@@ -105,11 +108,11 @@ def _watched(level: str, rate: int, seconds: float, agents: int) -> dict[str, An
 
 
 def click(address: str, agents: int, out: Connection) -> None:
-    """Watch the page at ``address`` until it ends, and send one of ``agents`` elsewhere at a time.
+    """Watch the page at ``address`` until it ends, and send one agent elsewhere with each click.
 
-    Sends True to ``out`` when it watches. Sends a dict at the end: ``pictures``, the number that came; by click
-    ``steps``, from the picture last seen to the step in which it took effect, and ``milliseconds`` until the picture of
-    that step came.
+    ``agents`` is the number of agents. Send True to ``out`` when this process watches, and a dict at the end:
+    ``pictures`` is the number of pictures that came. ``steps`` has for each click the number of steps from the picture
+    last seen to the step in which the click took effect; ``milliseconds`` the time until the picture of that step came.
     """
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
@@ -131,7 +134,10 @@ def click(address: str, agents: int, out: Connection) -> None:
 
 
 class _Clicks:
-    """Clicks one after the other, each after the one before has taken effect."""
+    """Clicks one after the other, each after the one before has taken effect; ``agents`` is the number of agents.
+
+    ``pictures`` is the number of pictures that came; ``steps`` and ``milliseconds`` are by click, see :func:`click`.
+    """
 
     def __init__(self, agents: int) -> None:
         self.pictures = 0
@@ -139,7 +145,8 @@ class _Clicks:
         self.steps: list[int] = []
         self.milliseconds: list[float] = []
         self._draws = np.random.default_rng(1)
-        # Steps of the last picture, of the picture seen at the last click, and of that in which the click takes effect.
+        # Steps of the last picture and of the picture seen at the last click, -1 before the first; and the step in
+        # which the click takes effect, None if no click is under way or its answer has not come.
         self._seen = self._sent = -1
         self._waits: int | None = None
         self._began, self._next = 0.0, time.perf_counter() + BETWEEN_CLICKS
@@ -161,7 +168,7 @@ class _Clicks:
                 self._next = now
         if now < self._next or self._seen < 0:
             return None
-        # Another place below the cart; the next click waits for the picture that shows this one, or for a refusal.
+        # Goals lie to the south of the cart. The next click waits for the picture that shows this one, or a refusal.
         self._sent, self._began, self._next = self._seen, now, np.inf
         goal = [float(self._draws.uniform(1.0, 39.0)), float(self._draws.uniform(2.0, 12.0))]
         agent = int(self._draws.integers(self._agents))

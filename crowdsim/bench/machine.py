@@ -43,6 +43,7 @@ def describe_versions() -> dict[str, str]:
 
 
 def _version(name: str) -> str:
+    """Return the version of a package, or ``"missing"``."""
     try:
         return version(name)
     except PackageNotFoundError:

@@ -65,7 +65,7 @@ _TIMES_OF_FRAMES = """() => {
 def measure() -> Measurement:
     """Return a row for each of two scenarios, and for each crowd in _CROWDS.
 
-    Figures are what is a float: names, ``same_bytes``, vertices and draw calls stand in the rows only.
+    Figures hold all floats of the rows; names, ``same_bytes``, vertices and draw calls are in the rows only.
     """
     rows: list[dict[str, Any]] = []
     with TemporaryDirectory() as name, _browser() as browser:
@@ -101,7 +101,7 @@ def _scenarios(folder: Path) -> Iterator[tuple[str, str]]:
 
 @contextmanager
 def _browser() -> Iterator[Any]:
-    """Lend a browser without a window; raise CrowdSimError if there is none."""
+    """Open a browser without a window for the block; raise CrowdSimError if there is none, or no Playwright."""
     found = next((path for path in map(shutil.which, _BROWSERS) if path), None)
     try:
         from playwright.sync_api import sync_playwright
@@ -120,7 +120,11 @@ def _browser() -> Iterator[Any]:
 
 
 def _row(recording: Recording, browser: Any, file: Path) -> dict[str, Any]:
-    """Return all measurements of one page, at its second export: the first one loads modules and kernels."""
+    """Return all measurements of one page, written to ``file``.
+
+    The time is that of its second export: the first one loads modules and kernels. ``heap_MB`` is 0 if the browser does
+    not tell it.
+    """
     write_page(recording, file)
     first = file.read_bytes()
     begin = time.perf_counter()
@@ -151,7 +155,8 @@ def _row(recording: Recording, browser: Any, file: Path) -> dict[str, Any]:
 def _errors(recording: Recording, page: Any) -> tuple[float, float]:
     """Return the largest error of a track's x or y, and of places of joints, at some moments [m].
 
-    Joints of agents that switched their level less than _SETTLED before do not count.
+    Joints of agents that switched their level less than _SETTLED before, or that are on no level, do not count. Moments
+    are spread evenly over the recording; both errors are 0 if no agent is shown at any of them.
     """
     track, joints = 0.0, 0.0
     count = min(max(_POSES // max(recording.most_present, 1), 1), _MOMENTS)

@@ -164,7 +164,10 @@ def run_bench(
     rvo2: Path | None = None,
     minutes: float | None = None,
 ) -> BenchResult:
-    """Run the benchmark ``name``; each option applies to some benchmarks only.
+    """Run the benchmark ``name``; options that are None are left to the benchmark, and each applies to some only.
+
+    ``maps``, ``worlds``, ``captures`` and ``rvo2`` are folders, ``picture`` is a file to draw. ``depth`` holds size
+    arguments of ``MotionMaps.build``. ``minutes`` are simulated ones [min].
 
     Raises
     ------

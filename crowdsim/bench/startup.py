@@ -69,7 +69,7 @@ def measure() -> Measurement:
                 "help": _seconds(["-m", "crowdsim", "--help"]),
                 **_stages(Path(folder) / "first.h5"),
             }
-            if repeat:
+            if repeat:  # the first children compile and warm up
                 for stage, seconds in times.items():
                     samples[stage].append(seconds)
     rows = [

@@ -31,7 +31,10 @@ _MOST_SECONDS = 600.0
 
 
 def measure(points: int = 200, calls: int = 20, killed_points: int = 40, kills: int = 10) -> Measurement:
-    """Sweep ``points`` seeds, run ``calls`` of them one by one, and kill a sweep of ``killed_points`` ``kills`` times.
+    """Sweep ``points`` seeds, run ``calls`` of them one by one, analyze a plaza, and kill another sweep repeatedly.
+
+    The other sweep has ``killed_points`` points. It is killed ``kills`` times, then goes on to its end. The figure
+    ``kills`` counts the times at which it was still running.
 
     Raises
     ------
@@ -52,7 +55,7 @@ def measure(points: int = 200, calls: int = 20, killed_points: int = 40, kills: 
         before = time.perf_counter(), _cpu()
         _call(["analyze", "plaza.h5"], folder)
         rows.append(_row("analyze plaza", 1, before))
-        # In the same folder, fewer points need no run.
+        # The table to compare with: points that are done in this folder need no run again.
         _call(_sweep("whole", killed_points), folder)
         done = _kill(folder, killed_points, kills)
         _call(_sweep("killed", killed_points), folder)
@@ -90,10 +93,12 @@ def _cpu() -> float:
 
 
 def _sweep(folder: str, points: int) -> list[str]:
+    """Return the arguments of a sweep of SCENARIO with the seeds from 1 to ``points``."""
     return ["sweep", SCENARIO, folder, "--seeds", f"1-{points}"]
 
 
 def _call(arguments: list[str], folder: Path) -> None:
+    """Run crowdsim with ``arguments`` in ``folder``; raise CrowdSimError if it fails."""
     command = [sys.executable, "-m", "crowdsim", *arguments]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     if done.returncode:
@@ -101,11 +106,15 @@ def _call(arguments: list[str], folder: Path) -> None:
 
 
 def _kill(folder: Path, points: int, kills: int) -> int:
-    """Start a sweep and kill all its processes, again and again at random moments; return how often that was."""
+    """Start a sweep and kill all its processes at a random moment, ``kills`` times; return how often it was running.
+
+    A sweep that ends before its moment does not count.
+    """
     draw, done = random.Random(_SEED), 0
     command = [sys.executable, "-m", "crowdsim", *_sweep("killed", points)]
     for left in range(kills, 0, -1):
-        # Let a random number of points be done, at most an even share for each kill left, and then some time pass.
+        # Wait until a random number of further points are done. It is at most an even share of the points left for each
+        # kill left, so that later kills find points to do, too.
         found = _done(folder)
         wanted = found + draw.randint(0, max((points - found) // left, 0))
         running = subprocess.Popen(
@@ -114,9 +123,9 @@ def _kill(folder: Path, points: int, kills: int) -> int:
         until = time.monotonic() + _MOST_SECONDS
         while running.poll() is None and _done(folder) < wanted and time.monotonic() < until:
             time.sleep(0.05)
-        # Seconds: so the kill comes anywhere in the start of the program or in the next points.
+        # A random time longer than a start or a point takes, so that the kill may come anywhere in either.
         time.sleep(draw.uniform(0.0, 3.0))
-        # A sweep that has ended by itself does not count, and has no processes left to kill.
+        # A sweep that has ended by itself has no processes left to kill.
         done += running.poll() is None
         with contextlib.suppress(ProcessLookupError):
             os.killpg(running.pid, signal.SIGKILL)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from crowdsim.cli.options import Debug, Json, MapDepth, read_map_depth
+from crowdsim.cli.options import Debug, Json, read_map_depth
 
 
 def bench(
@@ -19,7 +19,8 @@ def bench(
     worlds: Annotated[
         Path | None,
         typer.Option(
-            metavar="FOLDER", help="For environment and planner: the folder with small_house.glb and the other worlds."
+            metavar="FOLDER",
+            help="For environment, planner, plan-soundness: the folder with small_house.glb and the other worlds.",
         ),
     ] = None,
     picture: Annotated[
@@ -35,7 +36,14 @@ def bench(
     minutes: Annotated[
         float | None, typer.Option(metavar="MIN", help="For soak: simulated minutes to run [default: 60].")
     ] = None,
-    depth: MapDepth = None,
+    depth: Annotated[
+        str | None,
+        typer.Option(
+            "--depth",
+            metavar="N|METERSm",
+            help="For motion-maps: how far maps look ahead, in nodes, as 4, or in meters, as 3.5m.",
+        ),
+    ] = None,
     keep: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Add the figures, with the commit, to the file of this machine in FOLDER."),

@@ -47,7 +47,7 @@ def examine() -> dict[str, Any]:
 
 
 def _threads() -> dict[str, Any]:
-    """Return number and kind of numba's threads."""
+    """Return the number of numba's threads, and the threading layer that runs them."""
     import numba
     from numba.np.ufunc.parallel import _launch_threads  # numba chooses the layer only when threads start
 
@@ -56,7 +56,7 @@ def _threads() -> dict[str, Any]:
 
 
 def _drawing() -> dict[str, Any]:
-    """Return the backend that pictures are drawn with, or what to install if there is none."""
+    """Return ``backend``, with which pictures are drawn, and ``remedy``, what to install; one of both is None."""
     from crowdsim.errors import DrawingUnavailable
     from crowdsim.playback.drawing_backend import find_backend
 

@@ -36,11 +36,16 @@ class Terminated(KeyboardInterrupt):
 
 @contextmanager
 def _terminated_as_interrupted() -> Iterator[None]:
-    """Raise Terminated on SIGTERM inside the block; afterwards, as Python ends, the signal does what it did before."""
+    """Raise Terminated on SIGTERM inside the block; restore the former handler of the signal afterwards.
+
+    In other threads than the main one, change nothing.
+    """
 
     def terminate(number: int, frame: FrameType | None) -> None:
+        """Raise Terminated: the handler of SIGTERM."""
         raise Terminated
 
+    # Python sets handlers of signals in its main thread only.
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -67,6 +72,7 @@ def _show_warning(
 
 
 _usual_warning = warnings.showwarning
+"""Python's own function, kept before :meth:`Commands.invoke` replaces it."""
 
 
 def remember_debug(context: typer.Context, wanted: bool) -> bool:
@@ -87,7 +93,7 @@ class Commands(TyperGroup):
                 result = super().invoke(ctx)
             sys.stdout.flush()
             return result
-        except BrokenPipeError:
+        except BrokenPipeError:  # the reader of the output is gone, as with `| head`: not an error
             _discard_stdout()
             raise typer.Exit(0) from None
         except (KeyboardInterrupt, Exception) as error:
@@ -104,7 +110,11 @@ class Commands(TyperGroup):
 
 
 def describe(error: BaseException) -> tuple[str, int]:
-    """Return the message and the exit code of an error."""
+    """Return the message to print for an error, and the exit code.
+
+    Interruptions, and errors of an import that one made fail, are INTERRUPTED or TERMINATED. Errors of crowdsim name
+    their own code. Errors of the operating system count as bad input, all others as bugs.
+    """
     error = _interruption_behind(error) or error
     if isinstance(error, Terminated):
         return str(error) or "terminated", TERMINATED
@@ -113,6 +123,7 @@ def describe(error: BaseException) -> tuple[str, int]:
     if isinstance(error, CrowdSimError):
         return "\n".join(f"error: {line}" for line in str(error).splitlines()), error.exit_code
     if isinstance(error, OSError):
+        # Without a working folder no relative path is found, so the file's name would mislead.
         if isinstance(error, FileNotFoundError) and _is_nowhere():
             return "error: the folder in which this was started does not exist any more; change to another", BAD_INPUT
         place = f"{error.filename}: " if error.filename else ""
@@ -123,7 +134,7 @@ def describe(error: BaseException) -> tuple[str, int]:
 
 
 def _interruption_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """Return the interruption that made an import fail: numpy and others turn it into an ImportError."""
+    """Return the interruption that made an import fail, which numpy and others turn into an ImportError; else None."""
     cause: BaseException | None = error if isinstance(error, ImportError) else None
     while cause is not None and not isinstance(cause, KeyboardInterrupt):
         cause = cause.__cause__ or cause.__context__
@@ -140,6 +151,6 @@ def _is_nowhere() -> bool:
 
 
 def _discard_stdout() -> None:
-    """Discard further output, because its reader is gone (``| head``), so that Python's last flush succeeds."""
+    """Send further output to nowhere, because its reader is gone (``| head``): Python's last flush then succeeds."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())

@@ -52,7 +52,10 @@ def read_size(text: str) -> tuple[int, int]:
 
 
 def read_map_depth(text: str | None) -> dict[str, Any]:
-    """Return size arguments of ``MotionMaps.build``: none by default, else a depth in nodes or meters."""
+    """Return size arguments of ``MotionMaps.build``: none without a text, else a depth in nodes or meters.
+
+    Raise a usage error unless the number is above 0 and below 1000.
+    """
     if text is None:
         return {}
     meters = text.endswith("m")
@@ -61,7 +64,9 @@ def read_map_depth(text: str | None) -> dict[str, Any]:
     except ValueError:
         number = 0
     if not 0 < number < 1000:
-        raise typer.BadParameter(f"'{text}' is neither nodes, as 4, nor meters, as 3.5m", param_hint="--depth")
+        raise typer.BadParameter(
+            f"'{text}' is neither nodes, as 4, nor meters, as 3.5m, above 0 and below 1000", param_hint="--depth"
+        )
     # Of nodes and meters, the one that is not given is so large that it sets no bound; entries bound the memory.
     most = {"max_entries": 100_000}
     return most | ({"depth": 1000, "reach": number} if meters else {"depth": number, "reach": 1e3})
@@ -90,7 +95,7 @@ def read_unit(unit: str | None) -> float | None:
 
 
 def read_joints(given: list[str]) -> dict[str, str]:
-    """Return joint names by role from ``ROLE=NAME`` entries; raise a usage error for anything else."""
+    """Return joint names by role from ``ROLE=NAME`` entries; raise a usage error for any other form."""
     for entry in given:
         if not all(entry.partition("=")):
             raise typer.BadParameter(f"'{entry}' is not ROLE=NAME, as in left_hip=BoneA7", param_hint="--joint")

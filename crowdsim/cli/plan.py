@@ -71,6 +71,7 @@ def plan(
     labels = {"start": "from m", "end": "to m", "length": "length m", "cost": "cost"}
     rows = [{label: f"{section[key]:.2f}" for key, label in labels.items()} for section in sections]
     print_rows([{"behavior": section["behavior"], **row} for section, row in zip(sections, rows, strict=True)])
+    # The gap is infinite if the planner proves no lower bound of the cost.
     above = f"no more than {path.gap:.1%} above the cheapest there is"
     if not math.isfinite(path.gap):
         above = "the planner proves no bound of the cheapest there is"
@@ -85,7 +86,7 @@ def plan(
 
 
 def _sections(path: AnnotatedPath, behaviors: Sequence[Behavior]) -> list[dict[str, Any]]:
-    """Return the sections of a path with behavior, extent and cost."""
+    """Return the sections of a path with behavior, start, end and length along the path [m], and cost."""
     return [
         {
             "behavior": behaviors[section.behavior].name,

@@ -26,7 +26,10 @@ def play(
     ] = None,
     browser: Annotated[
         bool,
-        typer.Option("--browser", help="Show it in the browser instead of a window, as a temporary page."),
+        typer.Option(
+            "--browser",
+            help="Show it in the browser instead of a window, as a temporary page, without --color and --size.",
+        ),
     ] = False,
     time: Annotated[
         list[float] | None,
@@ -59,7 +62,7 @@ def play(
     """Show a recording in a window, or make a picture or a film of it."""
     if (shot is not None) + (film is not None) + browser > 1:
         raise typer.BadParameter("choose one of --shot, --film and --browser")
-    times = list(dict.fromkeys(time or ()))
+    times = list(dict.fromkeys(time or ()))  # each time once
     if times and shot is None:
         raise typer.BadParameter("only --shot takes a time", param_hint="--time")
     if film is None and (start is not None or end is not None):
@@ -94,7 +97,10 @@ def play(
 
 
 def _open_window(recording: Recording, camera: dict[str, Any]) -> None:
-    """Play the recording in a window; without a display, say how to play it in a browser instead."""
+    """Play the recording in a window; without a display, say how to play it in a browser instead.
+
+    ``camera`` holds the other arguments of :func:`~crowdsim.playback.window.window`.
+    """
     from crowdsim.playback.window import window
 
     try:
@@ -107,7 +113,11 @@ def _open_window(recording: Recording, camera: dict[str, Any]) -> None:
 
 
 def _open_page(recording: Recording, view: str, agent: int | None, paths: bool) -> None:
-    """Write a page to a temporary folder, which stays for the browser, and open it."""
+    """Write a page to a temporary folder, which stays for the browser; open the page, and print its name.
+
+    The page shows ``view``, with ``agent`` selected if it is given. Without ``paths`` it draws none at first, else the
+    default ones of pages.
+    """
     from crowdsim.export.page.page import PageOptions, write_page
 
     page = Path(tempfile.mkdtemp(prefix="crowdsim-")) / f"{recording.path.stem}.html"
@@ -118,7 +128,10 @@ def _open_page(recording: Recording, view: str, agent: int | None, paths: bool) 
 
 
 def _make_film(recording: Recording, out: str, camera: dict[str, Any]) -> None:
-    """Write the film ``out`` with a progress bar; Ctrl-C ends it between two pictures."""
+    """Write the film ``out`` with a progress bar; Ctrl-C ends it between two pictures.
+
+    ``camera`` holds the other arguments of :func:`~crowdsim.playback.film.film`.
+    """
     from crowdsim.cli.progress import Interruption, progress_bar
     from crowdsim.playback.film import film
 
@@ -126,6 +139,7 @@ def _make_film(recording: Recording, out: str, camera: dict[str, Any]) -> None:
         task = bar.add_task(out, total=None)
 
         def show(done: int, count: int) -> None:
+            """Show how many pictures are done; raise a signal that was held back."""
             interruption.heed()
             bar.update(task, completed=done, total=count)
 

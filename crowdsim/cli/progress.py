@@ -1,4 +1,7 @@
-"""Progress on stderr: preparation, compilation, simulation, drawing; silent unless stderr is a terminal."""
+"""Progress on stderr: preparation, compilation, simulation, drawing.
+
+Bars are shown on a terminal only. Elsewhere, one line is printed if kernels have to be compiled, and nothing else.
+"""
 
 from __future__ import annotations
 
@@ -52,8 +55,8 @@ class Interruption:
 
     A KeyboardInterrupt inside a lock, or in a callback of another library, can be lost or leave the lock closed. A
     Ctrl-C after a first signal raises at once, as do all signals while ``waits`` is False. Ctrl-C is left alone if it
-    is ignored or has another handler than Python's own, SIGTERM if it is ignored or its handler is not of Python.
-    ``asked`` is what came last, or None.
+    is ignored or has another handler than Python's own. SIGTERM is left alone if it is ignored or its handler is not a
+    Python function. ``asked`` is the exception of the last signal that was held back, or None.
     """
 
     def __init__(self, waits: bool = True) -> None:
@@ -74,12 +77,15 @@ class Interruption:
             signal.signal(number, handler)
 
     def heed(self) -> None:
-        """Raise KeyboardInterrupt or Terminated if such a signal has come."""
+        """Raise the exception of the signal that was held back, if there is one."""
         if self.asked is not None:
             raise self.asked
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        """Note a signal for the end of the step; raise at once for a Ctrl-C after another one, or if nothing waits."""
+        """Hold a signal back until :meth:`heed`: the handler of both signals.
+
+        Raise its exception at once for a Ctrl-C after a signal that was held back, or if ``waits`` is False.
+        """
         again = number == signal.SIGINT and self.asked is not None
         asked = Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
         if again or not self.waits:
@@ -90,8 +96,8 @@ class Interruption:
 class FirstRun:
     """Progress of the compilation in a first run, estimated from the times in ``first_run.json``.
 
-    Kernels count when they appear in the cache, whichever process compiled them. ``missing`` is the CPU time of those
-    that were not there at first [s]; ``processes``, how many compile them.
+    Kernels count when they appear in the cache, whichever process compiled them. ``missing`` is the CPU time that it
+    takes to compile those that were not in the cache at first [s]; ``processes``, the number of processes that compile.
     """
 
     def __init__(self) -> None:
@@ -104,21 +110,22 @@ class FirstRun:
         self.missing = sum(self._seconds.values())
         self.processes = 1
         self._begin = time.monotonic()
-        self._looked = -LOOK_SECONDS
+        self._looked = -LOOK_SECONDS  # so that the first call reads the cache
         self._state = (0, 0, "")
 
     def state(self) -> tuple[int, int, str]:
-        """Return the number of compiled kernels, that of all, and the time left in words, empty if all are compiled.
+        """Return how many kernels are compiled, of how many, and the time left in words, empty if all are compiled.
 
-        Only those count that a first run compiles and that were missing at first.
+        Only kernels count that a first run compiles and that were not in the cache at first. The cache is read again
+        after LOOK_SECONDS.
         """
         now = time.monotonic()
         if now - self._looked >= LOOK_SECONDS:
             kept = self._compiled_kernels()
             rest = sum(taken for name, taken in self._seconds.items() if name not in kept)
             done = self.missing - rest
-            # Begin with the pace of the machine that wrote the file; use the pace measured here once 5 s of that CPU
-            # time are compiled.
+            # The pace is the time of the clock for each second of CPU time in the file. Begin as if this machine were
+            # as fast as the one that wrote the file; use the pace measured here once 5 s of that CPU time are compiled.
             pace = (now - self._begin) / done if done > 5.0 else 1.0 / self.processes
             left = f"about {max(round(pace * rest), 1)} s left" if rest > 0.0 else ""
             self._state = sum(name in kept for name in self._seconds), len(self._seconds), left
@@ -126,7 +133,7 @@ class FirstRun:
         return self._state
 
     def sentence(self) -> str:
-        """Return what is said where no bar is shown.
+        """Return the sentence to print if no bar is shown.
 
         "About a minute" is a guess for kernels that ``first_run.json`` does not list.
         """
@@ -137,7 +144,7 @@ class FirstRun:
 class FirstRunElsewhere:
     """Context manager that shows what other processes compile, by what appears in the cache.
 
-    A line below those of ``bar`` while kernels appear; where the bar is not shown, one line on stderr.
+    It shows a line below those of ``bar`` while kernels appear. If the bar is not shown, it prints one line on stderr.
     """
 
     def __init__(self, bar: Progress) -> None:
@@ -146,7 +153,8 @@ class FirstRunElsewhere:
         self._bar = bar
         self._first_run = FirstRun()
         self._done = self._first_run.state()[0]
-        # An empty cache is filled for sure; one that lacks some kernels may never need them.
+        # An empty cache is filled for sure, so the line is shown at once. One that lacks some kernels may never need
+        # them: there the line is shown only after a kernel has appeared.
         self._grew_at = -QUIET_SECONDS if compiled_kernels() else time.monotonic()
         self._task: TaskID = bar.add_task("", total=None, visible=False)
         self._is_said = False
@@ -163,11 +171,16 @@ class FirstRunElsewhere:
         self._bar.remove_task(self._task)
 
     def _watch(self) -> None:
+        """Look every LOOK_SECONDS until the block ends, in a thread of its own."""
         while not self._over.wait(LOOK_SECONDS):
             self.look()
 
     def look(self) -> None:
-        """Count the kernels in the cache, and show the line, or hide it."""
+        """Count the kernels in the cache; show the line while other processes compile, else hide it.
+
+        They count as compiling if kernels are left and the last one appeared less than QUIET_SECONDS ago. If the bar is
+        not shown, print :meth:`FirstRun.sentence` instead, once.
+        """
         done, total, left = self._first_run.state()
         if done != self._done:
             self._done, self._grew_at = done, time.monotonic()
@@ -180,9 +193,9 @@ class FirstRunElsewhere:
 
 
 class RunProgress:
-    """A progress bar on a terminal; elsewhere only one line if kernels have to be compiled.
+    """Context manager with a progress bar on a terminal; elsewhere it prints one line if kernels have to be compiled.
 
-    If many have to be, other processes help. Use it as a context manager. ``step`` is the callback of
+    If many have to be compiled, other processes help. ``step`` is the callback of
     ``Simulation.run``. From ``begin_steps`` to ``end_steps``, a first Ctrl-C or SIGTERM ends the run at the end of its
     step, see :class:`Interruption`.
     """
@@ -208,6 +221,7 @@ class RunProgress:
         self._is_terminal = self._bar.console.is_terminal
         self._task: TaskID = self._bar.add_task(f"{self._title}: preparing", total=None)
 
+        # numba calls a listener for each compilation. The class is made here, as its base is imported only now.
         calls = {"on_start": self._compiling, "on_end": self._compiling_ended}
         self._watcher = type("Watcher", (event.Listener,), {name: staticmethod(call) for name, call in calls.items()})()
         event.register("numba:compile", self._watcher)
@@ -224,7 +238,7 @@ class RunProgress:
         self._bar.stop()
 
     def maps(self, done: int, nodes: int) -> None:
-        """Show for how many nodes of the motion graph the map is built, until it is for all."""
+        """Show that ``done`` of the motion graph's ``nodes`` have a map; show steps again when all have one."""
         self._maps = (done, nodes) if done < nodes else (0, 0)
         self._show()
 
@@ -238,13 +252,17 @@ class RunProgress:
         self._interruption.heed()
 
     def step(self, step: int, steps: int, simulation: Any) -> None:
-        """Show that ``step`` of ``steps`` is done; raise KeyboardInterrupt after Ctrl-C."""
-        self._interruption.heed()
+        """Show that ``step`` of ``steps`` is done; raise KeyboardInterrupt after Ctrl-C, Terminated after SIGTERM."""
+        # Count the step first: it is complete, also if a signal ends the run now.
         self._steps = (step, steps)
         self._show()
+        self._interruption.heed()
 
     def _compiling(self, event: Any) -> None:
-        """Note a kernel that is compiled; numba calls this for kernels missing in the cache, and for their helpers."""
+        """Note a kernel that is compiled; numba calls this for kernels missing in the cache, and for their helpers.
+
+        For the first one, let other processes compile ahead, and print the sentence if there is no terminal.
+        """
         self._compiled.append(event.data["dispatcher"].py_func.__name__)
         if self._first_run is None:
             from crowdsim.first_run import CompilingAhead
@@ -256,11 +274,12 @@ class RunProgress:
         self._show()
 
     def _compiling_ended(self, event: Any) -> None:
+        """Note that numba has compiled the kernel or helper that it began last."""
         self._compiled.pop()
         self._show()
 
     def _show(self) -> None:
-        """Show the kernel that is being compiled, else the maps being built, else the steps done."""
+        """Show the kernel that is being compiled (not its helpers), else the maps being built, else the steps done."""
         (done, total), title = self._steps, self._title if self.steps_done else f"{self._title}: preparing"
         if self._compiled and self._first_run is not None:
             done, total, left = self._first_run.state()
@@ -268,4 +287,4 @@ class RunProgress:
         elif self._maps[1]:
             (done, total), title = self._maps, f"{self._title}: motion maps"
         self._bar.update(self._task, completed=done, description=title)
-        self._bar.tasks[0].total = total or None
+        self._bar.tasks[0].total = total or None  # `update` cannot set it to None, unknown

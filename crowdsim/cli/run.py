@@ -55,6 +55,7 @@ def run(
     if page:
         require_writable(page_file)
 
+    # What an interruption leaves, for its message.
     left = f"{file} was not written"
     with RunProgress(loaded.name) as progress:
         from crowdsim.crowd.simulation import Simulation
@@ -80,14 +81,20 @@ def run(
 
 
 def _output_file(output: str | None, name: str) -> Path:
-    """Return the file of a recording, as given or after the scenario's name, if it can be written."""
+    """Return the file of a recording: ``output``, or by default ``name``.h5, of the scenario's name.
+
+    Raise CrowdSimError if it cannot be written.
+    """
     file = Path(output if output is not None else f"{_file_name(name)}.h5")
     require_writable(file)
     return file
 
 
 def _tell(notes: Sequence[str]) -> None:
-    """Print notes on captures: what was made of them and left out; ``motion info`` prints the rest."""
+    """Print up to _MOST_NOTES notes on captures, and how many more there are.
+
+    Notes on motions that were made of captures ("made ...") come first.
+    """
     first = sorted(notes, key=lambda note: not note.startswith("made"))
     for note in first[:_MOST_NOTES]:
         typer.echo(f"note: {note}", err=True)
@@ -123,6 +130,7 @@ def check(
             task = bar.add_task(f"{scenario}: reading", total=None)  # meshes of thousands of parts take a while
 
             def parts(done: int, total: int) -> None:
+                """Show how many parts of meshes are on the layers."""
                 bar.update(task, completed=done, total=total, description=f"{scenario}: parts on the layers")
 
             loaded = load_scenario(scenario, overrides or [], parts)
@@ -134,6 +142,7 @@ def check(
     except CrowdSimError as error:
         if not as_json:
             raise
+        # Errors of scenario files list all problems; other errors are one message.
         problems = [asdict(problem) for problem in getattr(error, "problems", ())] or [{"message": str(error)}]
         typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": [], "notes": []}))
         raise typer.Exit(error.exit_code) from None
@@ -159,7 +168,7 @@ def recover(
     ] = None,
     debug: Debug = False,
 ) -> None:
-    """Make a recording from the file that a killed run left, marked as incomplete; and the scenario, if commanded."""
+    """Make a recording from the file that a killed run left. If the run had commands, also write its scenario."""
     from crowdsim.recording.recovery import recover as recover_part
 
     with recover_part(part, output) as recording:

@@ -28,7 +28,7 @@ def serve(
     ] = None,
     open_page: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
     host: Annotated[
-        str, typer.Option("--host", help="Address to listen at; others than this machine reach only what you name.")
+        str, typer.Option("--host", help="Address to listen at; at the default one, only this machine can connect.")
     ] = "127.0.0.1",
     workers: Annotated[int, typer.Option("--workers", min=1, help="Threads that search motion or steer.")] = 2,
     overrides: Overrides = None,
@@ -50,6 +50,7 @@ def serve(
         simulation = Simulation(loaded, workers=workers, preparing=progress.maps)
     with simulation:
         ended, steps, late = _serve(simulation, file, (host, port), speed, open_page)
+    # Only a signal ends a session, so the command always ends as one that was interrupted.
     done = f"{steps} steps, {late} of them late"
     if file is not None and steps:
         saved = simulation.save_scenario(file.with_suffix(".yaml"))
@@ -61,7 +62,10 @@ def serve(
 def _serve(
     simulation: Simulation, file: Path | None, address: tuple[str, int], speed: float, open_page: bool
 ) -> tuple[KeyboardInterrupt, int, int]:
-    """Run and serve until a signal comes; return it, and the numbers of steps and late steps."""
+    """Run and serve until a signal comes; return its exception, and the numbers of steps and of late steps.
+
+    ``file`` is the recording to write, or None; ``address`` is host and port; ``speed`` is a multiple of real time.
+    """
     from crowdsim.cli.progress import Interruption
     from crowdsim.live.opening import pack_opening
     from crowdsim.live.page import live_page
@@ -83,7 +87,7 @@ def _serve(
 
 
 def _require_names(file: Path) -> None:
-    """Refuse names of the recording and of the scenario beside it before the work is done."""
+    """Raise CrowdSimError if the recording or the scenario beside it cannot be written, or have one name."""
     if file.suffix.lower() in (".yaml", ".yml"):
         raise CrowdSimError(f"{file}: a recording and a scenario beside it are written; choose a name like run.h5")
     require_writable(file)
@@ -91,6 +95,7 @@ def _require_names(file: Path) -> None:
 
 
 def _require_websockets() -> None:
+    """Refuse to start without the package websockets, which is an extra."""
     try:
         import websockets  # noqa: F401
     except ImportError:

@@ -12,7 +12,7 @@ from crowdsim.cli.errors_shown import NOBODY_ARRIVED
 from crowdsim.cli.tables import print_table
 
 _ON_TIME = 0.1
-"""Delay of an event that is not reported [s]: it waits for the next step anyway."""
+"""Largest delay of an event that is not reported [s]: every event waits for the next step."""
 
 
 _NAMED = 5
@@ -25,7 +25,7 @@ _NEVER = {
 
 
 def tell_summary(summary: dict[str, Any], as_json: bool) -> None:
-    """Print the summary of a run; exit with NOBODY_ARRIVED if nobody could arrive."""
+    """Print the summary of a run; if nobody could arrive, also print why, and exit with NOBODY_ARRIVED."""
     if as_json:
         typer.echo(json.dumps(summary))
     else:
@@ -37,9 +37,9 @@ def tell_summary(summary: dict[str, Any], as_json: bool) -> None:
 
 
 def nobody_arrived(summary: Mapping[str, Any]) -> str | None:
-    """Return why no agent arrived; None if one arrived or made a round, or without such a reason.
+    """Return why no agent arrived; None if one arrived or made a round, or if no reason is known.
 
-    Reasons are that all agents lack a way or wait, with at least one that lacks it, and that none ever appeared. Agents
+    Known reasons: every agent lacks a way or waits, and at least one lacks a way; or no agent ever appeared. Agents
     that commands removed or never added do not count.
     """
     count = summary["characters"] - summary["removed"] - summary["not_added"]
@@ -88,7 +88,10 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _left_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return rows (label, text): the agents on the way at the end and those that did not enter, by group."""
+    """Return rows (label, text): agents on the way at the end, how many of them waited, and agents that did not enter.
+
+    There is no row for a number of 0. Agents are given by group.
+    """
     rows = []
     for label, key in (("  on the way at the end", "on_the_way"), ("  did not enter", "not_entered")):
         groups = {name: agents for name, agents in summary[key].items() if agents}
@@ -100,7 +103,7 @@ def _left_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _numbered(agents: Sequence[int]) -> str:
-    """Return how many agents there are, and the numbers of the first few."""
+    """Return how many ``agents`` there are, at least one, and the numbers of the first _NAMED of them."""
     numbers = ", ".join(map(str, agents[:_NAMED])) + (", ..." if len(agents) > _NAMED else "")
     return f"{len(agents)} (agents {numbers})" if len(agents) > 1 else f"1 (agent {numbers})"
 
@@ -121,12 +124,12 @@ def _level_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _left(exit_: Mapping[str, Any]) -> str:
-    """Return how many agents left through an exit, and until when."""
+    """Return how many agents left through an exit, and when the last one did."""
     return str(exit_["left"]) if exit_["last"] is None else f"{exit_['left']}, the last one at {exit_['last']:.1f} s"
 
 
 def _measured_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return density and speed in the areas, passages and flow at the lines."""
+    """Return rows (label, text): density and speed in each area, passages and flow at each line."""
     rows = []
     for name, area in summary["areas"].items():
         density, most = (_quantity(area[key], "{:.2f}") for key in ("density", "density_most"))
@@ -140,7 +143,10 @@ def _measured_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return how many events happened, which ones late or never, and how many paths were planned again for them."""
+    """Return rows (label, text): how many events happened, which late or never, and how many paths were planned again.
+
+    There are none if no event was due. A delay of up to _ON_TIME is not late.
+    """
     events = summary["events"]
     if not events:
         return []
@@ -156,7 +162,10 @@ def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _stand_rows(stands: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return how far from goals and required headings those agents stood that had to stand there."""
+    """Return a row (label, text): how many agents stood at goals, and how far off goals and required headings at most.
+
+    There is none if no agent stood; the heading is left out if none was required.
+    """
     if not stands["stood"]:
         return []
     text = f"{stands['stood']}, {100.0 * stands['off_goal_most']:.1f} cm off at most"
@@ -169,8 +178,8 @@ def _search_row(searches: Mapping[str, Any]) -> tuple[str, str]:
     """Return label and text: the number of motion searches, what happened to some, and the median time to a motion.
 
     ``sliced``: searches of more than one slice. ``backtracked``: how often one would have had to change nodes already
-    played. ``recovered``: how often a search from behind played nodes found a motion; one search may count in either
-    several times. The time is None if no search has found any nodes.
+    played. ``recovered``: how often a search from behind played nodes found a motion. One search may count several
+    times in ``backtracked`` and in ``recovered``. The time is left out if no search has found any nodes.
     """
     text = str(searches["asked"])
     if searches["sliced"]:
@@ -183,9 +192,11 @@ def _search_row(searches: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _quantity(value: float | None, form: str) -> str:
+    """Return a value in a format, as ``{:.1f} s``; "none" if it is None."""
     return "none" if value is None else form.format(value)
 
 
 def _shares(shares: Mapping[str, float]) -> str:
+    """Return the shares above 0 in percent, with their names."""
     present = [f"{name} {share:.0%}" for name, share in shares.items() if share > 0]
     return ", ".join(present) or "no agent went here"

@@ -24,9 +24,11 @@ def print_table(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print mappings with the same keys under a header line; None is shown as nothing."""
+    """Print mappings with the same keys under a header line, nothing without any; None leaves its cell empty."""
     from rich.table import Table
 
+    if not rows:  # without a row, the keys of the header are unknown
+        return
     table = Table(box=None, pad_edge=False, header_style="cyan")
     for key in rows[0]:
         number = any(isinstance(row[key], int | float) for row in rows)
@@ -37,7 +39,7 @@ def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _print(table: Table) -> None:
-    """Print a table, as wide as it is if the output goes to a file or a pipe."""
+    """Print a table: wrapped to the width of a terminal; in full width to a file or a pipe."""
     from rich.console import Console
 
     console = Console(markup=False, highlight=False)
@@ -45,5 +47,5 @@ def _print(table: Table) -> None:
         console.width = 10_000
     with console.capture() as text:
         console.print(table)
-    # Not printed by rich, which pads every line, and ends the process if the reader is gone.
+    # Print it with typer: rich pads every line, and ends the process if the reader of a pipe is gone.
     typer.echo("\n".join(line.rstrip() for line in text.get().splitlines()))

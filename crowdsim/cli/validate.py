@@ -69,6 +69,7 @@ def validate(
     task = bar.add_task("validating", total=None)
 
     def progress(done: int, total: int, what: str) -> None:
+        """Show how many runs are done, and print a line for the one that has just ended."""
         bar.update(task, completed=done, total=total)
         bar.console.print(f"{done} of {total}: {what}", markup=False, highlight=False, soft_wrap=True)
 

@@ -30,7 +30,8 @@ _INSTEAD = {
     **dict.fromkeys(("behavior", "level"), "it follows from the room that an agent has"),
     "state": "simulation.add(group), set_goal(agents, goal) and remove(agents) change it",
 }
-"""What to do instead of writing a column, by name."""
+"""What to do instead of writing a column, by its name, as the end of an error message."""
+
 _OWN_INSTEAD = "a system writes own columns; see simulation.add_column and add_system"
 
 
@@ -153,6 +154,7 @@ class Agents:
 
 
 def _column(values: Any, dtype: Any) -> NDArray[Any]:
+    """Return values as a read-only array."""
     column = np.array(values, dtype)
     column.flags.writeable = False
     return column

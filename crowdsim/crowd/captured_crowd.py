@@ -48,7 +48,7 @@ AT_ONCE = 256
 """Number of agents in the world for which memory is taken at first; more get it as they come."""
 
 LEAD_SECONDS = 0.2
-"""Time before its need at which a plan is requested, if that is known [s]."""
+"""Time by which a plan is requested before it is needed, if that moment is known [s]."""
 
 
 class CapturedCrowd:
@@ -94,7 +94,7 @@ class CapturedCrowd:
             lead=max(1, round(LEAD_SECONDS * scenario.steps_per_second)),
         )
         self._behavior_set = behavior_set
-        # Without any speed of an agent, no natural one is needed, which not all clips show.
+        # The natural speed is needed only if some agent has a speed of its own; not all clips show one.
         if not np.isnan(self.cast.speeds).all():
             self.plans.paces.keep(self.cast.speeds, self.natural_speed)
         self.hash = 0
@@ -109,7 +109,7 @@ class CapturedCrowd:
 
     def _make_ready(self) -> None:
         """Warm up: run one search so that roadmap, regions and kernels are ready before the first step."""
-        # That of the agent that must stand nearest to its goal, which needs most: motions are bent for it.
+        # Search for the agent that must stand nearest to its goal. That runs most kernels, as motions are bent for it.
         strictest = int(np.argmin(self.cast.stand_within))
         start, within = self.cast.starts[strictest], float(self.cast.stand_within[strictest])
         for goal in self.cast.goals[strictest]:
@@ -178,13 +178,13 @@ class CapturedCrowd:
         rows = self.plans.rows_of_agents(view)
         for agent, place in zip(agents.tolist(), places, strict=True):
             row = int(rows[agent])
-            # It has reserved its last steps out of the world, without a stop.
+            # It has reserved its last steps out of the world, without a stop: it leaves all the same.
             if row != NONE and view.gone_slot[row] < FOREVER:
                 continue
             self.itineraries.redirect(agent, place, stays)
             self.despawning.arrived[agent] = NONE
             self.plans.away.discard(agent)
-            # Outside of the world, it asks for another motion before it enters.
+            # An agent outside of the world drops its plan, and requests another one before it enters.
             if row == NONE:
                 self.plans.forget(agent)
                 self.spawning.forget(agent)
@@ -233,7 +233,8 @@ class CapturedCrowd:
     def react(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
         """Let events happen if no agent is in the way, and hand out plans; return the numbers of those events.
 
-        ``in_the_way`` tells whether an agent that is not captured stands where a movable is to appear.
+        ``in_the_way`` returns True if an agent that is not captured stands on the area, given by its footprints, in
+        which a movable is to appear.
         """
         happened = self.events.apply(view, in_the_way)
         # Results are handed out one step after their slices began, whatever the number of workers.
@@ -256,7 +257,7 @@ class CapturedCrowd:
         search_on(self.plans, self.world.view())
 
     def end_step(self) -> None:
-        """Count the step, and forget its new routes: a run without a recording does not ask for them."""
+        """Count the step, and drop its new routes: a run without a recording does not read them."""
         if not self._has_begun_work:
             raise RuntimeError("begin_work() was not called in this step: nobody would get a motion")
         self._has_begun_work = False
@@ -268,7 +269,7 @@ class CapturedCrowd:
         return self.environment.placing(movable)
 
     def new_routes(self) -> list[Route]:
-        """Return the paths that agents follow since the last call, or since the step before ended."""
+        """Return the paths that agents have begun to follow since the last call, or since the step before ended."""
         routes = [Route(agent, *labeled_points(route)) for agent, route in self._new_routes]
         self._new_routes.clear()
         return routes

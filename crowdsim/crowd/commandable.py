@@ -21,9 +21,10 @@ from crowdsim.scenario.schema.values import Part
 
 
 class Commandable(ABC):
-    """Takes commands: the part of a simulation that own systems read and steer.
+    """The part of a simulation that own systems read, and to which they give commands.
 
-    Each command is carried out with the next step.
+    Each command is carried out with the next step. Commands that change the place raise ScenarioError if the floor is
+    periodic, or the planner is ``collision3d``.
     """
 
     def __init__(self, scenario: Scenario, crowd: Crowd) -> None:
@@ -63,7 +64,7 @@ class Commandable(ABC):
         goal : (x, y), Polygon or mapping
             A point [m], a polygon of shapely, or the keys of a region in a scenario.
         on_arrival : "leave" or "stay"
-            Whether they leave the world there or stay.
+            If they leave the world there or stay.
 
         Raises
         ------
@@ -80,18 +81,22 @@ class Commandable(ABC):
 
         Parameters
         ----------
-        group : its name
-        count : how many come
-        start : (x, y) [m], a polygon of shapely, or the keys of a region; where the group starts if it is None
+        group : str
+            Name of the group.
+        count : int
+            How many agents come.
+        start : (x, y), Polygon or mapping, optional
+            A point [m], a polygon of shapely, or the keys of a region; by default, agents start where their group does.
 
         Returns
         -------
-        Their numbers (count,).
+        (count,) int64
+            Numbers of the agents.
 
         Raises
         ------
         ScenarioError
-            If the group has not so many left, or nobody can stand there.
+            If there is no such group on call, it has not so many agents left, or no agent can stand in ``start``.
         """
         agents = self._commands.next_on_call(group, count)
         self._give(add={"agents": agents} if start is None else {"agents": agents, "start": _region(start)})
@@ -158,7 +163,8 @@ class Commandable(ABC):
         Raises
         ------
         ScenarioError
-            If there is no such door, it is closed or was told to close, or a later event would become impossible.
+            If there is no such door, it is closed or a command closes it already, or a later event would become
+            impossible.
         """
         self._give(close=name)
 
@@ -173,7 +179,7 @@ class Commandable(ABC):
         Raises
         ------
         ScenarioError
-            If it is malformed, or its name is taken.
+            If it is malformed, its name is taken, or a later event would become impossible.
         """
         self._give(insert=obstacle)
 
@@ -191,16 +197,16 @@ class Commandable(ABC):
         name : str
             Name of an obstacle that may change: it was inserted, an event names it, or it is ``movable``.
         by : (float, float), optional
-            Displacement [m].
+            Displacement (x, y) [m].
         to : (float, float), optional
-            New center [m].
+            New center (x, y) [m]; not together with ``by``.
         rotation : float
-            Turn [degrees].
+            Turn about the center, counterclockwise [degrees].
 
         Raises
         ------
         ScenarioError
-            If there is no such obstacle, or it never changes.
+            If there is no such obstacle at that time, it never changes, or neither a new position nor a turn is given.
         """
         keys = {"name": name, "by": by, "to": to, "rotation": rotation or None}
         self._give(move={key: value for key, value in keys.items() if value is not None})
@@ -216,7 +222,7 @@ class Commandable(ABC):
         Raises
         ------
         ScenarioError
-            As for :meth:`move`.
+            If there is no such obstacle at that time, it never changes, or a later event would become impossible.
         """
         self._give(remove=name)
 
@@ -226,6 +232,7 @@ class Commandable(ABC):
         return np.asarray(self._removed | (self.crowd.arrivals >= 0) & (self.agents.state == AgentState.ABSENT))
 
     def _give(self, **keys: Any) -> None:
+        """Give a command, by its keys in a scenario, for the next step that can carry it out."""
         self._commands.give(self._step_of_commands() / self.scenario.steps_per_second, keys, self._left)
 
     @abstractmethod
@@ -252,7 +259,7 @@ class Commandable(ABC):
         match asked:
             case NewGoal():
                 region, places = places_in(self.scenario.environment, asked.goal, len(agents))
-                # Agents that leave there need no place of their own.
+                # There may be fewer places than agents that leave there: these need none of their own.
                 own = places[np.arange(len(agents)) % len(places)]
                 self.crowd.set_goal(agents[here], region, own[here], asked.on_arrival == "stay")
             case Added():

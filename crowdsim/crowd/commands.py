@@ -25,14 +25,17 @@ SOURCE = "command"
 
 
 class Commands:
-    """Commands of a run in order of time: those of its scenario, and those given while it runs."""
+    """Commands of a run in order of time: those of its scenario, and those given while it runs.
+
+    A command is due in the step nearest to its time; those that are due are carried out in order.
+    """
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self.given = sorted(scenario.commands, key=lambda command: command.at)
-        """All commands, whether their time has come or not."""
+        """All commands in order of time, whether their time has come or not."""
         self.called = Called(scenario)
-        """Agents on call, as all these commands leave them."""
+        """Which agents are on call after all these commands."""
         for command in self.given:
             self.called.take(command)
         # Number of commands carried out so far.
@@ -49,7 +52,7 @@ class Commands:
     def give(self, at: float, keys: Mapping[str, Any], left: NDArray[np.bool_]) -> None:
         """Add a command for time ``at`` [s], later than all that were carried out.
 
-        ``left`` (N,) says which agents have left.
+        ``keys`` are those of the command in a scenario, but for ``at``; ``left`` (N,) says which agents have left.
 
         Raises
         ------
@@ -95,7 +98,7 @@ class Commands:
         while self._obeyed < len(self.given) and round(self.given[self._obeyed].at * rate) <= step:
             self._obeyed += 1
         due = self.given[first : self._obeyed]
-        # Append to the timetable, which goes in order of time; read all anew if one comes before its last change.
+        # Append them to the timetable, which is in order of time. If one comes before the last change, read all anew.
         places = [(first + k, command) for k, command in enumerate(due) if command.changes_place]
         if places and places[0][1].at >= self._happened.last:
             for number, command in places:
@@ -109,6 +112,7 @@ class Commands:
         return self._happened.timetable()
 
     def _read(self, commands: list[Command]) -> TimetableReader:
+        """Return the timetable of the scenario's events together with some commands."""
         return read_timetable(self._scenario, self._scenario.environment.solids, commands)
 
     def _require_possible(self, command: Command, place: int, left: NDArray[np.bool_]) -> None:
@@ -127,7 +131,8 @@ class Commands:
             _refuse(command.action, "planner 'collision3d' needs a place that never changes")
         if scenario.floor.periodic is not None:
             _refuse(command.action, "a periodic floor cannot be changed during a run")
-        # Try it on a timetable with all commands: append it to that if it comes last, else read all anew.
+        # Try it on a timetable with all commands: append it if it comes last, else read all anew. An impossible command
+        # does not get into the timetable.
         if self._planned is None:
             self._planned = self._read(self.given)
         if place == len(self.given) and command.at >= self._planned.last:
@@ -141,4 +146,5 @@ class Commands:
 
 
 def _refuse(key: str, message: str) -> NoReturn:
+    """Raise ScenarioError: ``message`` says what is wrong with the command's ``key``."""
     raise ScenarioError([Problem(SOURCE, None, None, key, message)])

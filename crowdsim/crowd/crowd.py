@@ -51,10 +51,10 @@ class Crowd(Protocol):
 
     @property
     def expected(self) -> NDArray[np.bool_]:
-        """Return which agents (n,) are in the world, came through it, or come without a command.
+        """Return which agents (n,) have arrived, are in the world, or come without a command.
 
-        Commands are given while the run goes on. Not expected are those on call whom no command has added, and those
-        whom a command has removed before they arrived.
+        Commands are given while the run goes on. Not expected are agents on call that no command has added, and those
+        that a command has removed before they arrived.
         """
 
     @property
@@ -86,7 +86,7 @@ class Crowd(Protocol):
         """Begin the work that the next step waits for, on other threads, from the positions after this one."""
 
     def end_step(self) -> None:
-        """Close the step."""
+        """Count the step: it is over."""
 
     def header(self, scenario: Scenario) -> RecordingHeader:
         """Return the constant part of a recording."""
@@ -95,7 +95,7 @@ class Crowd(Protocol):
         """Return the present step of all agents; those outside the world are marked absent."""
 
     def new_routes(self) -> list[Route]:
-        """Return the paths that agents follow since the last call, or since the step before ended."""
+        """Return the paths that agents have begun to follow since the last call, or since the step before ended."""
 
     def placing(self, movable: int) -> Placing | None:
         """Return the placing of a movable; None while it is absent."""

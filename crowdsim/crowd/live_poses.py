@@ -75,7 +75,7 @@ class Poses(NamedTuple):
 class LivePoses:
     """Keeps the latest steps of a simulation, and poses bodies as a recording that ends with the last one does.
 
-    What it returns depends on the steps alone, not on when or how often it is asked.
+    What :meth:`latest` returns depends on the steps alone, not on when or how often it is called.
     """
 
     def __init__(self, header: RecordingHeader) -> None:
@@ -102,9 +102,9 @@ class LivePoses:
         """Keep a step."""
         row = tuple(np.array(getattr(frame, name), kind) for name, kind in COLUMN_TYPES.items())
         self._rows.append(row)
-        # Where captured bodies have planted their feet follows from all steps so far.
+        # The places where captured bodies have planted their feet follow from all steps so far, with the values that a
+        # recording has: rounded to the types of its columns.
         if self._followed is not None:
-            # As a recording keeps it: rounded to the types of its columns.
             self._followed.add(played_in(RecordedFrame(**dict(zip(COLUMN_TYPES, row, strict=True)))))
             self._feet.append(self._followed.states)
         self._count += 1
@@ -116,7 +116,7 @@ class LivePoses:
             raise CrowdSimError("nobody has a pose before the first step; call step() first")
         if self._latest is None:
             recent = _Recent(self._header, self._rows, self._feet)
-            # What it would else make anew in each step.
+            # Reuse the tables, which would else be made anew in each step.
             recent.pose_table, recent.foot_table, recent.gait_clips = self._table, self._foot_table, self._clips
             row = recent.steps - 1
             agents = np.flatnonzero(recent.levels[row] != Level.NOBODY)
@@ -159,10 +159,13 @@ class _Recent(ShownBodies):
     def foot_states(
         self, time: float, agents: NDArray[np.int64], node: NDArray[np.int32], frame: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return how the feet of ``agents`` are corrected; times are always those of steps."""
+        """Return how the feet of ``agents`` (n,) are corrected at ``time`` [s], which is always that of a step.
+
+        Nodes and frames are not needed, as the corrections of each step are kept.
+        """
         states: NDArray[np.float64] = self._feet[round(time * self.steps_per_second)][agents]
         return states
 
     def at_step(self, step: int) -> RecordedFrame:
-        """Return row ``step`` as arrays (N,)."""
+        """Return the columns (N,) of one of the steps kept, counted from the first of them."""
         return RecordedFrame(*(self._columns[name][step] for name in RecordedFrame._fields))

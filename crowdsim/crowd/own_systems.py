@@ -16,7 +16,7 @@ from crowdsim.errors import ColumnError, StageError, SystemFailed
 from crowdsim.yamlfile.messages import nearest
 
 STAGES = ("commands", "move", "record")
-"""Stages of a step: commands that are due are carried out, everybody moves, the state is recorded and read."""
+"""Stages of a step: commands that are due are carried out, all agents move, the state is recorded and read."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 _TAKEN = (*COLUMNS, "agent", "group")
@@ -187,7 +187,7 @@ class Systems:
         self._systems[name] = system
 
     def run(self, stage: str, simulation: Commandable) -> None:
-        """Run the systems that stand before ``stage`` and behind the one before it.
+        """Run the systems that stand between the previous stage and ``stage``, in order.
 
         Raises
         ------
@@ -217,13 +217,13 @@ class Systems:
             raise SystemFailed(f"{self._failed}; make a new Simulation")
 
     def require_outside(self) -> None:
-        """Raise StageError if a system is running, which must not take steps."""
+        """Raise StageError while a system runs: it must not take steps, or add columns or systems."""
         if self.running:
             raise StageError(f"system '{self.running}' runs within a step, and can neither take steps nor add to them")
 
 
 class Extensible:
-    """What takes own columns and systems: the part of a simulation that programs extend."""
+    """The part of a simulation to which programs add own columns and systems."""
 
     def __init__(self, count: int) -> None:
         self._systems = Systems(count)
@@ -236,16 +236,18 @@ class Extensible:
         name : str
             Small letters, digits and _.
         dtype : dtype
-            Of numbers, or bool.
+            Type of its values: numbers, or bool.
         default : value, or array of ``shape``
             What it holds for every agent, in the world or not, until a system writes it.
         shape : sequence of int
-            Of what it holds for one agent.
+            Shape of its value for one agent; () for a single number.
 
         Raises
         ------
         ColumnError
-            If the name is taken, or the default is none of that dtype and shape.
+            If the name is malformed or taken, the dtype is another one, or the default does not fit dtype and shape.
+        StageError
+            If a system calls this.
         """
         self._systems.require_outside()
         self._systems.add_column(name, dtype, default, tuple(shape))
@@ -260,14 +262,16 @@ class Extensible:
             of its class.
         before : str
             Stage of the step before which it runs, after systems added for it earlier: "commands" (those that are due
-            are carried out), "move" (everybody takes a step) or "record"; or another system.
+            are carried out), "move" (all agents take a step) or "record"; or another system.
 
         Raises
         ------
         StageError
-            If there is no such stage, or a system of this name.
+            If there is no such stage, there is a system of this name already, it has no method ``run``, or a system
+            calls this.
         ColumnError
-            If it declares a column that does not exist, or writes one that is read-only.
+            If ``reads`` or ``writes`` is no tuple of names, names a column that does not exist, or if ``writes`` names
+            one that is read-only.
         """
         self._systems.require_outside()
         self._systems.add_system(system, before)
@@ -279,7 +283,7 @@ def name_of(system: System) -> str:
 
 
 def _holds(kind: np.dtype[Any], fill: NDArray[Any]) -> bool:
-    """Return True if a column of ``kind`` can hold values: floating-point numbers rounded, all others as they are."""
+    """Return True if a column of ``kind`` can hold ``fill``: floats rounded, not to infinity; others as they are."""
     if kind.kind == "f":
         with np.errstate(over="ignore"):
             return bool(np.array_equal(np.isfinite(fill.astype(kind)), np.isfinite(fill)))
@@ -287,5 +291,6 @@ def _holds(kind: np.dtype[Any], fill: NDArray[Any]) -> bool:
 
 
 def _frozen(values: NDArray[Any]) -> NDArray[Any]:
+    """Return the array itself, made read-only."""
     values.flags.writeable = False
     return values

@@ -52,7 +52,7 @@ def require_ranks(scenario: Scenario) -> None:
 
 
 class RankedRun:
-    """The share of this process in a run on several.
+    """The part that this process has in a run on several processes.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class RankedRun:
         self._digests: list[int] = []
         """Of each step: the sum of the digests of the own rows."""
         self._environments: list[bytes] = []
-        """Of each step: the state of the place. This and the changes are noted in rank 0 only."""
+        """Of each step: the state of the place, as bytes. This and the changes are noted in rank 0 only."""
         self._changes: list[tuple[int, str | None, int]] = []
         """Number of a solid, its new footprint (WKT [m], None if it is gone), and the step from which it holds."""
 
@@ -124,7 +124,7 @@ class RankedRun:
         return summary
 
     def _steps(self, part: RankPart, progress: Callable[[int, int, Any], None] | None) -> None:
-        """Take all steps, and keep the own agents of each."""
+        """Take all steps, and append the own agents of each to ``part``."""
         crowd = self.crowd
         movables = self.scenario.environment.timetable.movables
         before: list[Placing | None] = [None] * len(movables)
@@ -146,7 +146,10 @@ class RankedRun:
         crowd.close()
 
     def _join(self, part: RankPart, measures: RunMeasures, writer: RecordingWriter | None) -> None:
-        """Join what all ranks have counted and written; rank 0 has the ``writer`` of the recording."""
+        """Join what all ranks have counted and written.
+
+        Rank 0 has the ``writer`` of the recording, the others have None.
+        """
         self.crowd.join()
         measures.join()
         # Summed up as int64, which MPI knows: the bits are those of the sum modulo 2^64.

@@ -118,9 +118,9 @@ class Simulation(Commandable, Extensible):
         """Return the bodies of all agents in the world, as the last step left them.
 
         They stand where :attr:`agents` has them. Captured bodies are those of a recording at the same time. Footsteps
-        of steered bodies, and the half second around a switch of level, follow in a recording from the way that
-        agents go on; here they follow from the way until now, as if agents went on so. So feet may be some
-        centimeters away, and a planted foot may slide when its agent turns.
+        of steered bodies, and bodies in the half second around a switch of level, depend in a recording on how the
+        agents walk afterwards. Here they depend on the way until now, as if agents went on like that. So feet may be
+        some centimeters away, and a planted foot may slide when its agent turns.
 
         Returns
         -------
@@ -138,7 +138,7 @@ class Simulation(Commandable, Extensible):
 
     @cached_property
     def header(self) -> RecordingHeader:
-        """Return what does not change from step to step, as a recording holds it."""
+        """Return the header of a recording: what does not change from step to step."""
         return self.crowd.header(self.scenario)
 
     @property
@@ -216,8 +216,8 @@ class Simulation(Commandable, Extensible):
         progress : callable, optional
             Called as ``progress(step, step_limit, simulation)`` after every step.
         until : callable, optional
-            Called as ``until(simulation)`` before every step, and may give commands; the run ends if it returns True,
-            and no longer when :attr:`finished` is True: return that if arrivals and ``duration`` are to count.
+            Called as ``until(simulation)`` before every step, and may give commands. The run ends only if it returns
+            True, whatever :attr:`finished` is: return that, too, if arrivals and ``duration`` are to end the run.
 
         Returns
         -------
@@ -333,11 +333,13 @@ class Simulation(Commandable, Extensible):
         return self.step_count + bool(self._systems.running)
 
     def _require_open(self) -> None:
+        """Raise CrowdSimError if the simulation takes no more steps: an own system has failed, or it is closed."""
         self._systems.require_sound()
         if self._closed:
             raise CrowdSimError(f"{self.scenario.name}: the simulation was run or closed; make a new Simulation")
 
     def _writer(self, output: Path) -> RecordingWriter:
+        """Return a writer of the recording ``output``; file names in its scenario start from its folder."""
         keys = self.scenario.to_yaml(output.resolve().parent)
         return RecordingWriter(output, replace(self.header, scenario_keys=keys))
 
@@ -351,7 +353,7 @@ class Simulation(Commandable, Extensible):
         writer.append(frame, self.crowd.hash)
 
     def _record_movables(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
-        """Record the movables whose placing differs from ``before``, and update that."""
+        """Record new movables, and those whose placing differs from ``before``; update ``before``."""
         movables = self.movables()
         for movable, _ in movables[len(before) :]:  # commands have inserted these
             before.append(None)
@@ -364,7 +366,7 @@ class Simulation(Commandable, Extensible):
 def _crowd_of(
     scenario: Scenario, workers: int, preparing: Callable[[int, int], None] | None, behavior_set: BehaviorSet
 ) -> Crowd:
-    """Return the crowd of a scenario: of one level if all its groups are, else of both."""
+    """Return the crowd of a scenario: of one level if all its groups are of that one, else of both levels."""
     if scenario.locomotions() == {"captured"}:
         return CapturedCrowd(scenario, workers, preparing, behavior_set=behavior_set)
     if scenario.locomotions() == {"steered"}:

@@ -25,7 +25,7 @@ class Column:
 
 
 class View:
-    """Live rows of all columns as attributes; valid until rows are added or removed."""
+    """Live rows of all columns as attributes: views, valid until rows are added or removed."""
 
     def __init__(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         self.__dict__.update(arrays)
@@ -78,7 +78,7 @@ class World:
 
     @property
     def bytes_an_entity(self) -> int:
-        """Return the memory of one row of all columns."""
+        """Return the memory of one row of all columns [bytes]."""
         return sum(array.dtype.itemsize * int(np.prod(array.shape[1:])) for array in self._arrays.values())
 
     def column(self, name: str) -> NDArray[Any]:
@@ -90,7 +90,10 @@ class World:
         return View({name: array[: self.count] for name, array in self._arrays.items()})
 
     def spawn(self, **values: Any) -> int:
-        """Request a new entity and return its id. Its row is added by :meth:`apply_changes`."""
+        """Request a new entity and return its id; its row is added by :meth:`apply_changes`.
+
+        ``values`` are those of some columns, of the columns' shapes; the others get their ``fill``.
+        """
         return int(self.spawn_many(1, **{name: np.asarray(value)[None] for name, value in values.items()})[0])
 
     def spawn_many(self, count: int, here: NDArray[np.bool_] | None = None, **values: Any) -> NDArray[np.int64]:
@@ -143,7 +146,7 @@ class World:
 
         ``rows`` are numbers of live rows, each once. Views taken before are no longer valid.
         """
-        # As many of the rows behind ``kept`` stay as rows before it go.
+        # ``kept`` rows stay. As many of the rows from there on stay as rows before it go: they fill the gaps.
         kept = self.count - len(rows)
         gaps = rows[rows < kept]
         last = np.setdiff1d(np.arange(kept, self.count), rows)

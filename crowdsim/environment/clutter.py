@@ -15,7 +15,7 @@ from crowdsim.geometry.elementary import cos, sin
 from crowdsim.geometry.polygons import buffered
 
 _TRIES = 500
-"""Draws in a row that find no place before the floor counts as full."""
+"""Number of draws in a row without a place after which the region counts as full."""
 
 _HEIGHTS = ((0.30, 0.60), (0.72, 1.10), (1.40, 2.20))
 """Heights [m] of seats, tables and cupboards."""
@@ -75,7 +75,10 @@ def draw_clutter(
 def _endless_solids(
     name: str, region: Polygon | MultiPolygon, sizes: tuple[float, float], generator: np.random.Generator
 ) -> Iterator[Solid]:
-    """Draw solids endlessly, around places in the bounds of the region; arguments as of :func:`draw_clutter`."""
+    """Draw solids endlessly, around random places in the bounds of the region, also off the region itself.
+
+    Arguments are those of :func:`draw_clutter`.
+    """
     low_x, low_y, high_x, high_y = region.bounds
     while True:
         x, y = generator.uniform((low_x, low_y), (high_x, high_y))
@@ -96,14 +99,14 @@ def _endless_solids(
 
 
 class _Taken:
-    """Outlines placed so far, in square cells at least as wide as any of them."""
+    """Outlines placed so far, in square cells of side ``cell`` [m], at least as wide as any outline."""
 
     def __init__(self, cell: float) -> None:
         self.cell = cell
         self.cells: dict[tuple[int, int], list[Polygon]] = {}
 
     def take(self, outline: Polygon) -> bool:
-        """Place ``outline`` and return True, unless it meets another one."""
+        """Place ``outline`` if it meets no other one; return whether it was placed."""
         column, row = (math.floor(value / self.cell) for value in outline.centroid.coords[0])
         near = [other for i in (-1, 0, 1) for j in (-1, 0, 1) for other in self.cells.get((column + i, row + j), ())]
         if shapely.intersects(outline, np.array(near, dtype=object)).any():
@@ -115,10 +118,11 @@ class _Taken:
 def open_ways(
     solids: Sequence[Solid], free: Polygon | MultiPolygon, joined: Sequence[Sequence[Polygon]], radius: float
 ) -> tuple[Solid, ...]:
-    """Remove the solids that would separate the regions of any entry of ``joined``, for a disc of ``radius``.
+    """Return the solids without those that would separate the regions of an entry of ``joined``, for a disc.
 
-    Between two rooms the fewest solids are removed that open a way. A region in which the disc has no place at all does
-    not count.
+    The middle of the disc can move within parts of the free floor, called rooms here. As long as the regions of an
+    entry meet two rooms, the fewest solids between the first room and another one are removed. A region in which the
+    disc has no place at all does not count.
 
     Parameters
     ----------
@@ -146,9 +150,12 @@ def open_ways(
 def _barring(
     solids: Sequence[Solid], free: Polygon | MultiPolygon, regions: Sequence[Polygon], radius: float
 ) -> set[int]:
-    """Return the indices of the fewest solids that, one behind the other, separate two rooms that the regions meet.
+    """Return the indices of the fewest solids, one behind the other, between two rooms that the regions meet.
 
-    Return none if the regions meet fewer than two rooms: parts of the free floor for the middle of the disc.
+    A room is a part of the free floor in which the middle of the disc of ``radius`` [m] can move. One of the two is the
+    first room, in order, that the regions meet; the other one is any that the fewest solids separate from it. The set
+    is empty if the regions meet fewer than two rooms. Raise GeometryError if other things than ``solids`` separate the
+    rooms.
     """
     outlines = np.array([solid.footprint for solid in solids], dtype=object)
     rooms = shapely.get_parts(buffered(shapely.difference(free, shapely.union_all(outlines)), -radius))
@@ -159,7 +166,8 @@ def _barring(
     # are closer than the disc is wide there is no room.
     beside, room = shapely.STRtree(rooms).query(outlines, predicate="dwithin", distance=1.02 * radius)
     one, other = shapely.STRtree(outlines).query(outlines, predicate="dwithin", distance=2.0 * radius)
-    # Breadth-first search from the solids around the first room, from solid to close solid or across a room.
+    # Breadth-first search from the solids around the first room: from a solid to one that is close, or to one across a
+    # room. It ends at a solid beside another room that the regions meet.
     before: dict[int, int | None] = dict.fromkeys(beside[room == met[0]].tolist())
     reached = list(before)
     for here in reached:

@@ -44,7 +44,13 @@ class Drawing:
 
 
 def read_dxf(file: Path, layers: Sequence[str] | None, floor_layer: str | None, units: str | None) -> Drawing:
-    """Read the model space of a drawing; see :func:`crowdsim.environment.floor_plans.read_floor_plan`."""
+    """Read the lines and areas of a drawing's model space, in meters.
+
+    Arguments are those of :func:`crowdsim.environment.floor_plans.read_floor_plan`. Entities that draw no curve or are
+    damaged are left out and reported. Raise PlaceError if ezdxf is not installed, the file cannot be read, its unit is
+    not one of buildings, it has more than :data:`_MANY` entities, or nothing is drawn on a layer that is named by
+    ``layers`` or ``floor_layer``.
+    """
     document = _document(file)
     report: list[str] = []
     meters = _meters(file, document, units, report)
@@ -60,8 +66,8 @@ def read_dxf(file: Path, layers: Sequence[str] | None, floor_layer: str | None, 
         name = str(entity.dxf.layer)
         seen.add(name)
         hidden = name in known and (known[name].is_off() or known[name].is_frozen())
-        # Layers that are asked for by name are read even if they are hidden; without names, those that are shown, and
-        # the floor's in any case.
+        # Named layers are read even if they are hidden. Without names, all layers that are shown are read, and the
+        # floor's in any case.
         if name not in wanted if wanted is not None else hidden and name != floor_layer:
             continue
         try:
@@ -76,7 +82,7 @@ def read_dxf(file: Path, layers: Sequence[str] | None, floor_layer: str | None, 
             others[entity.dxftype()] = others.get(entity.dxftype(), 0) + 1
         else:
             (areas if kind == "area" else lines).append((name, shape))
-    # A layer that was asked for by name and has nothing on it is a mistake in the name.
+    # A named layer with nothing on it is a mistake in the name.
     missing = sorted((wanted or ({floor_layer} if floor_layer is not None else set())) - seen)
     if missing:
         raise PlaceError(
@@ -100,6 +106,7 @@ def _document(file: Path) -> Any:
             raise PlaceError(f"{file}: the file is empty; export it again")
         try:
             return ezdxf.readfile(str(file))
+        # The strict reader refuses damaged files; this one repairs what it can.
         except ezdxf.DXFError:
             return recover.readfile(str(file))[0]
     except PlaceError:
@@ -113,7 +120,10 @@ def _document(file: Path) -> Any:
 
 
 def _meters(file: Path, document: Any, units: str | None, report: list[str]) -> float:
-    """Return the meters of a unit of the drawing and report the source unless it is ``units``; or raise PlaceError."""
+    """Return the length of the drawing's unit [m], and report where it comes from unless ``units`` gives it.
+
+    A file that names no unit is in meters. Raise PlaceError if it names one that buildings are not drawn in.
+    """
     if units is not None:
         return meters_per_unit(units)
     code = document.header.get("$INSUNITS", 0)
@@ -127,7 +137,10 @@ def _meters(file: Path, document: Any, units: str | None, report: list[str]) -> 
 
 
 def _resolved(entities: Any, depth: int) -> Iterator[Any]:
-    """Yield the entities, with blocks replaced by their content; blocks nested deeper than _DEPTH are left out."""
+    """Yield the entities, with blocks replaced by their content; blocks nested deeper than _DEPTH are left out.
+
+    ``depth`` is the number of blocks that the entities are nested in.
+    """
     for entity in entities:
         if entity.dxftype() != "INSERT":
             yield entity
@@ -143,7 +156,10 @@ def _resolved(entities: Any, depth: int) -> Iterator[Any]:
 
 
 def _shape(entity: Any, meters: float) -> tuple[str, BaseGeometry | None]:
-    """Return an entity as ("area" or "line", shape [m]); the shape is None if it draws neither."""
+    """Return an entity as ("area" or "line", shape [m]); the shape is None if the entity draws neither.
+
+    ``meters`` is the length of the drawing's unit [m].
+    """
     from ezdxf import path
 
     kind = entity.dxftype()
@@ -166,7 +182,10 @@ def _shape(entity: Any, meters: float) -> tuple[str, BaseGeometry | None]:
 
 
 def _points(curve: Any, meters: float) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return the points (n, 2) of a curve [m], without those that repeat the one before."""
+    """Return the points (n, 2) of a curve [m], without those that repeat the one before.
+
+    ``meters`` is the length of the drawing's unit [m]. Raise GeometryError if a coordinate is not finite.
+    """
     points = np.array([(point.x, point.y) for point in curve.flattening(SAGITTA / meters)], np.float64) * meters
     # To a micrometer, as ezdxf uses sines of the C library, whose last bits differ between processors.
     points = np.round(points, 6)

@@ -42,8 +42,8 @@ class FloorPlan:
     floor
         The walkable area [m], or None if the plan draws none.
     solids
-        Hatches in the order of the drawing, then closed curves, then open lines, each of these two by the names of
-        their layers.
+        Hatches in the order of the drawing, then closed curves, then open lines. Curves are ordered by the names of
+        their layers; so are lines.
     report
         What was assumed or left out, one line each.
     """
@@ -81,9 +81,10 @@ def read_floor_plan(
     content
         The bytes of the file if it is not on disk (WKT).
     layers
-        Names of the drawing's layers to read (DXF); by default all that are not switched off.
+        Names of the drawing's layers to read (DXF), even if they are switched off or frozen; by default all that are
+        neither.
     floor_layer
-        Name of the layer whose closed curves and hatches are the walkable floor (DXF).
+        Name of the layer whose closed curves and hatches are the walkable floor (DXF); it is always read.
     units
         Unit of the file; by default the one that the file names (DXF, ``$INSUNITS``), else meters.
     thickness
@@ -94,7 +95,8 @@ def read_floor_plan(
     Raises
     ------
     PlaceError
-        If the file cannot be read, holds no polygon (WKT) or nothing to build with (DXF), or ezdxf is not installed.
+        If the file cannot be read, holds no polygon (WKT) or nothing to build with (DXF), nothing is on a layer that an
+        argument names, or ezdxf is not installed.
     GeometryError
         If an argument is not valid.
     """
@@ -114,7 +116,8 @@ def read_floor_plan(
 
 def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
     """Read the floor from a .wkt file, or from its ``content``; a unit of it is ``meters`` long."""
-    require_regular(file, PlaceError, _MOST_TEXT)
+    if content is None:
+        require_regular(file, PlaceError, _MOST_TEXT)
     try:
         text = (file.read_bytes() if content is None else content).decode("utf-8-sig").strip()
     except OSError as error:
@@ -147,7 +150,7 @@ def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
 
 
 def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
-    """Raise PlaceError if a hole lies outside of its polygon, where it cuts nothing out."""
+    """Raise PlaceError if a hole lies outside of its polygon: it would cut nothing out. ``file`` is for messages."""
     outside = shapely.disjoint(shapely.Polygon(polygon.exterior), shapely.get_rings(polygon)[1:])
     if not polygon.is_valid and outside.any():
         x, y = polygon.interiors[int(np.argmax(outside))].coords[0]
@@ -155,7 +158,10 @@ def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
 
 
 def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
-    """Return the polygons of a geometry; raise PlaceError for an empty collection, or other shapes."""
+    """Return the polygons and multipolygons of a geometry; raise PlaceError for others or an empty collection.
+
+    ``file`` is for messages only.
+    """
     parts = [geometry]
     while any(part.geom_type == "GeometryCollection" for part in parts):
         parts = [
@@ -171,7 +177,10 @@ def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
 
 
 def _doubts(file: Path, shape: BaseGeometry) -> list[str]:
-    """Return a warning if the place is implausibly small or large."""
+    """Return a warning if the longer side of the place is below 1 m or above LARGE_EXTENT; else an empty list.
+
+    ``shape`` is the area of the place [m]; ``file`` is for messages only.
+    """
     x0, y0, x1, y1 = shape.bounds
     extent = max(x1 - x0, y1 - y0)
     if 1.0 <= extent <= LARGE_EXTENT:
@@ -182,7 +191,10 @@ def _doubts(file: Path, shape: BaseGeometry) -> list[str]:
 def _built(
     file: Path, drawing: Drawing, floor_layer: str | None, thickness: float, bottom: float, top: float
 ) -> FloorPlan:
-    """Build solids and a floor from a drawing, as :func:`read_floor_plan` says."""
+    """Build solids and a floor from a drawing, as :func:`read_floor_plan` says, whose arguments the others are.
+
+    Raise PlaceError if the drawing gives neither.
+    """
     report = list(drawing.report)
     filled: list[tuple[str, BaseGeometry]] = [(layer, area) for layer, area in drawing.areas if layer != floor_layer]
     outlines: list[tuple[str, Polygon]] = []
@@ -197,7 +209,7 @@ def _built(
             outline = polygons_only(shapely.make_valid(Polygon(chain))) if chain.is_closed else MultiPolygon()
             if outline.area > MIN_EXTENT * MIN_EXTENT:
                 outlines += [(layer, part) for part in outline.geoms]
-            # Open lines on the floor's layer enclose no floor, and are no walls.
+            # The rest is open, or encloses no area: walls, but not on the floor's layer.
             elif layer != floor_layer:
                 open_lines.append((layer, chain))
     floors += [outline for layer, outline in outlines if layer == floor_layer]

@@ -155,24 +155,27 @@ def derive_floor(
 ) -> DerivedFloor:
     """Find the floor: the lowest of the large level surfaces or, if there is none, the ground that walls enclose.
 
-    A level consists of level surfaces that face up (any, if none does) at about one height, wide enough to walk on. All
-    that is up to :data:`STEP` above or below it belongs to the floor, and seams between rooms are closed. Without a
-    floor, the ground is the area that the outlines of all parts enclose, at the height on which most of them stand.
+    A level consists of level surfaces at about one height, wide enough to walk on. Only surfaces that face up count; if
+    these give no large level, those that face down count as well. All level surfaces up to :data:`STEP` above or below
+    the chosen level belong to the floor, and seams between rooms are closed. Without a large level, the ground is the
+    area that the outlines of all parts enclose, at the height on which most of them stand.
 
     Parameters
     ----------
     solids
         The parts of a scene.
     height
-        Height of the wanted floor [m]; by default the lowest level at least half as large as the largest.
+        Height of the wanted floor [m]; by default that of the lowest large level whose area is at least half that of
+        the largest level.
     within
         Outline of the floor if that is known and only its height is not; surfaces elsewhere are ignored.
 
     Raises
     ------
     PlaceError
-        If there is no part, no level floor at ``height``, or if ``height`` is not given and two heights over one point
-        both offer standing room, on :data:`LEAST_LEVEL` or more.
+        If there is no part, or no level within :data:`STEP` of ``height``; if there is no large level, and the parts
+        enclose less ground than :data:`LEAST_LEVEL`; or if ``height`` is not given, and two levels, one above the
+        other, both offer standing room on :data:`LEAST_LEVEL` or more, unless the upper one is a ceiling.
     """
     if not solids:
         raise PlaceError("floor: there are no parts to find a floor from; give a floor")
@@ -227,12 +230,18 @@ def _outline_points(solid: AnySolid) -> NDArray[np.float64]:
 
 
 def _large(levels: Sequence[Level], hull: BaseGeometry) -> list[Level]:
-    """Return the levels large enough to be the floor of a place with this hull."""
+    """Return the levels that cover at least _LEAST_SHARE of ``hull``: large enough to be the floor.
+
+    ``hull`` is the convex hull of all parts, or the floor's outline if that is known.
+    """
     return [level for level in levels if level.surface.area >= _LEAST_SHARE * hull.area]
 
 
 def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: list[str]) -> BaseGeometry:
-    """Return the ground inside the outlines of all parts, or ``hull`` if that is less than half of it; report it."""
+    """Return the ground inside the outlines of all parts; ``hull`` if they enclose less than half of it. Report which.
+
+    ``hull`` is the convex hull of all parts. Raise PlaceError if the ground is smaller than LEAST_LEVEL.
+    """
     outlines = shapely.union_all([solid.footprint for solid in solids])
     # Grow the outlines until doors close, fill what is inside, and shrink it again by as much.
     closed = polygons_only(buffered(outlines, _DOOR, join_style="mitre"))
@@ -250,7 +259,10 @@ def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: lis
 
 
 def _standing(solids: Sequence[AnySolid], ground: BaseGeometry, report: list[str]) -> Level:
-    """Return ``ground`` as a level, at the height on which most parts stand, and report that."""
+    """Return ``ground`` as a level, at the height on which most parts stand, and report that.
+
+    Parts stand at one height if their bottoms round to the same multiple of SAME_LEVEL; the height is their median.
+    """
     bottoms = np.array([solid.bottom for solid in solids])
     steps, counts = np.unique(np.round(bottoms / SAME_LEVEL), return_counts=True)
     height = rounded_height(np.median(bottoms[np.round(bottoms / SAME_LEVEL) == steps[counts.argmax()]]))
@@ -261,7 +273,7 @@ def _standing(solids: Sequence[AnySolid], ground: BaseGeometry, report: list[str
 def _whole_floor(level: Level, surfaces: Surfaces | None) -> tuple[Polygon | MultiPolygon, NDArray[np.int64]]:
     """Return the floor with all level surfaces within a step of it, and the indices (k,) of the solids that make it.
 
-    Without ``surfaces`` the level is ground that walls enclose, and is the floor as it is.
+    Without ``surfaces``, there is no large level surface: the floor is ``level`` as it is, usually the ground.
     """
     if surfaces is None:
         return level.surface, level.parts

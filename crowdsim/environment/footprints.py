@@ -83,7 +83,7 @@ def footprints_of(
     """Return the footprint (n,) of each solid in the band from ``low`` to ``high`` [m], which all of them meet.
 
     Places have many copies of one chair: the footprint of the first one is moved to the others. ``progress`` is called
-    with the number of solids that are done, if there is more than one block of triangles.
+    with the number of solids that are done, if there are too many triangles to treat at once.
     """
     originals, of, moved = _copies(solids)
     blocks = list(_blocks([solids[number] for number in originals]))
@@ -128,7 +128,7 @@ def _moved(areas: Shapes, offsets: Floats) -> Shapes:
 
 
 def objects(values: Sequence[Any]) -> Shapes:
-    """Return an array (n,) of objects."""
+    """Return an array (n,) with the n ``values`` as objects, of which numpy makes no further dimensions."""
     array = np.empty(len(values), dtype=object)
     array[:] = values
     return array
@@ -166,13 +166,17 @@ def _block(solids: Sequence[Triangles], low: float, high: float) -> Shapes:
 
 
 def _inside(solid: Triangles, low: float, high: float) -> Shapes:
-    """Return the areas (k,) that sections of a solid enclose in a band, one for each section that is needed."""
+    """Return the areas (k,) that sections of a solid enclose in the band from ``low`` to ``high`` [m].
+
+    k is the number of sections that are needed: 3, 1 or 0.
+    """
     # Cuts just above (True) or below a height, so that they are in the open band. A solid that is not closed is cut at
     # bottom, middle and top of its part; for closed ones see `MeshSolid.closed`.
     lowest, highest = max(low, solid.bottom), min(high, solid.top)
     middle = 0.5 * (lowest + highest)
     if not solid.closed:
         cuts = [(lowest, True), (middle, True), (highest, False)]
+    # A closed solid that spans the band: a vertical line may be inside of it all along, without any triangle.
     elif solid.bottom <= low and solid.top >= high:
         cuts = [(middle, True)]
     else:
@@ -182,10 +186,11 @@ def _inside(solid: Triangles, low: float, high: float) -> Shapes:
 
 
 def _pieces(corners: Floats, owners: Ints, low: float, high: float) -> tuple[Shapes, Floats, Ints]:
-    """Return each triangle's part in the open band, from above, those of one solid after those of another.
+    """Return the part of each triangle in the open band from ``low`` to ``high`` [m], seen from above.
 
-    ``corners`` (m, 3, 3) are those of the triangles [m], ``owners`` (m,) the solids that they belong to. Returned are
-    outlines (k,), their farthest points (k, 2, 2), and their owners (k,). Outlines of upright triangles are degenerate.
+    ``corners`` (m, 3, 3) are the corners of the triangles [m], ``owners`` (m,) the indices of their solids. Returned
+    are outlines (k,), their two points farthest apart (k, 2, 2) [m], and their owners (k,), ascending. Triangles
+    outside of the band have no part. Outlines of upright triangles are degenerate.
     """
     heights = corners[:, :, 2]
     least, most = heights.min(axis=1), heights.max(axis=1)
@@ -207,9 +212,11 @@ def _pieces(corners: Floats, owners: Ints, low: float, high: float) -> tuple[Sha
 
 
 def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Clip triangles to a band: the corners (k, 9, 2) of their convex parts, in no order, and which exist (k, 9).
+    """Clip triangles (k, 3, 3) to a band [m]: return candidates (k, 9, 2) for corners of the parts, and which exist.
 
-    Nine candidates: the three corners (k, 3, 3), and where three edges cross the two bounds of the band.
+    The band reaches from ``low`` to ``high``, bounds included.
+    The candidates are the three corners, and the points at which the three edges cross the two bounds of the band.
+    Those that exist (k, 9) are the corners of a convex part, in no order; the places of the others mean nothing.
     """
     heights = corners[:, :, 2]
     points, valid = [corners[:, :, :2]], [(heights >= low) & (heights <= high)]
@@ -228,7 +235,11 @@ def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[
 
 
 def _unions(groups: Sequence[Shapes]) -> Shapes:
-    """Return the union of each group of polygons; in large ones, small ones inside of large ones are skipped."""
+    """Return the union (n,) of each of n groups of polygons or lines; that of an empty group is empty.
+
+    In a group of more than 2 * _LARGEST, those inside of the union of the _LARGEST largest ones are skipped, to save
+    time.
+    """
     unions = objects([None] * len(groups))
     sizes = np.array([len(group) for group in groups], np.int64)
     for number in np.flatnonzero(sizes > 2 * _LARGEST).tolist():
@@ -237,8 +248,8 @@ def _unions(groups: Sequence[Shapes]) -> Shapes:
         shapely.prepare(large)
         small = shapes[_LARGEST:]
         unions[number] = snapped_union(np.concatenate([[large], small[~shapely.covers(large, small)]]), GRID)
-    # The others together, as shapely takes arrays of rows of one length: groups of more than half of 2 ** place and up
-    # to 2 ** place shapes in one array, filled up with None.
+    # The other groups together: shapely takes arrays with rows of one length. Groups with the same next power of two,
+    # 2 ** place, as their size form one array, filled up with None.
     places = np.frexp(np.maximum(sizes, 1) - 1.0)[1].astype(np.int64)
     for place in np.unique(places[sizes <= 2 * _LARGEST]).tolist():
         chosen = np.flatnonzero((places == place) & (sizes <= 2 * _LARGEST))
@@ -250,7 +261,7 @@ def _unions(groups: Sequence[Shapes]) -> Shapes:
 
 
 def _farthest(points: Floats) -> Floats:
-    """Return the two points (k, 2, 2) farthest apart in each row of (k, p, 2)."""
+    """Return the two points (k, 2, 2) farthest apart among the p points of each row of (k, p, 2)."""
     first, second = np.triu_indices(points.shape[1], 1)
     apart = np.square(points[:, first] - points[:, second]).sum(axis=2)
     pair = apart.argmax(axis=1)
@@ -259,9 +270,10 @@ def _farthest(points: Floats) -> Floats:
 
 
 def with_strips(areas: Shapes, segments: Floats, owners: Ints) -> Shapes:
-    """Add strips along the parts of segments (k, 2, 2) [m] that stand out of their owner's area, and fill pinholes.
+    """Return areas (n,) with strips along those parts of segments that stand out of them, and without pinholes.
 
-    ``owners`` (k,) are ascending indices of ``areas`` (n,).
+    ``segments`` (k, 2, 2) are lines [m], seen from above. ``owners`` (k,), ascending, are the indices of the areas that
+    they belong to.
     """
     areas = areas.copy()
     # A surface seen as a point has no direction: it counts as a short line along x.
@@ -269,7 +281,7 @@ def with_strips(areas: Shapes, segments: Floats, owners: Ints) -> Shapes:
     ends = segments.copy()
     ends[short, 1, 0] = ends[short, 0, 0] + _LEAST_LINE
     lines = shapely.linestrings(ends) if len(ends) else objects([])
-    # Lines inside of their area are left out, and others cut at it.
+    # Lines inside of their area, grown by _COVERED, are left out, and others cut at it. Lines whose area is empty stay.
     is_beside = ~shapely.is_empty(areas)[owners]
     around = objects([None] * len(areas))
     near = np.unique(owners[is_beside])
@@ -291,7 +303,11 @@ def with_strips(areas: Shapes, segments: Floats, owners: Ints) -> Shapes:
 
 
 def _without_pinholes(areas: Shapes) -> Shapes:
-    """Return each area as polygons without small holes and nearly straight corners."""
+    """Return each area (n,) as polygons alone, without slivers; fill holes below PINHOLE, and straighten outlines.
+
+    Corners are left out if the outline moves by at most _SMOOTHING. An area of which nothing is left is an empty
+    polygon.
+    """
     parts, owners = shapely.get_parts(areas, return_index=True)
     is_polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
     parts, owners = shapely.simplify(parts[is_polygon], _SMOOTHING), owners[is_polygon]

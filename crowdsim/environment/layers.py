@@ -100,7 +100,8 @@ def clearance_layers(
     bands
         The layers to make.
     progress
-        Called as ``progress(done, all)`` if there are more than some 20 000 triangles; a solid counts once a layer.
+        Called as ``progress(done, all)`` with numbers of solids, each counted once for each layer, if there are more
+        than some 20 000 triangles. Only meshes are reported as done, so ``done`` may stay below ``all``.
 
     Returns
     -------
@@ -133,7 +134,7 @@ def clearance_layers(
 
 
 def dropped_solids(solids: Sequence[AnySolid], bands: Sequence[AnyLayer]) -> tuple[AnySolid, ...]:
-    """Return solids that are in no layer: carpets and thresholds below all of them, lamps and ceilings above."""
+    """Return solids that are in no layer, such as carpets and thresholds below all layers, and lamps above them."""
     return tuple(solid for solid in solids if not any(_meets(solid, band) for band in bands))
 
 
@@ -143,16 +144,17 @@ def taken_between(solid: AnySolid, low: float, high: float) -> BaseGeometry:
 
 
 def _tell(progress: Callable[[int, int], None], before: int, total: int, done: int) -> None:
-    """Tell ``progress`` that ``done`` solids are done after ``before`` others, of ``total`` in all layers."""
+    """Call ``progress`` with the solids that are done, ``before`` and ``done`` more, of ``total`` in all layers."""
     progress(before + done, total)
 
 
 def areas_between(
     solids: Sequence[AnySolid], low: float, high: float, progress: Callable[[int], None] | None = None
 ) -> list[BaseGeometry]:
-    """Return what :func:`taken_between` gives for each solid; those of triangles together take less time.
+    """Return the area that each solid takes between two heights [m], or at a plane, as :func:`taken_between` does.
 
-    ``progress`` is called with the number of solids of triangles that are done, if they are many.
+    Solids of triangles are treated together, which takes less time. ``progress`` is called with the number of these
+    that are done, if they have many triangles.
     """
     if low == high:
         return [taken_between(solid, low, high) for solid in solids]
@@ -162,7 +164,8 @@ def areas_between(
 
 
 def _meets(solid: AnySolid, layer: AnyLayer) -> bool:
-    """Return True if the solid is in the layer."""
+    """Return True if the solid is in the layer: part of it lies in the band, or the plane cuts it."""
+    # A plane cuts infinitesimally above its height, as `section` of solids does.
     if isinstance(layer, Plane):
         return solid.bottom <= layer.height < solid.top
     return solid.overlaps(layer.low, layer.high)

@@ -54,7 +54,7 @@ Surfaces = tuple[NDArray[np.object_], NDArray[np.float64], NDArray[np.int64]]
 
 
 def level_surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
-    """Find level triangles that face up or, with ``both``, up or down, and the tops of prisms."""
+    """Return the level triangles of meshes that face up or, with ``both``, up or down, and the tops of prisms."""
     shapes: list[NDArray[np.object_]] = []
     heights, owners = [], []
     for number, solid in enumerate(solids):
@@ -66,7 +66,7 @@ def level_surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
             normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
             lengths = np.linalg.norm(normals, axis=1)
             upright = np.abs(normals[:, 2]) if both else normals[:, 2]
-            # The length of the cross product is twice the area: triangles without one have no normal.
+            # The length of the cross product is twice the area [m2]: triangles without an area have no normal.
             level = (upright > _FLAT * lengths) & (lengths > 1e-9)
             shapes.append(shapely.polygons(corners[level, :, :2]) if level.any() else np.empty(0, object))
             heights.append(corners[level, :, 2].mean(axis=1))
@@ -88,6 +88,7 @@ def find_levels(
     levels = []
     first = 0
     while first < len(heights):
+        # Surfaces up to SAME_LEVEL above the lowest one are one level; the next one begins above them.
         last = int(np.searchsorted(heights, heights[first] + SAME_LEVEL, side="right"))
         if areas[first:last].sum() >= LEAST_LEVEL:
             # The median height by area: that of a large floor, even if there are many small surfaces.
@@ -115,13 +116,15 @@ def _wide(area: BaseGeometry) -> BaseGeometry:
 def one_storey(levels: list[Level], solids: Sequence[AnySolid], report: list[str]) -> list[Level]:
     """Return ``levels``, lowest first, without ceilings seen from above, which are reported.
 
-    Raise PlaceError if two over one point offer standing room, and the upper one is no ceiling.
+    Raise PlaceError if two levels, one at least HEADROOM above the other, both offer standing room on LEAST_LEVEL or
+    more of the same ground, and the upper one is no ceiling.
     """
     kept: list[Level] = []
     for level in levels:
-        # Closer levels leave no headroom, so people cannot stand on the lower one below the other.
+        # People can stand on a lower level only if this level leaves headroom over it.
         for lower in [other for other in kept if level.height >= other.height + HEADROOM]:
             both = _wide(lower.surface.intersection(level.surface))
+            # What solids block costs more to compute: only if the levels overlap at all.
             if both.area >= LEAST_LEVEL:
                 both = _wide(both.difference(_blocked(lower, solids)).difference(_blocked(level, solids)))
             if both.area < LEAST_LEVEL:

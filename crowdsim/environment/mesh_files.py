@@ -1,4 +1,8 @@
-"""Places from files of triangles: GLB, OBJ, STL, PLY and DAE; one solid for each part, in meters, z up."""
+"""Places from files of triangles: GLB, OBJ, STL, PLY and DAE; one solid for each part, in meters, z up.
+
+Arguments of helpers: ``content``, the bytes of the file; ``ending``, that of its name, in small letters with the point;
+``report``, lines for the user, to which helpers append. A ``mesh`` is one of trimesh.
+"""
 
 from __future__ import annotations
 
@@ -177,7 +181,11 @@ def _meters(name: str, content: bytes, ending: str, units: str | None, report: l
 
 
 def _placement(axis: str, scale: float, rotation: float, position: tuple[float, float, float]) -> Floats:
-    """Return the (4, 4) matrix from the file's coordinates to the place; ``scale`` is in meters for each unit."""
+    """Return the (4, 4) matrix from the file's coordinates to those of the place [m].
+
+    ``axis`` of the file points up; ``scale`` is in meters for each unit of the file, ``rotation`` in degrees about the
+    vertical, ``position`` in meters.
+    """
     c, s = planar.rotation(rotation)
     turned = np.array([[c, -s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     turned[:3, :3] *= scale
@@ -186,7 +194,7 @@ def _placement(axis: str, scale: float, rotation: float, position: tuple[float, 
 
 
 def _product(a: Floats, b: Floats) -> Floats:
-    """Return the matrix product, added in one order, unlike that of BLAS, so the same on every processor."""
+    """Return the matrix product; unlike BLAS it adds in one order, so that it is the same on every processor."""
     return dot(a[:, None, :], b.T)
 
 
@@ -233,6 +241,7 @@ def _loaded(file: Path, content: bytes, ending: str) -> Any:
             raise PlaceError(
                 f"{file}: DAE files need pycollada; install it with: pip install 'crowdsim[dae]'"
             ) from None
+    # In OBJ files, each object is one part, of whatever materials it is.
     kwargs: dict[str, Any] = {"split_objects": True, "group_material": False, "skip_materials": True}
     try:
         # From bytes, so that a file cannot cause others to be read.
@@ -262,7 +271,7 @@ def _unique(name: str, names: dict[str, int]) -> str:
 
 
 def _solid(file: Path, name: str, mesh: Any, matrix: Floats, report: list[str]) -> MeshSolid | None:
-    """Return the part as a solid; None, with a line in the ``report``, if its numbers are unusable."""
+    """Return a part, moved by ``matrix`` (4, 4), as a solid; None, and a line in ``report``, if it is unusable."""
     vertices = np.asarray(mesh.vertices, np.float64)
     triangles = np.asarray(mesh.faces, np.int64)
     x, y, z = vertices.T
@@ -280,23 +289,24 @@ def _solid(file: Path, name: str, mesh: Any, matrix: Floats, report: list[str]) 
 
 
 def _volume(matrix: Floats) -> float:
-    """Return the volume of what a matrix makes of the unit cube, negative if it mirrors it."""
+    """Return the determinant of a matrix's linear part (3, 3): the factor of volumes, negative if it mirrors."""
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = matrix[:3, :3].tolist()
     return float(ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx))
 
 
 def _without_far_parts(solids: list[MeshSolid], report: list[str]) -> list[MeshSolid]:
-    """Return ``solids`` without those more than :data:`FAR` away from the group that holds most; report these.
+    """Return ``solids`` without those far from most of the others; report the solids that are left out.
 
-    Of very many, those stay whose gap to the middle of all is at most FAR; all of them, if there are none.
+    Solids with a gap of at most :data:`FAR` between them are in one group. The group with the most solids is kept. Of
+    more than _MANY solids, those are kept whose gap to the median of their middles is at most FAR; if none is, all.
     """
     low = np.array([solid.corners.min(axis=(0, 1)) for solid in solids])
     high = np.array([solid.corners.max(axis=(0, 1)) for solid in solids])
-    # Parts with gaps of at most FAR are a group; if all lie within FAR, they are one.
+    # If all lie within FAR of each other, they are one group.
     groups = np.zeros(len(solids), np.int64)
     if np.ptp(np.concatenate([low, high]), axis=0).max() <= FAR:
         return solids
-    # Of very many parts not every pair is compared, but each with their middle.
+    # Of very many parts not every pair is compared, but each part with the median of all middles.
     if len(solids) > _MANY:
         center = np.median(0.5 * (low + high), axis=0)
         far = np.maximum(low - center, center - high).max(axis=1) > FAR

@@ -61,6 +61,7 @@ class MeshSolid:
         corners = vertices[triangles]
         if not np.isfinite(corners).all():
             raise GeometryError(f"solid '{self.name}': the mesh has a coordinate that is not a finite number")
+        # Farther out, the grid of exact predicates gets too coarse.
         if (reach := float(np.abs(corners).max())) > MAX_EXTENT:
             raise GeometryError(
                 f"solid '{self.name}': the mesh reaches {reach:g} m from the origin, more than {MAX_EXTENT:g} m; "
@@ -88,8 +89,9 @@ class MeshSolid:
     def closed(self) -> bool:
         """Return True if the mesh is closed: each edge is used equally often both ways, and faces look outwards.
 
-        Then one section is enough. If a vertical line enters or leaves the solid inside the band, there is a triangle.
-        Otherwise it is inside at all heights of the band, which the solid then spans, or at none.
+        For the footprint in a band, one section of a closed solid is enough. A vertical line that enters or leaves the
+        solid within the band meets a triangle there. Any other vertical line is inside the solid at all heights of the
+        band, or at none; so one section shows it.
         """
         # An edge as one number: its first vertex times their count, plus the second one.
         places = _places(self.vertices)[self.triangles]
@@ -108,7 +110,7 @@ class MeshSolid:
     @cached_property
     def footprint(self) -> BaseGeometry:
         """Return the area under or over any part of the solid."""
-        # Any band that holds all of it.
+        # 1 m below and above: the band holds all of the solid.
         return self.footprint_in(self.bottom - 1.0, self.top + 1.0)
 
     def overlaps(self, low: float, high: float) -> bool:
@@ -144,7 +146,8 @@ def footprints_between(
 ) -> NDArray[np.object_]:
     """Return the ``footprint_in`` (n,) of each solid between two heights [m]; together they take less time.
 
-    ``progress`` is called with the number of solids that are done, if they are many.
+    A solid outside of the band has an empty one. ``progress`` is called with the number of solids that are done, if
+    they have many triangles.
     """
     areas = objects([shapely.Polygon()] * len(solids))
     meets = [number for number, solid in enumerate(solids) if solid.bottom < high and solid.top > low]

@@ -105,9 +105,10 @@ def enclosed(segments: Floats) -> BaseGeometry:
 
 
 def _winding_numbers(faces: NDArray[np.object_], segments: Floats) -> Floats:
-    """Return how often the segments wind around a point in each face, counter-clockwise (n,).
+    """Return how often the segments (k, 2, 2) wind around a point in each face (n,), counter-clockwise positive: (n,).
 
-    The sum of the angles under which the point sees the segments, over a full turn (Jacobson et al. 2013, section 3).
+    It is the sum of the angles under which the point sees the segments, divided by a full turn (Jacobson et al. 2013,
+    section 3). It is no whole number if a loop has gaps.
     """
     points = shapely.get_coordinates(shapely.point_on_surface(faces))
     numbers = np.empty(len(points))
@@ -120,9 +121,9 @@ def _winding_numbers(faces: NDArray[np.object_], segments: Floats) -> Floats:
 
 
 def _odd(faces: NDArray[np.object_], lines: BaseGeometry) -> NDArray[np.bool_]:
-    """Return (n,) True if a ray from the face to the outside crosses ``lines`` an odd number of times.
+    """Return for each face (n,) whether a ray from it to the outside crosses ``lines`` an odd number of times.
 
-    Lines that coincide count once.
+    ``lines`` is a union, so lines that coincide count once.
     """
     # The segments a-b of all lines: each point leads to the next one, unless it is the last of its line.
     ends = shapely.get_coordinates(shapely.get_parts(lines))

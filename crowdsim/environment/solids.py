@@ -139,9 +139,10 @@ def extrusion(name: str, points: Sequence[tuple[float, float]], bottom: float, t
 
 
 def circle_around(center: tuple[float, float], radius: float) -> Polygon:
-    """Return a regular polygon that contains the circle and touches it at its four axis points, among others.
+    """Return a regular polygon around the circle of ``radius`` around ``center`` [m].
 
-    Its corners stand out by at most 2 mm, or by a twentieth of the radius if that is less.
+    Its sides touch the circle, four of them at its points to the left, right, top and bottom. Its corners stand out by
+    at most 2 mm, or by a twentieth of the radius if that is less.
     """
     excess = min(_ROUNDING_EXCESS, radius / 20.0)
     # Half of a side spans the angle acos(radius / distance of a corner). A multiple of four sides, turned by half a

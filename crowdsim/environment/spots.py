@@ -1,4 +1,7 @@
-"""Spots on the floor: the room around them, and random draws that keep a distance."""
+"""Spots on the floor: the room around them, and random draws that keep a distance.
+
+``generator`` is the source of the random draws.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ _PIECE_CORNERS = 2000
 
 
 def room_in(free: MultiPolygon, radius: float) -> MultiPolygon:
-    """Return the part of an area that is at least ``radius`` [m] from everything else."""
+    """Return the part of the area ``free`` that is at least ``radius`` [m] from everything outside of it."""
     quarter = 16
     # The arcs of a buffer are polygons inside of the true arcs; a larger radius makes up for that.
     outer = radius / cos(math.pi / (4 * quarter))
@@ -84,9 +87,9 @@ class _Sampler:
 
 
 def pieces_of(area: MultiPolygon) -> list[MultiPolygon]:
-    """Cut the area across its longer side until each piece triangulates fast.
+    """Cut an area across its longer side until no piece has more than _PIECE_CORNERS corners, to triangulate it fast.
 
-    The time grows with the square of its corners.
+    The time of a triangulation grows with the square of the number of corners.
     """
     if shapely.get_num_coordinates(area) <= _PIECE_CORNERS:
         return [area]
@@ -107,10 +110,11 @@ def pieces_of(area: MultiPolygon) -> list[MultiPolygon]:
 def draw_spots(
     region: Polygon | Point, room: MultiPolygon, crowds: Sequence[Spots | None], generator: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Draw a spot of a region in ``room`` for each of ``crowds``, away from the spots in it.
+    """Draw spots [m] of a region in ``room``, one for each entry of ``crowds``.
 
-    Stop at the first that is full, so there may be fewer spots [m]. Spots are entered into their crowds; if there is
-    no crowd (None) any draw will do. The region :func:`meets` the room.
+    An entry holds the spots from which the new one must keep its distance; the new one is added to it. If the entry is
+    None, any draw is taken. Drawing ends at the first entry for which no spot is found, so there may be fewer spots.
+    The region :func:`meets` the room.
     """
     placed: list[tuple[float, float]] = []
     draws = _Sampler(region, room, generator).draws()
@@ -183,8 +187,10 @@ def scatter_parties(
 ) -> NDArray[np.float64]:
     """Draw spots like :func:`scatter_spots`, but in parties: each ``together`` spots in a row lie beside each other.
 
-    ``distance`` [m] must be above 0. The spots of a party lie in a disc of which they, as discs of that diameter, fill
-    less than a quarter. There are fewer than ``count`` if :data:`_TRIES` draws in a row find no room for a party.
+    The other arguments are those of :func:`scatter_spots`, but ``distance`` [m] must be above 0. All spots of a party
+    lie within ``distance * (0.6 + sqrt(together))`` of its first one. The last party has what is left of ``count``.
+    There are fewer spots than ``count`` if :data:`_TRIES` draws in a row find no room for a party. If ``together`` is 1
+    or the region is a point, spots are those of :func:`scatter_spots`.
     """
     if together == 1 or isinstance(region, Point):
         return scatter_spots(region, room, count, distance, taken, generator)
@@ -193,7 +199,7 @@ def scatter_parties(
     crowd, draws = Spots(distance), _Sampler(region, room, generator).draws()
     for x, y in taken.reshape(-1, 2).tolist():
         crowd.take(x, y)
-    # The disc of a party is so wide that random draws find room in it.
+    # Discs with the distance as diameter fill less than a quarter of a party's disc, so random draws find room there.
     reach = distance * (0.6 + math.sqrt(together))
     spots: list[tuple[float, float]] = []
     for first in range(0, count, together):
@@ -219,9 +225,10 @@ def _party_around(
     crowd: Spots,
     generator: np.random.Generator,
 ) -> list[tuple[float, float]]:
-    """Take spots in an area for a party, the first one in the middle, the others within ``reach`` [m] of it.
+    """Take spots [m] in an area for a party, the first one at ``middle``, the others within ``reach`` [m] of it.
 
-    If there is not enough room, fewer spots than ``size`` are taken.
+    They keep the distance of ``crowd`` and are added to it. None is taken if the middle is too near to another spot.
+    Fewer than ``size`` are taken if :data:`_BATCH` random draws around the middle give no more.
     """
     if not crowd.take(*middle):
         return []
@@ -235,10 +242,10 @@ def _party_around(
 
 
 def gathered(spots: NDArray[np.float64], together: int) -> NDArray[np.float64]:
-    """Order the spots (n, 2) in parties of spots beside each other.
+    """Return the spots (n, 2) in an order in which parties, of up to ``together`` spots, lie beside each other.
 
-    Each party takes the first spot that is left, and up to ``together`` - 1 of the nearest ones that are left among the
-    few around it; there may be fewer.
+    Each party takes the first spot that is left, and the nearest spots that are left among the 4 * ``together`` + 8
+    around it; so a party may be smaller.
     """
     if not len(spots):  # a tree of nothing has no nearest
         return spots
@@ -264,7 +271,8 @@ def arrange_spots(
 ) -> NDArray[np.float64]:
     """Arrange spots of a region in ``room`` in rows across a heading, as far apart as there is room for.
 
-    Each spot is moved off its place in the row at random, by up to a third of the spare distance.
+    Each spot is then moved off its place at random, along and across the row, by up to a third of the distance to spare
+    in that direction; it stays if its new place is not free.
 
     Parameters
     ----------
@@ -273,9 +281,9 @@ def arrange_spots(
     count
         Number of spots.
     apart
-        Least distance beside and behind each other [m]; the first one also from ``taken``.
+        Least distances beside and behind each other [m]; the one beside is also kept from ``taken``.
     heading
-        Heading of the rows [rad].
+        Direction that agents in the rows face [rad]; rows run across it.
     taken
         (k, 2) float64 spots already taken [m].
     generator
@@ -320,12 +328,12 @@ def arrange_spots(
         low, high = (between, high) if len(grid(between)) >= count else (low, between)
     spots = grid(low)
     spots = spots[np.sort(generator.permutation(len(spots))[:count])]
-    # Move each one at random, if its new place is free.
+    # Move each one at random, if its new place is free. Neighbors that move towards each other keep their distance.
     spare = (low - 1.0) / 3.0 * (2.0 * generator.random((count, 2)) - 1.0)
     along, across = spare[:, 0] * apart[1], spare[:, 1] * apart[0]
     moved = spots + np.column_stack([c * along - s * across, s * along + c * across])
-    stays = free(moved)
-    spots[stays] = moved[stays]
+    is_free = free(moved)
+    spots[is_free] = moved[is_free]
     return spots
 
 
@@ -337,7 +345,7 @@ class Spots:
         self.cells: defaultdict[tuple[int, int], list[tuple[float, float]]] = defaultdict(list)
 
     def take(self, x: float, y: float) -> bool:
-        """Take the spot and return True, if it keeps the distance from all others."""
+        """Take the spot [m] if it keeps the distance from all others; return whether it was taken."""
         column, row = math.floor(x / self.distance), math.floor(y / self.distance)
         for i in (column - 1, column, column + 1):
             for j in (row - 1, row, row + 1):
@@ -349,5 +357,5 @@ class Spots:
         return True
 
     def leave(self, x: float, y: float) -> None:
-        """Give back a spot that was taken."""
+        """Give back a spot [m] that was taken."""
         self.cells[(math.floor(x / self.distance), math.floor(y / self.distance))].remove((x, y))

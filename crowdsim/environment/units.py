@@ -12,13 +12,14 @@ METERS = {name: meters for *names, meters in zip(_SHORT, _LONG, _LENGTHS, strict
 """Meters of a unit, by its short and long name."""
 
 _COMMON = ("mm", "cm", "in", "ft", "m")
+"""Units that a warning suggests, in this order."""
 
 ROOM_HEIGHTS = (2.0, 10.0)
 """Plausible heights from floor to ceiling [m]."""
 
 
 def meters_per_unit(name: str) -> float:
-    """Return the meters of the unit called ``name``; :class:`GeometryError` lists the known ones if it is unknown."""
+    """Return the meters of the unit called ``name``, in capitals or not; raise GeometryError if it is unknown."""
     if name.lower() not in METERS:
         raise GeometryError(f"units: '{name}' is unknown; known are {', '.join(METERS)}")
     return METERS[name.lower()]
@@ -27,7 +28,7 @@ def meters_per_unit(name: str) -> float:
 def doubt_about_height(height: float, meters: float) -> str | None:
     """Return a warning if a place ``height`` [m] high is implausible, else None.
 
-    ``meters`` is the length of a unit of the file, to suggest a better one.
+    ``meters`` is the length of the unit that the file was read with [m]; the warning suggests better units.
     """
     low, high = ROOM_HEIGHTS
     if low <= height <= high:

@@ -20,7 +20,7 @@ DOOR_HEIGHT = 2.05
 """Height above the floor up to which a door is open [m]."""
 
 _CUT_EXCESS = 1.0 + 1e-6
-"""Width of the cut of an opening, in thicknesses of the wall, so that rounding leaves no film across it."""
+"""Thickness of the cut of an opening, in thicknesses of the wall, so that rounding leaves no film across it."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,10 @@ def wall(
 
 
 def _line(points: Sequence[tuple[float, float]], what: str) -> LineString:
-    """Return the line without repeated points; a LinearRing if it ends where it began, after three corners or more."""
+    """Return the line without repeated points; a LinearRing if it ends where it began, after three corners or more.
+
+    Raise GeometryError, naming ``what``, if it has a coordinate that is not finite, or fewer than two distinct points.
+    """
     array = np.asarray(points, np.float64).reshape(-1, 2)
     if not np.isfinite(array).all():
         raise GeometryError(f"{what}: its line has a coordinate that is not a finite number")
@@ -126,12 +129,12 @@ def _line(points: Sequence[tuple[float, float]], what: str) -> LineString:
 
 
 def _along(line: LineString, thickness: float) -> BaseGeometry:
-    """Return the area of a wall along a line."""
+    """Return the area of a wall of some ``thickness`` [m] along a line, mitered at corners and flat at its ends."""
     return buffered(line, 0.5 * thickness, cap_style="flat", join_style="mitre")
 
 
 def _cut(line: LineString, opening: Opening, thickness: float) -> BaseGeometry:
-    """Return the area of an opening, slightly thicker than the wall."""
+    """Return the area of an opening, slightly thicker than the wall of some ``thickness`` [m] along ``line``."""
     # A ring counts as the line from its first point around. Rounding may put the opening's begin below 0, which
     # substring would take as a place before the end of the wall.
     first = max(opening.at - 0.5 * opening.width, 0.0)
@@ -157,5 +160,5 @@ def _check_openings(ordered: Sequence[Opening], length: float, what: str) -> Non
 
 
 def _numbered(name: str, number: int, count: int) -> str:
-    """Return the name, with a number if there are several."""
+    """Return the name; if there are ``count`` > 1 of it, with the index ``number``, counted from 1, behind it."""
     return name if count == 1 else f"{name} {number + 1}"

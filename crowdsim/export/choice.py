@@ -23,7 +23,7 @@ class Choice(NamedTuple):
     first, end : int
         Steps from ``first`` to before ``end``.
     every : int
-        Every how many steps there is a frame.
+        Number of steps from one frame to the next.
     rate : int
         Frames per second, a divisor of the recording's steps per second [1/s].
     agents : (A,) int64
@@ -38,13 +38,13 @@ class Choice(NamedTuple):
 
     @property
     def steps(self) -> NDArray[np.int64]:
-        """Return (F,) the step of each frame. Frames are counted from the start of the run: ``step // every``."""
+        """Return (F,) the step of each frame: multiples of ``every``. The number of a frame is ``step // every``."""
         return np.arange(-(-self.first // self.every) * self.every, self.end, self.every)
 
     def blocks(self, recording: Recording) -> Iterator[TrackRows]:
         """Yield the rows of the chosen tracks, some steps at a time."""
-        everybody = len(self.agents) == recording.agent_count
-        return track_blocks(recording, self.every, self.first, self.end, None if everybody else self.agents)
+        complete = len(self.agents) == recording.agent_count
+        return track_blocks(recording, self.every, self.first, self.end, None if complete else self.agents)
 
 
 def choose(
@@ -63,7 +63,7 @@ def choose(
     rate : float or None
         Frames per second, a divisor of the recording's steps per second; by default all steps.
     start, end : float or None
-        Times from the first to the second of which frames are taken [s]; by default all of the recording.
+        First and last time of the part to take [s]; by default all of the recording.
     agents : str or None
         Agent numbers and group names separated by commas, or one name that contains commas; by default all agents.
 
@@ -94,6 +94,7 @@ def at_rate(recording: Recording, choice: Choice, rate: int) -> Choice:
 
 def _chosen_agents(recording: Recording, text: str | None) -> NDArray[np.int64]:
     """Return the numbers of the agents that ``text`` names, ascending: groups or numbers, joined by commas."""
+    # A group whose name contains commas may be named alone.
     count = recording.agent_count
     if text is None:
         return np.arange(count)

@@ -25,16 +25,16 @@ class Format(NamedTuple):
     ----------
     module : str
         Module whose ``write`` writes it.
-    heeds : frozenset of str
+    options : frozenset of str
         Fields of :class:`ExportOptions` that it supports.
     moves : bool
-        Whether it holds the motion of bodies, which is so large that a crowd gets fewer frames by default.
+        Whether it holds the motion of bodies. This takes so much space that crowds get fewer frames by default.
     folders : bool
         Whether the module has a ``write_folder``, for names without a suffix.
     """
 
     module: str
-    heeds: frozenset[str] = frozenset()
+    options: frozenset[str] = frozenset()
     moves: bool = False
     folders: bool = False
 
@@ -64,16 +64,15 @@ def export(
     agents: str | None = None,
     options: ExportOptions | None = None,
 ) -> Path:
-    """Write a recording in another format; return the file, which appears only when it is complete.
-
-    In a folder, each file appears only when it is complete.
+    """Write a recording in another format; return the file or folder. Each file appears only when it is complete.
 
     Parameters
     ----------
     recording : Recording
         Recording to export.
     file : str or path
-        File to write; for a format with ``folders``, a folder if it is one or the name has no suffix.
+        File to write. For a format with ``folders``, it is a folder if there is such a folder, or if the name has no
+        suffix.
     kind : str or None
         Name of the format, by default the suffix of ``file``.
     rate, start, end, agents
@@ -95,13 +94,14 @@ def export(
         raise CrowdSimError(f"{target}: there is {what}; choose one of {', '.join(FORMATS)}, or name it with --format")
     chosen = FORMATS[name]
     for option, value in options._asdict().items():
-        if value is not None and option not in chosen.heeds:
+        if value is not None and option not in chosen.options:
             raise CrowdSimError(f"{target}: {name} files take no {option}; leave it out")
     choice = choose(recording, rate, start, end, agents)
     if chosen.moves and rate is None:
         choice = at_rate(recording, choice, default_rate(recording, len(choice.agents)))
     module = importlib.import_module(chosen.module)
     in_folder = chosen.folders and (target.is_dir() or not target.suffix)
+    # The folder in which files will appear must be writable: an existing target folder, or else its parent.
     written_to = target if in_folder and target.is_dir() else target.parent
     if not os.access(written_to, os.W_OK) and written_to.is_dir():
         raise CrowdSimError(f"cannot write {target}: no permission; choose another place")

@@ -44,7 +44,8 @@ _SPACING = 0.1
 """Largest distance between samples of a path [m]."""
 _BUDGET = 200
 """Map queries per trial."""
-_RADIUS = 0.05  # meters of the discs tested: on open ground they are free anyway
+_RADIUS = 0.05
+"""Radius of the discs tested [m]; any will do, as on open ground all are free."""
 
 
 @dataclass(frozen=True)
@@ -102,23 +103,27 @@ def measure_coverage(
             f"coverage needs radii and clearances above 0 and a worker, not {radii}, {clearances}, {workers}"
         )
     graph = motion.arrays
-    # One behavior, in an empty place: only the path's clearance limits the body. Turns to the left, straight on, to the
-    # right.
+    # One behavior, in an empty place: only the path's clearance limits the body.
     reach = body_reach(graph, motion.poses, np.full(len(facings), clearances[0]))
     # No path leads farther from the origin than two radii and the straights.
     side = 2.0 * (max(radii) + max(clearances)) + max(LEADS) + _AFTER
     ground = NavMesh(shapely.box(-side, -side, side, side)).arrays
+    # Start from a stand, an idle node that is being played already, if there is one.
     idle = np.flatnonzero(graph.node_idle & (graph.node_behavior == behavior))
     start_node = int(idle[0]) if len(idle) else NONE
     discs = np.full((len(facings), 1), _RADIUS)
     options = FollowOptions(budget=_BUDGET)
+    # Turns to the left, straight on, turns to the right.
     bends = [1.0 / radius for radius in sorted(radii)]
     curvature = [*bends, 0.0, *[-bend for bend in reversed(bends)]]
 
     rooms = sorted(set(clearances))
 
     def shares_of(bend: float) -> list[float]:
-        """Return a turn's share for each clearance; trials followed with less clearance count for all greater ones."""
+        """Return the share of trials that are followed, for each clearance, on paths that turn with ``bend`` [1/m].
+
+        A trial that is followed with one clearance counts as followed with all greater ones.
+        """
         paths = _paths(bend, behavior)
         found = [False] * len(paths)
         shares = []
@@ -160,7 +165,7 @@ def coverage_rows(coverage: Coverage) -> list[dict[str, Any]]:
 
 
 def missing_turns(coverage: Coverage) -> list[str]:
-    """Return a sentence for each kind of motion that nothing follows, even with the most clearance."""
+    """Return a sentence for each kind of path (straight, left, right) that is never followed at the most clearance."""
     most = coverage.share[:, int(np.argmax(coverage.clearance))]
     kinds = (
         ("walking straight on", coverage.curvature == 0.0, "a straight walk of four steps or more"),
@@ -173,7 +178,8 @@ def missing_turns(coverage: Coverage) -> list[str]:
 def _paths(bend: float, behavior: int) -> list[_Samples]:
     """Return paths that turn with the curvature ``bend`` [1/m], left positive, by each angle after each straight.
 
-    They begin at the origin along x; a curvature of 0 gives one straight path for each length.
+    They begin at the origin along x, with ``behavior`` planned everywhere; a curvature of 0 gives one straight path for
+    each length.
     """
     paths = []
     for lead in LEADS:
@@ -195,7 +201,7 @@ def _paths(bend: float, behavior: int) -> list[_Samples]:
 
 
 def draw_coverage(coverage: Coverage, name: str) -> Any:
-    """Draw the table as a matplotlib figure: green where everything is followed, red where nothing is."""
+    """Return a matplotlib figure of the table for the motions ``name``, from red (no trial followed) to green (all)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(2.5 + 1.0 * len(coverage.clearance), 1.5 + 0.45 * len(coverage.curvature)), dpi=110)

@@ -1,8 +1,8 @@
 """Lists of things by the cells of a grid, as a counting sort makes them: which cells a thing is near, and the lists.
 
 The lists of all cells lie one after the other in an array; ``starts`` (cells + 1,) has the index at which each begins.
-Both are of integers. The caller goes through the things twice, in the same order: first with ``starts`` 0 and empty
-``lists`` to count, then to fill them.
+Both are of integers. The caller goes through the things twice, in the same order: first with ``starts`` all 0 and empty
+``lists``, to count; then, after :func:`counts_to_starts`, to fill the lists.
 """
 
 import math
@@ -21,7 +21,7 @@ def cells_between(low, high, edge, side, count):
 
 @helper
 def count_or_list(starts, lists, cell, number):
-    """Add ``number`` to the list of a cell; while ``lists`` is empty, only count it.
+    """Add the number of a thing to the list of a cell; while ``lists`` is empty, only count it.
 
     ``starts[cell + 1]`` is the count of the cell in the first pass, and the index of its next entry in the second.
     """

@@ -52,7 +52,7 @@ def exp(x: ArrayLike) -> Any:
 
 
 def log(x: ArrayLike) -> Any:
-    """Return the natural logarithm."""
+    """Return the natural logarithm; -inf for 0, nan for less than 0."""
     return _evaluated(kernels.LOG, x)
 
 
@@ -73,7 +73,10 @@ def distance(a: Floats, b: Floats) -> float:
 
 
 def _evaluated(function: int, x: ArrayLike, y: ArrayLike | None = None) -> Any:
-    """Evaluate a function of the kernel ``evaluate``, by its number, on arrays or numbers that broadcast."""
+    """Evaluate a function of :func:`~crowdsim.geometry.elementary_kernels.evaluate`, by its number (COS to POWER).
+
+    ``x`` and ``y`` are arrays or numbers that broadcast; ``y`` is None for functions of one argument.
+    """
     # Copies, as the kernel would be compiled once more for read-only arrays.
     first = np.array(x, np.float64)
     second = first

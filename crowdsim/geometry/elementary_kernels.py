@@ -85,15 +85,18 @@ def hypot(x, y):
 
 @helper
 def _reduce(x):
-    """Split an angle into quarter turns (0 to 3) and a rest in [-pi/4, pi/4], as a double and what that leaves out."""
+    """Split an angle [rad] into quarter turns and a remainder in [-pi/4, pi/4] [rad].
+
+    Return the quarter turns modulo 4, the remainder as a double, and the small part of it that this double leaves out.
+    """
     turns = math.floor(x * _TWO_OVER_PI + 0.5)
     quarters = float(turns)
     # Exact: a multiple of the last bit of x, and small, as x is near quarters * pi / 2.
-    rest = x - quarters * _QUARTER_1
+    remainder = x - quarters * _QUARTER_1
     # Cody and Waite's reduction: subtract the parts of pi / 2 one by one, and keep what each rounding leaves out.
     second = quarters * _QUARTER_2
-    less = rest - second
-    left_out = (rest - less) - second
+    less = remainder - second
+    left_out = (remainder - less) - second
     third = quarters * _QUARTER_3 - left_out
     high = less - third
     return turns & 3, high, (less - high) - third
@@ -101,7 +104,10 @@ def _reduce(x):
 
 @helper
 def _sin_near(x, rest):
-    """Return sin(x + rest) for -pi/4 <= x <= pi/4; x is the leading term, the polynomial adds the last bits."""
+    """Return sin(x + rest) for -pi/4 <= x <= pi/4; x is the leading term, the polynomial adds the last bits.
+
+    The angle is x + rest [rad]: ``rest`` is what the double x leaves out, less than a unit in its last place.
+    """
     z = x * x
     tail = _SIN_2 + z * (_SIN_3 + z * (_SIN_4 + z * (_SIN_5 + z * _SIN_6)))
     cube = z * x
@@ -110,7 +116,10 @@ def _sin_near(x, rest):
 
 @helper
 def _cos_near(x, rest):
-    """Return cos(x + rest) for -pi/4 <= x <= pi/4; the rounding error of 1 - x**2 / 2 is added back."""
+    """Return cos(x + rest) for -pi/4 <= x <= pi/4; the rounding error of 1 - x**2 / 2 is added back.
+
+    The angle is x + rest [rad], as in :func:`_sin_near`. As ``rest`` is tiny, -x * rest is all that it changes.
+    """
     z = x * x
     tail = z * (_COS_1 + z * (_COS_2 + z * (_COS_3 + z * (_COS_4 + z * (_COS_5 + z * _COS_6)))))
     half = 0.5 * z
@@ -161,7 +170,10 @@ def tan(x):
 
 @helper
 def atan2(y, x):
-    """Return the angle of the vector (x, y) in [-pi, pi], for coordinates up to 1e300; signs of zeros count as in C."""
+    """Return the angle of the vector (x, y) in [-pi, pi] [rad].
+
+    Coordinates may be as large as 1e300, or infinite; nan gives nan. Signs of zeros count as in C.
+    """
     ax = abs(x)
     ay = abs(y)
     near = min(ax, ay)
@@ -181,9 +193,9 @@ def atan2(y, x):
         base_rest = _EIGHTH_REST
     elif far > 0.0:
         t = near / far
-    else:
+    else:  # x and y are 0
         t = 0.0
-    # Arctangent of t as an odd series: t + t**3 times a polynomial in z. It is added last, as it is the smallest.
+    # Arctangent of t as an odd series: t + t**3 times a polynomial in z = t**2. The smallest terms are added first.
     z = t * t
     # fmt: off
     tail = _ATAN_1 + z * (_ATAN_2 + z * (_ATAN_3 + z * (_ATAN_4 + z * (_ATAN_5 + z * (_ATAN_6 + z * (_ATAN_7 + z * (
@@ -201,25 +213,26 @@ def atan2(y, x):
 
 @helper
 def acos(x):
-    """Return the angle in [0, pi] of a cosine; nan outside of [-1, 1]."""
+    """Return the angle in [0, pi] of a cosine [rad]; nan outside of [-1, 1]."""
     return atan2(math.sqrt((1.0 - x) * (1.0 + x)), x)
 
 
 @helper
 def asin(x):
-    """Return the angle in [-pi/2, pi/2] of a sine; nan outside of [-1, 1]."""
+    """Return the angle in [-pi/2, pi/2] of a sine [rad]; nan outside of [-1, 1]."""
     return atan2(x, math.sqrt((1.0 - x) * (1.0 + x)))
 
 
 @helper
 def _exp_of_sum(x, rest):
-    """Return exp(x + rest), where rest is small against x."""
+    """Return exp(x + rest); ``rest`` is what the double x leaves out of the exponent."""
     # Overflow, NaN, underflow: doubles reach from exp(-745.1) to exp(709.78).
     if not x < 709.8:
         return math.inf if x > 0.0 else math.nan
     if x < -745.5:
         return 0.0
-    # x = power ln 2 + r with |r| <= ln 2 / 2; the subtraction is exact in two parts.
+    # x + rest = power ln 2 + r with |r| <= ln 2 / 2. The first part of ln 2 has few bits, so that ``high`` is exact;
+    # ``left_out`` is what the double r leaves out.
     power = math.floor(x * _INVERSE_LN2 + 0.5)
     high = x - power * _LN2_1
     low = power * _LN2_2 - rest
@@ -240,8 +253,9 @@ def exp(x):
 
 @helper
 def _split_exponent(x):
-    """Return (f, k) with x = (1 + f) * 2**k and 1 + f in [sqrt(1/2), sqrt(2))."""
+    """Return (f, k) with x = (1 + f) * 2**k and 1 + f in [sqrt(1/2), sqrt(2)), for a finite x > 0."""
     mantissa, k = math.frexp(x)
+    # The mantissa lies in [1/2, 1). A small one is doubled; 2 * mantissa - 1 is formed without rounding.
     if mantissa < _ROOT_HALF:
         return (mantissa - 0.5) + (mantissa - 0.5), k - 1
     return mantissa - 1.0, k
@@ -255,7 +269,7 @@ def _log_tail(z):
 
 @helper
 def log(x):
-    """Return the natural logarithm; -inf for 0, nan for less."""
+    """Return the natural logarithm; -inf for 0, nan for less than 0."""
     if not (0.0 < x < math.inf):
         if x == 0.0:
             return -math.inf
@@ -286,7 +300,8 @@ def _product(a, b):
 def power(x, y):
     """Return x to the power of y, nan for x < 0 unless y is 0: exp(y ln x) with the logarithm in two doubles.
 
-    Exponents from 1e15 on count as infinite, which differs from C where x is within 1e-12 of 1.
+    Exponents of 1e15 or more count as infinite, and so do their negatives. This differs from C only if x is within
+    1e-12 of 1.
     """
     # Special cases as in C, but for x < 0 and the sign of -0.0.
     if y == 0.0 or x == 1.0:
@@ -294,6 +309,7 @@ def power(x, y):
     if y != y:
         return math.nan
     if not (0.0 < x < math.inf):
+        # 0 to a positive power and infinity to a negative one are 0; the other two are infinite.
         if x == 0.0 or x == math.inf:
             return 0.0 if (x == 0.0) == (y > 0.0) else math.inf
         return math.nan
@@ -306,7 +322,8 @@ def power(x, y):
     p, p_rest = _product(s, d)
     s_rest = (((f - p) - p_rest) - s * (f - (d - 2.0))) / d
     z = s * s
-    # ln x = k ln 2 + 2 s + s z tail, largest first, with the roundings of both sums kept.
+    # ln x = k ln 2 + 2 s + s z tail, largest first, with the roundings of both sums kept. (For k = 0 the first sum
+    # rounds nothing.)
     lead = k * _LN2_1
     high = lead + 2.0 * s
     low = ((lead - (high - 2.0 * s)) + (2.0 * s - (high - (high - 2.0 * s)))) if k != 0 else 0.0

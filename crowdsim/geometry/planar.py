@@ -19,7 +19,7 @@ def rotation(degrees: float) -> tuple[float, float]:
 
 
 def wrap_angle(angle: Floats | float) -> Floats:
-    """Return the angle in [-pi, pi] [rad]; -pi itself only by rounding."""
+    """Return angles of any shape [rad] less full turns, so that they are in [-pi, pi]; -pi itself only by rounding."""
     return np.pi - np.mod(np.pi - np.asarray(angle, dtype=np.float64), 2.0 * np.pi)
 
 
@@ -32,9 +32,9 @@ def shorter_ways(ways: Floats, span: float) -> Floats:
 
 
 def compose(outer: Floats, inner: Floats) -> Floats:
-    """Return outer o inner: the pose ``inner``, given in the frame of ``outer``, seen from outside.
+    """Return outer o inner: pose ``inner``, given in the frame of ``outer``, in the frame that ``outer`` is given in.
 
-    Shapes broadcast.
+    Shapes (..., 3) broadcast.
     """
     outer, inner = np.asarray(outer, np.float64), np.asarray(inner, np.float64)
     c, s = cos(outer[..., 2]), sin(outer[..., 2])
@@ -44,7 +44,7 @@ def compose(outer: Floats, inner: Floats) -> Floats:
 
 
 def invert(pose: Floats) -> Floats:
-    """Return the rigid motion that undoes ``pose``."""
+    """Return the rigid motions (..., 3) that undo ``pose`` (..., 3)."""
     pose = np.asarray(pose, np.float64)
     c, s = cos(pose[..., 2]), sin(pose[..., 2])
     x = -(c * pose[..., 0] + s * pose[..., 1])
@@ -53,7 +53,7 @@ def invert(pose: Floats) -> Floats:
 
 
 def transform_points(pose: Floats, points: Floats) -> Floats:
-    """Return ``points`` (..., 2) moved by ``pose`` (3,), or by poses that broadcast against them."""
+    """Return ``points`` (..., 2) [m] moved by ``pose`` (3,), or by poses (..., 3) that broadcast against them."""
     pose, points = np.asarray(pose, np.float64), np.asarray(points, np.float64)
     c, s = cos(pose[..., 2]), sin(pose[..., 2])
     x = pose[..., 0] + c * points[..., 0] - s * points[..., 1]

@@ -20,13 +20,13 @@ def shorter_way(way, span):
 
 @kernel
 def wrap_angle(angle):
-    """Return the angle in [-pi, pi] [rad]; -pi itself only by rounding."""
+    """Return ``angle`` [rad] less full turns, so that it is in [-pi, pi]; -pi itself only by rounding."""
     return math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 
 @kernel
 def compose(x0, y0, h0, x1, y1, h1):
-    """Return pose 1, given in the frame of pose 0, as seen from outside: (x, y, heading)."""
+    """Return pose 1, given in the frame of pose 0, in the frame that pose 0 is given in: (x, y, heading)."""
     # Turn by the heading of pose 0, then move.
     c, s = cos_sin(h0)
     return x0 + c * x1 - s * y1, y0 + s * x1 + c * y1, wrap_angle(h0 + h1)

@@ -48,7 +48,7 @@ def buffered(geometry: BaseGeometry, distance: float, quad_segs: int = 16, **sty
 
 
 def turned(geometry: BaseGeometry, degrees: float) -> BaseGeometry:
-    """Turn ``geometry`` counter-clockwise about the center of its bounds, exactly for quarter turns."""
+    """Turn ``geometry`` counter-clockwise by ``degrees`` about the center of its bounds, exactly for quarter turns."""
     xmin, ymin, xmax, ymax = geometry.bounds
     x, y = 0.5 * (xmin + xmax), 0.5 * (ymin + ymax)
     c, s = rotation(degrees)

@@ -24,7 +24,7 @@ def orient2d(ax, ay, bx, by, cx, cy):
 def incircle(ax, ay, bx, by, cx, cy, dx, dy, cells):
     """Return the sign of d against the circle through the counter-clockwise a, b, c: 1 inside, 0 on it, -1 outside.
 
-    ``cells`` is 1 / cell of the grid [1/m]. The sign is exact for grid coordinates.
+    Coordinates are in meters, ``cells`` is 1 / cell of the grid [1/m]. The sign is exact for grid coordinates.
     """
     # The determinant of d's in-circle test, with d as the origin.
     ax -= dx
@@ -50,7 +50,10 @@ def incircle(ax, ay, bx, by, cx, cy, dx, dy, cells):
 
 @helper
 def _exact_incircle(ax, ay, bx, by, cx, cy):
-    """Return the sign of the origin against the circle through the counter-clockwise a, b, c, all integers."""
+    """Return the sign of the origin against the circle through the counter-clockwise a, b, c, as `incircle` does.
+
+    Coordinates are relative to the tested point, in cells: float64 with whole numbers.
+    """
     # The determinant of `incircle` in integers: each lift is the squared distance of a corner.
     aix = int(ax)
     aiy = int(ay)

@@ -1,6 +1,7 @@
 """Quantiles of distributions, with elementary functions that give the same bits on any processor.
 
 Functions named quantile take probabilities, (n,) float64 in the open interval (0, 1), and return (n,) float64 values.
+``shape`` is a parameter of the distribution, greater than 0 and without a unit.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def normal_quantile(probability: Floats) -> Floats:
 
 
 def lognormal_quantile(probability: Floats, mu: float, sigma: float) -> Floats:
-    """Return quantiles of a lognormal distribution: its logarithm has mean ``mu`` and standard deviation ``sigma``."""
+    """Return quantiles of a lognormal distribution: logarithms have mean ``mu`` and standard deviation ``sigma``."""
     return np.asarray(exp(mu + sigma * normal_quantile(probability)))
 
 
@@ -91,6 +92,7 @@ def gamma_quantile(probability: Floats, shape: float, scale: float) -> Floats:
 def gamma_share(x: Floats, shape: float) -> Floats:
     """Return the share of a gamma distribution of scale 1 below ``x``: the regularized lower incomplete gamma function.
 
+    ``x`` is (n,) and at least 0, ``shape`` the distribution's parameter; the shares are (n,) in [0, 1].
     By its series if ``x`` is below ``shape`` + 1, else by its continued fraction (Lentz's algorithm).
     """
     near = x < shape + 1.0
@@ -102,9 +104,9 @@ def gamma_share(x: Floats, shape: float) -> Floats:
 
 
 def _series(x: Floats, shape: float) -> Floats:
-    """Return the series of the lower incomplete gamma function (n,), without its leading factor.
+    """Return the series of the lower incomplete gamma function at x (n,), without its leading factor.
 
-    It is the sum over k of x**k / (shape (shape + 1) ... (shape + k)).
+    It is the sum over k of x**k / (shape (shape + 1) ... (shape + k)); terms below 1e-17 of it are left out.
     """
     term = np.full(x.shape, 1.0 / shape)
     total = term.copy()
@@ -117,7 +119,7 @@ def _series(x: Floats, shape: float) -> Floats:
 
 
 def _fraction(x: Floats, shape: float) -> Floats:
-    """Return the continued fraction of the upper incomplete gamma function (n,), without its leading factor.
+    """Return the continued fraction of the upper incomplete gamma function at x (n,), without its leading factor.
 
     The modified algorithm of Lentz (Thompson and Barnett, J. Comput. Phys. 64, 1986): the ratios c and d of consecutive
     numerators and denominators are kept off 0.
@@ -154,7 +156,7 @@ def _log_gamma(x: float) -> float:
 
 
 def _ratio(polynomials: tuple[tuple[float, ...], tuple[float, ...]], x: Floats) -> Floats:
-    """Return the quotient of two polynomials of x, by Horner's scheme."""
+    """Return the quotient of two polynomials of x (n,), of equally many coefficients, by Horner's scheme."""
     above, below = (np.zeros(x.shape) for _ in range(2))
     for numerator, denominator in zip(reversed(polynomials[0]), reversed(polynomials[1]), strict=True):
         above = above * x + numerator

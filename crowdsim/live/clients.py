@@ -1,4 +1,4 @@
-"""The pages that watch a session: each has little room for what it has not taken yet."""
+"""The pages that watch a session, each with a short queue of what is to be sent to it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ MOST_PICTURES = 8
 
 
 class Client:
-    """What waits for one page: the last things and state, and a few pictures."""
+    """Queue of one page: the last message of each kind (things, state), and a few pictures."""
 
     def __init__(self, things: str | None, state: str | None, picture: bytes | None) -> None:
         self._messages: dict[str, str | None] = {"things": things, "state": state}
@@ -19,17 +19,17 @@ class Client:
         self._something.set()
 
     def put(self, kind: str, message: str) -> None:
-        """Put a message that waits, in place of one of its kind (things or state): only the last one counts."""
+        """Queue a message of a kind, things or state, in place of a waiting one of this kind: only the last counts."""
         self._messages[kind] = message
         self._something.set()
 
     def put_picture(self, content: bytes) -> None:
-        """Add a picture; the oldest is lost if there is no room."""
+        """Queue a picture; the oldest one is lost if MOST_PICTURES wait."""
         self._pictures.append(content)
         self._something.set()
 
     async def next(self) -> str | bytes:
-        """Wait for what is to be sent next: things, then state, then pictures in turn."""
+        """Return what is to be sent next: things, then state, then pictures in turn; wait if there is nothing."""
         while True:
             for kind, message in self._messages.items():
                 if message is not None:
@@ -50,7 +50,7 @@ class Audience:
         self._picture: bytes | None = None
 
     def join(self) -> Client:
-        """Return a new page, for which the last things, state and picture wait already."""
+        """Return the queue of a new page, with the last things, state and picture in it."""
         client = Client(self._last["things"], self._last["state"], self._picture)
         self.clients.add(client)
         return client

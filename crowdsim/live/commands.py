@@ -23,12 +23,12 @@ _WALL_THICKNESS = 0.12
 
 
 def command(simulation: Simulation, request: Request) -> str:
-    """Give the command that ``request`` asks for; return what was done, in words.
+    """Carry out a request for a command; return in words what was done.
 
     Raises
     ------
     RequestRefused
-        If it is impossible, with the reason.
+        With the reason, if the command is impossible or the request is for none.
     """
     try:
         return _given(simulation, request)
@@ -37,7 +37,7 @@ def command(simulation: Simulation, request: Request) -> str:
 
 
 def _given(simulation: Simulation, request: Request) -> str:
-    """Give a request to the simulation; return in words what it does."""
+    """Give the command of a request to the simulation; return in words what it does."""
     match request:
         case SetGoal():
             simulation.set_goal(request.agents, request.goal, request.on_arrival)
@@ -75,7 +75,7 @@ def _given(simulation: Simulation, request: Request) -> str:
 
 
 def _free_name(simulation: Simulation) -> str:
-    """Return a name for a drawn wall that no obstacle has or has had, as events and commands name things by it."""
+    """Return a name for a drawn wall that no obstacle has or has had: events and commands refer to it by its name."""
     taken = {movable.name for movable, _ in simulation.movables()}
     taken |= {obstacle.name for obstacle in simulation.scenario.obstacles}
     taken |= {command.subject for command in simulation.commands if command.changes_place}

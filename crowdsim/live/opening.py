@@ -1,4 +1,4 @@
-"""What a page needs before the first step: bodies, motion, and the place without what moves."""
+"""Data that a page needs before the first step: bodies, motion, and the environment without movables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from crowdsim.export.page.tracks.track_chunks import PLACES, Events, pack_events
 from crowdsim.live.pictures import TURN, picture_columns
 
 LONGEST_KEPT = 60.0
-"""Time that a page looks back at most: trails, density and footsteps come of it [s]."""
+"""Longest time for which a page keeps past steps, from which it draws trails, density and footsteps [s]."""
 
 
 def pack_opening(simulation: Simulation) -> bytes:
@@ -59,7 +59,7 @@ def pack_opening(simulation: Simulation) -> bytes:
     }
     pack_node_tracks(block, motion, np.arange(len(motion.node_names)))
     none = np.zeros(0, np.int64)
-    # The viewer of recordings reads tracks from arrays; here they are empty, and the socket brings all.
+    # The viewer of recordings reads tracks from arrays. Here they are empty, as all steps come over the socket.
     pack_events(block, Events(np.zeros(count, np.int64), *[none] * 5))
     pack_no_feet(block)
     pack_stretches(block, [])

@@ -1,4 +1,4 @@
-"""What a page is sent: the people of a step as bytes, and the things that move, as JSON."""
+"""Messages to a page: pictures, which hold the agents of a step as bytes, and doors and movables as JSON."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def picture_columns(motion: MotionRecord) -> Columns:
     In this order each column begins at a multiple of the size of its type, as the arrays of JavaScript need.
     """
     columns = [*_ALWAYS, *(_CAPTURED if len(motion.node_names) else ()), *(_STEERED if motion.gaits else ())]
-    if len(motion.node_names) > np.iinfo(np.int16).max:  # int16 cannot number the nodes
+    if len(motion.node_names) > np.iinfo(np.int16).max:  # more nodes than int16 can number
         columns = [(name, "int32" if kind == "int16" else kind) for name, kind in columns]
     return tuple(sorted(columns, key=lambda column: -np.dtype(column[1]).itemsize))
 
 
 def picture(step: int, frame: RecordedFrame, columns: Columns) -> bytes:
-    """Return the people present in a step: the columns one after another, each with a row an agent."""
+    """Return a picture of a step: a head, then the columns one after another, each with a value per present agent."""
     here = np.flatnonzero(np.asarray(frame.state) != AgentState.ABSENT)
     parts = [MAGIC, np.array([step, len(here)], "<u4").tobytes()]
     for name, kind in columns:
@@ -64,16 +64,16 @@ def _turns(headings: NDArray[Any]) -> NDArray[np.int64]:
 
 
 def things(simulation: Simulation) -> list[dict[str, Any]]:
-    """Return doors and movable obstacles, as JSON can hold them: outlines, triangles and lines of those present."""
+    """Return doors and movable obstacles in types of JSON: outlines, triangles and lines of those present."""
     doors = {door.name for door in simulation.scenario.doors}
     return [_thing(movable, placing, movable.name in doors) for movable, placing in simulation.movables()]
 
 
 def _thing(movable: Movable, placing: Placing | None, door: bool) -> dict[str, Any]:
-    """Return a movable for the page: name, and whether it is a door and there.
+    """Return a movable for the page: its name, and whether it is a door, and present.
 
-    If it is there, also [m]: its top, the outline of its convex hull (n, 2), and flat lists of x, y, z: the corners of
-    its triangles, three each, and the ends of its lines, two each.
+    If it is present, also [m]: its top, the outline of its convex hull (n, 2), and flat lists of x, y, z: the corners
+    of its triangles, three each, and the ends of its lines, two each.
     """
     thing: dict[str, Any] = {"name": movable.name, "door": door, "there": placing is not None}
     if placing is None:
@@ -93,5 +93,5 @@ def _thing(movable: Movable, placing: Placing | None, door: bool) -> dict[str, A
 
 
 def text(kind: str, **facts: Any) -> str:
-    """Return a message of words and numbers."""
+    """Return a message as JSON: its kind, and facts about it by name."""
     return json.dumps({"kind": kind, **facts}, separators=(",", ":"), allow_nan=False)

@@ -1,4 +1,4 @@
-"""What a page asks of a running simulation: messages, checked before anything is done."""
+"""Requests of a page to a running simulation: messages that are checked before anything is done."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from crowdsim.errors import CrowdSimError
 MOST_BYTES = 16_384
 """Largest message that a page may send [bytes]."""
 SLOWEST, FASTEST = 0.25, 8.0
-"""Least and greatest speed of the simulation, in times of real time."""
+"""Least and greatest speed of the simulation, as a multiple of real time."""
 
 _SHORTEST_WALL, _LONGEST_WALL = 0.2, 200.0
-"""Length of a wall that is drawn [m]."""
+"""Least and greatest length of a wall that is drawn [m]."""
 
 Meters = Annotated[float, Field(allow_inf_nan=False, ge=-1e5, le=1e5)]
 Point = Annotated[tuple[Meters, Meters], Field(strict=False)]
@@ -25,7 +25,7 @@ Characters = Annotated[tuple[AgentNumber, ...], Field(strict=False, min_length=1
 
 
 class RequestRefused(CrowdSimError):
-    """A message that is no request, or one that cannot be met; its text is shown in the page."""
+    """A message is no request, or its request cannot be met; the page shows the text of this error."""
 
 
 class Request(BaseModel):
@@ -52,7 +52,7 @@ class RemoveAgents(Request):
 
 
 class Add(Request):
-    """Let agents of a group on call come, at a point or where the group starts."""
+    """Add agents of a group on call, at a point or, without one, where the group starts."""
 
     do: Literal["add"]
     group: Name
@@ -128,7 +128,7 @@ _READER: TypeAdapter[Any] = TypeAdapter(AnyRequest)
 
 
 def read_request(message: str | bytes) -> Request:
-    """Return the request of a message; raise RequestRefused, in words, if it is none."""
+    """Return the request in a message; raise RequestRefused with the reason if there is none."""
     if isinstance(message, bytes):
         raise RequestRefused("a request is a text, not bytes")
     try:
@@ -141,7 +141,7 @@ def read_request(message: str | bytes) -> Request:
 
 
 def number_of(message: str | bytes) -> int | None:
-    """Return the ``id`` of a message that may be malformed, None if it has none."""
+    """Return the ``id`` of a message, which may otherwise be malformed; None if it has no valid one."""
     try:
         return _Numbered.model_validate_json(message).id
     except ValidationError:

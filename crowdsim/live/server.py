@@ -38,23 +38,24 @@ Ask = Callable[[Request], Answer]
 
 
 class Server:
-    """Context manager that serves a page and what it shows; a :class:`~crowdsim.live.session.Publisher`.
+    """Context manager that serves a page and its messages; a :class:`~crowdsim.live.session.Publisher`.
 
     Parameters
     ----------
     page : bytes
         The page.
     opening : bytes
-        What every page is sent first.
+        First message to every page.
     host, port : str, int
         Address to listen at; port 0 takes any that is free.
-    ask : callable
-        Takes requests from the server's thread, and answers later.
+    ask : callable or None
+        Takes a request, in the server's thread, and returns the future of its answer. Requests are refused as long as
+        it is None.
 
     Raises
     ------
     CrowdSimError
-        If the address cannot be had.
+        If the server cannot listen at the address.
     """
 
     def __init__(self, page: bytes, opening: bytes, host: str, port: int, ask: Ask | None = None) -> None:
@@ -100,15 +101,15 @@ class Server:
         self._thread.join()
 
     def picture(self, content: bytes) -> None:
-        """Publish the people of a step."""
+        """Publish a picture of the agents in a step."""
         self._loop.call_soon_threadsafe(self._audience.show, content)
 
     def things(self, message: str) -> None:
-        """Publish what moves, as it is now."""
+        """Publish doors and movables as they are now."""
         self._loop.call_soon_threadsafe(self._audience.tell, "things", message)
 
     def state(self, message: str) -> None:
-        """Publish pause, speed, end, and who can be added."""
+        """Publish pause, speed, end, and the groups that can be added to."""
         self._loop.call_soon_threadsafe(self._audience.tell, "state", message)
 
     def _run(self) -> None:
@@ -120,7 +121,7 @@ class Server:
             self._ready.set()  # also if it failed, as the other thread waits for it
 
     async def _serve(self) -> None:
-        """Serve on the port until the end; note why if that is not possible."""
+        """Serve on the port until the end; keep the error if that is not possible."""
         self._end = asyncio.Event()
         try:
             server = await self._listening()
@@ -151,15 +152,15 @@ class Server:
         )
 
     def _stop(self) -> None:
-        """End serving, in the server's thread; nothing has to end if it never began."""
+        """End serving, in the server's thread; do nothing if serving never began."""
         if self._end is not None:
             self._end.set()
 
     def _answer_http(self, connection: ServerConnection, request: HttpRequest) -> Response | None:
-        """Return a plain answer, the page or a refusal; None lets the WebSocket open.
+        """Return an answer over HTTP, the page or a refusal; None opens the WebSocket.
 
-        Other sites must not lead a browser here, so Host, and for the WebSocket Origin, must be this server's. A
-        stranger who was not given the address lacks the token.
+        Other sites must not lead a browser here, so the header Host, and for the WebSocket also Origin, must be this
+        server's. The token keeps out people to whom the address was not given.
         """
         parts = urlsplit(request.path)
         token = parse_qs(parts.query).get("token", [""])[-1]
@@ -178,7 +179,10 @@ class Server:
         return None
 
     def _is_served(self, host: str) -> bool:
-        """Return whether a page may name the server so: names of other sites are refused, unless all may connect."""
+        """Return whether ``host``, a header Host, names this server.
+
+        Names of other sites are refused, unless the server listens on all addresses: then it may have any name.
+        """
         try:
             name = urlsplit(f"//{host}").hostname
         except ValueError:
@@ -186,9 +190,10 @@ class Server:
         return name in _LOOPBACK or name == self._host.lower() or (name is not None and self._host in _ANYWHERE)
 
     async def _talk(self, connection: ServerConnection) -> None:
-        """Send and listen until the page has gone."""
+        """Serve the WebSocket of one page, in both directions, until the page has gone."""
         client = self._audience.join()
-        # The sender may wait for a picture and the listener for an answer when the connection ends: neither notices.
+        # When the connection ends, the sender may wait for a picture, and the listener for an answer: neither notices.
+        # So the third task waits for the end itself.
         tasks = [
             asyncio.create_task(self._send(connection, client)),
             asyncio.create_task(self._listen(connection)),
@@ -203,14 +208,14 @@ class Server:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     async def _send(self, connection: ServerConnection, client: Client) -> None:
-        """Send a page the opening, then what waits for it, until it has gone."""
+        """Send a page the opening, then the messages of its queue, until the page has gone."""
         with contextlib.suppress(ConnectionClosed):
             await connection.send(self._opening)
             while True:
                 await connection.send(await client.next())
 
     async def _listen(self, connection: ServerConnection) -> None:
-        """Answer one message after the other; a page that does not take the answers is not read from."""
+        """Answer one message after the other; read no more from a page that does not take the answers."""
         with contextlib.suppress(ConnectionClosed):
             async for message in connection:
                 await connection.send(await self._answer(message))
@@ -229,13 +234,13 @@ class Server:
 
 
 def _header(request: HttpRequest, name: str) -> str:
-    """Return a header that is there once, else an empty text."""
+    """Return the value of a header, or an empty text if it is missing or given several times."""
     values = request.headers.get_all(name)
     return values[0] if len(values) == 1 else ""
 
 
 def _page(content: bytes) -> Response:
-    """Return an answer with the page; browsers are to keep no copy, nor tell others the address with the token."""
+    """Return an answer with the page; its headers forbid copies, and passing on the address with the token."""
     headers = Headers(
         {
             "Content-Type": "text/html; charset=utf-8",

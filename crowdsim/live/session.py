@@ -18,45 +18,45 @@ MOST_WAITING = 256
 """Largest number of requests that wait for the end of a step."""
 
 _LOOK = 0.05
-"""Longest time between two looks at signals while the simulation stands [s]."""
+"""Longest time between two checks whether the session is to end [s]."""
 _LOST = 0.5
-"""Largest lag behind the clock that is made up for [s]; a larger one is lost."""
+"""Largest delay of a step that is caught up by faster steps [s]; after a larger one, the clock starts anew."""
 _ENDED = "the simulation has ended; start 'crowdsim serve' again"
 
 Answer = Future[dict[str, Any]]
 
 
 class Publisher(Protocol):
-    """What a session tells of its steps; none of it waits for anything."""
+    """Receiver of what a session publishes; its methods return at once."""
 
     def picture(self, content: bytes) -> None:
-        """Publish the people of a step."""
+        """Publish a picture of the agents in a step."""
 
     def things(self, message: str) -> None:
-        """Publish what moves, as it is now."""
+        """Publish doors and movables as they are now."""
 
     def state(self, message: str) -> None:
-        """Publish pause, speed, end, and who can be added."""
+        """Publish pause, speed, end, and the groups that can be added to."""
 
 
 class Session:
-    """One live simulation. All but :meth:`ask` runs in the thread that steps it.
+    """One live simulation. All methods but :meth:`ask` run in the thread that steps it.
 
     Parameters
     ----------
     simulation : Simulation
         The simulation.
     publisher : Publisher
-        Gets every step.
+        Receives every step.
     stopped : callable
         Returns True when the session is to end.
     speed : float
-        Times of real time.
+        Speed of the simulation, as a multiple of real time.
 
     Attributes
     ----------
     steps, late : int
-        Steps taken, and those that were not done when the next one was due.
+        Steps taken, and how many of them were not done when the next one was due.
     """
 
     def __init__(
@@ -78,21 +78,24 @@ class Session:
         self._ended = False
 
     def ask(self, request: Request) -> Answer:
-        """Ask for something from any thread; the answer comes between two steps, or RequestRefused."""
+        """Queue a request, from any thread; return the future of its answer, which comes between two steps.
+
+        The future may hold RequestRefused instead.
+        """
         answer: Answer = Future()
         try:
             self._requests.put_nowait((request, answer))
         except queue.Full:
             answer.set_exception(RequestRefused("too many requests wait; try again"))
-        if self._ended:  # perhaps since the check for room: nothing takes requests any more
+        if self._ended:  # perhaps while the request was queued: no step takes it any more
             self._refuse_all()
         return answer
 
     def step_until_stopped(self, output: Path | None) -> None:
         """Take steps until the session is stopped, and record it if ``output`` is given and a step was taken."""
         try:
-            # A recording holds at least one step, so it begins with the first of them: that is waited for here, and
-            # `run`, which asks `until` before each step, is told to go on at once.
+            # A recording needs at least one step, so `run` is called only when the first step is due. It calls `until`
+            # before each step: the first call must not wait again, and returns False, so that the step is taken.
             if not self._wait(self.simulation):
                 first = [False]
                 recording = self.simulation.run(output, until=lambda each: first.pop() if first else self._wait(each))
@@ -103,7 +106,7 @@ class Session:
             self._refuse_all()
 
     def _refuse_all(self) -> None:
-        """Refuse all requests that wait, as no step will come."""
+        """Refuse all queued requests, as no step will come."""
         while True:
             try:
                 _, answer = self._requests.get_nowait()
@@ -120,13 +123,14 @@ class Session:
         self._publish()
         now = time.perf_counter()
         if self._due is not None:
-            # A step has been taken since it was due. The next one is due a period later, from now on if time was lost.
+            # A step has been taken. The next one is due a period later, or at once after a delay that is not caught up.
             self.steps += 1
             self._due += self._period
             self.late += now > self._due
             if now > self._due + _LOST:
                 self._due = now
         while not self._stopped():
+            # Stand while no step has anything to do, or while paused, unless a single step was requested.
             held = simulation.finished or (self._paused and not self._single)
             if held:
                 self._due = None
@@ -135,7 +139,7 @@ class Session:
                 self._due = time.perf_counter()
             self._publish_state()
             wait = _LOOK if self._due is None else min(self._due - time.perf_counter(), _LOOK)
-            # Requests that wait go first; without any, a step that is due is taken.
+            # Queued requests go first; without any, a step that is due is taken.
             if not self._carry_out_one(max(wait, 0.0)) and self._due is not None and time.perf_counter() >= self._due:
                 self._single = False
                 return False
@@ -147,12 +151,12 @@ class Session:
         return 1.0 / (self.simulation.scenario.steps_per_second * self._speed)
 
     def _carry_out_one(self, wait: float) -> bool:
-        """Carry out a request, for which to wait at most ``wait`` seconds; return whether there was one."""
+        """Carry out the next queued request; return False if none comes within ``wait`` [s]."""
         try:
             request, answer = self._requests.get(timeout=wait) if wait > 0.0 else self._requests.get_nowait()
         except queue.Empty:
             return False
-        # Who asked may have gone meanwhile; then nothing is done.
+        # The page may have gone meanwhile, and its request been canceled: then do nothing.
         if not answer.set_running_or_notify_cancel():
             return True
         try:
@@ -180,7 +184,7 @@ class Session:
         return command(self.simulation, request)
 
     def _publish(self) -> None:
-        """Publish the people of the last step, and things if one came, moved or went."""
+        """Publish a picture of the last step, and doors and movables if one came, moved or went."""
         simulation = self.simulation
         self._publisher.picture(picture(max(simulation.step_count - 1, 0), simulation.crowd.frame(), self._columns))
         placings = [placing for _, placing in simulation.movables()]
@@ -189,7 +193,7 @@ class Session:
             self._publisher.things(text("things", things=things(simulation)))
 
     def _publish_state(self) -> None:
-        """Publish pause, speed, end and who can be added, if any of it changed."""
+        """Publish pause, speed, end and the groups that can be added to, if any of them changed."""
         simulation, over = self.simulation, ""
         if simulation.finished:
             over = self._over()
@@ -199,7 +203,7 @@ class Session:
             self._publisher.state(state)
 
     def _over(self) -> str:
-        """Return why no more steps are taken."""
+        """Return in words why no more steps are taken."""
         if self.simulation.step_count >= self.simulation.step_limit:
             return f"the {self.simulation.scenario.duration:g} s of the scenario are over"
         crowd = self.simulation.crowd

@@ -18,9 +18,10 @@ from crowdsim.navmesh.paths.guide_kernels import GUIDE
 from crowdsim.navmesh.paths.paths import Floats
 
 _FARTHER = (1.05, 1.5)
-"""How much longer than without obstacles the ways are that the guide knows: a factor, and then a length to add [m].
+"""Limit of the guide: the length of a short way without obstacles times the first number, plus the second one [m].
 
-Longer ways are found as well, but with more search. Greater values take longer to prepare.
+Ways of up to about the limit / GREED (see guide_kernels) are known. Longer ones are found as well, but with more
+search. Greater values take longer to prepare.
 """
 
 
@@ -57,7 +58,10 @@ class Detours:
         self._labelled = -1.0
 
     def aim(self, start: Floats, goal: Floats, radius: float) -> None:
-        """Set the two places [m] and the radius [m] of the following searches; the mesh must be as it was at first."""
+        """Set the two places, (2,) each [m], and the radius [m] of the following searches; fill the guide for them.
+
+        A disc of the radius should be free at both. The mesh must be as it was at first.
+        """
         self._ends = (*map(float, start), *map(float, goal), radius, radius - self.mesh.tolerance(radius))
         arrays = self.mesh.arrays
         # The labels are those of the mesh as it was at first, so they serve all goals for one radius.
@@ -70,7 +74,7 @@ class Detours:
 
     @contextmanager
     def lent(self) -> Iterator[DetourSearch]:
-        """Yield the search, for kernels that look for detours."""
+        """Yield the search between the places of :meth:`aim`, for kernels that look for detours."""
         mesh = self.mesh
         with mesh.edited() as obstacles, mesh.workspaces.lent(len(obstacles.mesh.cover)) as work:
             yield DetourSearch(obstacles.places, self._places_before, work, self._ends, self._guide)

@@ -74,7 +74,7 @@ class NavMesh(MeshQueries):
     arrays: MeshArrays
     """The mesh argument of kernels; replaced by an edit."""
     revision: int
-    """Number of edits so far. All that was computed from the mesh is valid as long as this number stays the same."""
+    """Number of edits so far, also of failed ones. What was computed from the mesh is valid while it stays the same."""
     workspaces: Workspaces
     """Scratch memory of path searches, shared with copies of the mesh."""
     _search: PathSearch | None = None
@@ -116,7 +116,8 @@ class NavMesh(MeshQueries):
         Raises
         ------
         PathNotFound
-            If start or goal is closer than ``radius`` to an obstacle, or no passage is wide enough.
+            If start or goal is closer than ``radius`` to an obstacle, or no passage is wide enough. Hardly ever also
+            if there is a passage, but no path through it could be traced.
         GeometryError
             If an argument is not finite, the radius is negative, or ``optimality`` is unknown. If the ``radius`` of a
             fast path is below :data:`crowdsim.navmesh.paths.paths.MIN_RADIUS` or, in areas of many kilometers, below
@@ -248,7 +249,7 @@ class NavMesh(MeshQueries):
         Returns
         -------
         Handle
-            What :meth:`remove` and :meth:`move` know the obstacle by.
+            The name of the obstacle for :meth:`remove` and :meth:`move`.
 
         Raises
         ------
@@ -330,7 +331,7 @@ class NavMesh(MeshQueries):
         return self._obstacles
 
     def _update(self, obstacles: Obstacles) -> None:
-        """Take the arrays of the editor after an edit."""
+        """Take the arrays of the editor after an edit, count the edit, and drop searches on the arrays before it."""
         self.arrays = obstacles.mesh
         self.revision += 1
         self._search = None

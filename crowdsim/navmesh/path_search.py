@@ -30,10 +30,11 @@ _GRAPHS = 8
 
 
 FAR = 1.05
-"""Fast paths longer than this multiple of the straight line, which none is shorter than, are looked for backwards, too.
+"""Fast paths longer than this multiple of the straight line are looked for from the goal back, too.
 
-Where the search takes a wrong turn one way it hardly ever does so the other way as well. No path that is 5 % too long
-is left out, and in the open few are looked for twice."""
+A search that takes a wrong turn one way hardly ever does so the other way as well. No path is shorter than the straight
+line, so none that is 5 % too long is left out; in the open few are looked for twice.
+"""
 
 GAIN = 0.99
 """The path found backwards is taken if it is shorter than this multiple of the other one."""
@@ -82,7 +83,7 @@ class PathSearch:
             return self._regions
 
     def graph(self, radius: float, least: float) -> RadiusGraph:
-        """Return the tangent graph for ``radius``, made at the first call.
+        """Return the tangent graph for ``radius`` [m], made if it is not among those kept, of the radii used last.
 
         A clearance of ``least`` counts as enough [m].
         """
@@ -106,10 +107,11 @@ class PathSearch:
     ) -> Paths:
         """Find paths from ``starts`` to ``goals`` (n, 2) [m] for ``radii`` (n,) [m].
 
-        ``least`` (n,) is the clearance that counts as enough: the radius less the tolerance, alike for like radii [m].
+        ``least`` (n,) is the clearance that counts as enough: the radius less the tolerance, the same for equal radii
+        [m].
 
-        All arrays are C-contiguous. ``optimality`` is "best" or "fast". ``clearance`` gives that of a point for error
-        messages.
+        All arrays are C-contiguous. ``optimality`` is "best" or "fast", ``workers`` the number of threads, None for as
+        many as pay. ``clearance`` returns the clearance [m] of a point (x, y), for error messages.
         """
         count = len(starts)
         status, lengths = np.empty(count, np.int8), np.empty(count)
@@ -135,9 +137,9 @@ class PathSearch:
         return out
 
     def are_apart(self, starts: Floats, goals: Floats, radius: float, least: float) -> NDArray[np.bool_]:
-        """Return (n,) True if no way leads from a start to its goal (n, 2), and the disc is free at both.
+        """Return (n,) True if the disc is free at a start and at its goal, but no way leads from one to the other.
 
-        Arguments are those of :meth:`find`, for one radius. The labels of components show that at once; a search would
+        Arguments are those of :meth:`find`, for one radius. The labels of components show this at once; a search would
         have to look everywhere.
         """
         one, other = self.components(np.concatenate([starts, goals]), radius, least).reshape(2, -1)
@@ -145,7 +147,11 @@ class PathSearch:
         return apart
 
     def _find_joined(self, batch: Batch, workers: int | None, find: Callable[[Batch, int | None], Floats]) -> Floats:
-        """Let ``find`` search those of the batch that may have a path; fill in all results, and return their points."""
+        """Let ``find`` search the queries of the batch that may have a path; return the points (k, 2) [m] of all.
+
+        The results of the batch are filled in, also of queries without a path. ``find(batch, workers)`` fills in the
+        results of a batch and returns its points, as :meth:`_find_fast` does.
+        """
         apart = np.zeros(len(batch.radii), np.bool_)
         for radius in np.unique(batch.radii).tolist():
             rows = np.flatnonzero(batch.radii == radius)
@@ -191,6 +197,7 @@ class PathSearch:
         regions = self.regions()
 
         def work(first: int, last: int) -> Floats:
+            """Search the queries from ``first`` up to ``last`` (exclusive); return their points (k, 2) [m]."""
             part = batch.part(first, last)
             with self._workspaces.lent(self._triangles) as scratch:
                 points: Floats = path_kernels.plan_paths(self._mesh, regions, scratch, part)
@@ -214,6 +221,7 @@ class PathSearch:
         graph = self.graph(float(batch.radii[0]), float(batch.least[0]))
 
         def work(first: int, last: int) -> Floats:
+            """Search the queries from ``first`` up to ``last`` (exclusive); return their points (k, 2) [m]."""
             part = batch.part(first, last)
             with graph.scratch() as scratch:
                 points: Floats = shortest_kernels.shortest_paths(

@@ -46,8 +46,8 @@ class _Shapes:
         """(nf, 3, 2) corners of the free triangles [m]."""
         ends = np.stack([place[org], place[np.roll(org, -1, axis=1)]], axis=2)
         """(nt, 3, 2, 2) both ends of each side."""
-        # Walls and open sides (k, 2, 2). Walls are constrained sides of free triangles or of their neighbors. A side of
-        # the hull has no twin (-1), but is never constrained.
+        # Walls and open sides (k, 2, 2) [m]. Walls are constrained sides of free triangles or of their neighbors. A
+        # side of the hull has no twin (-1), but is never constrained.
         closed = sides["constraints"] != 0
         self.walls = ends[closed & (free[:, None] | free[np.maximum(sides["twin"], 0) // 3])]
         self.sides = ends[free][~closed[free]]

@@ -19,7 +19,7 @@ from crowdsim.navmesh.paths.paths import Floats, as_limit, as_point, as_points, 
 
 
 class MeshQueries(ABC):
-    """What can be asked of the arrays of a mesh as they are; :class:`~crowdsim.navmesh.navmesh.NavMesh` makes them."""
+    """Queries of a mesh that only read its arrays; :class:`~crowdsim.navmesh.navmesh.NavMesh` makes the arrays."""
 
     arrays: MeshArrays
     """The mesh argument of kernels; replaced by an edit."""

@@ -18,32 +18,44 @@ from crowdsim.planning.roadmap.roadmap import Roadmap
 from crowdsim.planning.single_behavior import cheapest_uniform
 
 LONG = 0.5
-"""Excess cost of one narrow section (beyond its least length) above which wide sections are searched again in their
-areas."""
+"""What the meters of a narrow section beyond its least length may cost more than the preferred behavior's. Above this,
+the road's wide sections are searched again in the widest behavior's area."""
 
 SURPRISE = 0.01
-"""Share by which the best path may exceed the search's estimate before the shortest paths of all areas are tried."""
+"""Share by which the best path may cost more than the roadmap's estimate before the shortest paths of all areas are
+tried."""
 
 WIDE = 1.0
-"""Cost beyond that of its length below which a path is compared with the areas' shortest paths, too."""
+"""Cost beyond that of its length with the preferred behavior below which a path of the roadmap counts as wide. A wide
+path to a goal beyond NEAR is compared with the areas' shortest paths, too."""
 
 NEAR = 6.0
 """Distance from start to goal up to which the areas' shortest paths are tried before the roadmap [m]."""
 
 FARTHEST = 1.35
-"""Length of the areas' paths that are tried, as a multiple of the shortest path for the legs. There is no limit if the
-roadmap's path exceeds its estimate. Larger values cost time and seldom find a cheaper path (docs/planning.md)."""
+"""Largest length of the areas' paths that are tried, as a multiple of the shortest path for the legs. There is no limit
+if the roadmap has no path, or if the best one exceeds the estimate by SURPRISE. Larger values cost time and seldom find
+a cheaper path (docs/planning.md)."""
 
 
 def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
     """Return the cheapest path found, or None if no behavior has one.
 
-    For a near goal, try the shortest paths in behavior areas first, and nothing else if none can be cheaper; otherwise
-    search the roadmap. Try all areas if the roadmap has no way, or if its taut path tangles or is dearer than expected.
+    In this order:
+
+    1. The straight line, if the widest behavior fits all along it.
+    2. For a goal within NEAR, the shortest paths in the behavior areas; nothing else if no path can be cheaper.
+    3. The roadmap (`_over_roadmap`).
+    4. The shortest paths in all areas, of any length, if the roadmap gives no path, or if the best path so far costs
+       more than the roadmap's estimate by SURPRISE. Otherwise, for a goal beyond NEAR and a roadmap path that is wide
+       (`_is_wide`), those of them that are not longer than FARTHEST allows.
+
+    The cheapest of these paths is shifted aside if that pays (:meth:`Roadmap.shifted`), unless step 1 or 2 has ended
+    the search.
     """
     arc = arc_lengths(query.ends)
     length = float(arc[-1])
-    # The widest behavior fits along the straight line: nothing is cheaper.
+    # The widest behavior fits along the straight line: nothing is cheaper. A path of no length is labelled below.
     if length > 0.0 and are_free(roadmap.layers, query.need.radii[-1], query.ends.reshape(1, 4)):
         whole = Section(query.need.count - 1, 0.0, length)
         return AnnotatedPath(query.ends, arc, (whole,), length * float(query.need.costs[-1]))
@@ -51,12 +63,14 @@ def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
     uniform: AnnotatedPath | None = None
     if length <= NEAR:
         uniform, is_cheapest = cheapest_uniform(query, farthest=FARTHEST)
+        # No path can be cheaper, so there is nothing to gain by shifting this one. It is None if there is no path.
         if is_cheapest:
             return uniform
     over_roadmap, estimate = _over_roadmap(query, roadmap)
     best = _cheaper(over_roadmap, uniform)
-    # No way, or a dearer one than estimated: something went wrong with the pull, so try all areas. A way that hardly
-    # needs narrow behaviors: a wide detour may beat it, so try the areas up to FARTHEST.
+    # No path, or a dearer one than estimated: something went wrong as the way was pulled taut, so try all areas. A path
+    # that hardly needs narrow behaviors: a wide detour may be cheaper, so try the areas up to FARTHEST. For near goals
+    # that was done above.
     below = math.inf if best is None else best.cost
     if over_roadmap is None or below > estimate * (1.0 + SURPRISE):
         best = _cheaper(best, cheapest_uniform(query, below).path)
@@ -69,7 +83,10 @@ def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
 
 
 def _is_wide(path: AnnotatedPath, query: Query) -> bool:
-    """Return True if a path costs little beyond its length, of which the roadmap's estimates are least exact."""
+    """Return True if a path costs less than WIDE beyond its length with the preferred behavior.
+
+    The roadmap's estimates are least exact for such paths.
+    """
     return path.cost - path.length * float(query.need.costs[-1]) < WIDE
 
 
@@ -79,13 +96,18 @@ def _cheaper(one: AnnotatedPath | None, other: AnnotatedPath | None) -> Annotate
 
 
 def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None, float]:
-    """Return the path along the best way over the roadmap, shifted if that pays, and the way's estimated cost."""
+    """Return the path along the best way over the roadmap, shifted if that pays, and the way's estimated cost.
+
+    The road's wide sections are searched again in their area (`_by_areas`) in three cases: the pull tangles, the taut
+    path costs more than estimated, or one of its narrow sections is long (LONG). The cheaper path is returned; None if
+    there is none. Without a way the estimate is infinite.
+    """
     road, estimate = roadmap.find(query.ends)
     if not len(road):
         return None, estimate
     taut = roadmap.polish(road, query.ends)
     best = None if taut is None else roadmap.shifted(taut)
-    # Pins exist only at narrow sides of triangles, and without a pin a narrow section may be longer than necessary.
+    # A narrow section that is long: pins exist only at narrow sides of triangles; without one it may be too long.
     if taut is None or taut.cost > estimate or max(roadmap.excess(taut), default=0.0) > LONG:
         points = _by_areas(query, roadmap, road)
         path = query.annotated(points) if len(points) else None
@@ -95,10 +117,10 @@ def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None,
 
 
 def _by_areas(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the road's route with shortest paths in the widest behavior's area, joined by shortest paths of the legs.
+    """Return points (n, 2) [m] of a path that follows the road; none if its pieces cannot be joined.
 
-    road: (k, 2) int, point of the roadmap and behavior of each row. Return points (n, 2) [m]; none if the pieces cannot
-    be joined.
+    Sections of the widest behavior become shortest paths in its area, the others shortest paths for the legs.
+    road: (k, 2) int64 of :meth:`Roadmap.find`, rows of a point's number and the behavior on the way to it.
     """
     top = query.need.count - 1
     wide, legs = query.areas[0], query.areas[-1]
@@ -122,14 +144,15 @@ def _by_areas(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArra
                 if ends[k] is None:
                     return np.empty((0, 2))
         try:
+            # The legs' path from the run before, which narrower behaviors walk, then this run.
             run = [legs.find_path(np.array([at, ends[0]]))] if first > 0 else []
             run.append(wide.find_path(np.array(ends)))
         except PathNotFound:
-            # This run is left to the legs' path that comes next.
+            # The legs' path that comes next leads past this run.
             continue
         pieces += run
         at = ends[1]
-    # Narrower behaviors up to the goal.
+    # The rest up to the goal: narrower behaviors, or a last run without a path in the area.
     if (at != query.ends[1]).any():
         try:
             pieces.append(legs.find_path(np.array([at, query.ends[1]])))

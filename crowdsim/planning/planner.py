@@ -33,9 +33,10 @@ if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
 _REASONS = 64
-"""Queries without a way whose messages are kept."""
+"""Largest number of queries without a way whose messages are kept."""
 
 PLANNERS = ("layered", "greedy_literal", "collision3d")
+"""Names of the planners, see :class:`Planner`."""
 
 
 class Planner:
@@ -175,7 +176,7 @@ class Planner:
         raise PathNotFound(why)
 
     def cheapest(self, query: Query) -> AnnotatedPath | None:
-        """Find the path that the chosen planner finds, without a clearance margin.
+        """Find the cheapest path by the chosen planner alone, without clearance margin and room for turns.
 
         Parameters
         ----------

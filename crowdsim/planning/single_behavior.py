@@ -53,7 +53,7 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
     legs, wide = query.areas[-1], query.areas[0]
     most = below
     points, length, sections, cost = _labelled(query, legs, below, fitting)
-    # Without a limit, no path was found for the legs, so there is none for any behavior.
+    # A search without a limit of the cost found no path for the legs: there is none for any behavior.
     if min(length, below) == math.inf:
         return Uniform(None, True)
     best = (points, sections, cost) if cost < below else None
@@ -63,14 +63,15 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
     # Least length of a section of each behavior at an end of a path (see `way_out`). It is measured only if the first
     # two searches do not suffice; 0 is a weaker bound.
     ways_out = [0.0] * count
-    # Limit of ``farthest`` as a cost; none if start and goal are one place.
+    # Limit of ``farthest`` as a cost; infinite if no path is known for the legs, or if start and goal are one place.
     dearest = farthest * length * preferred if length > 0.0 else math.inf
     is_cheapest = _is_cheapest(query, below, lengths, ways_out)
     for area in query.areas[:-1]:
         if is_cheapest:
             break
-        # A path with worst behavior k costs ``extra`` more than its length with the preferred one, so its length alone
-        # must cost less than the rest. A layer as an area (k is None) belongs to no behavior and gives no such bound.
+        # A path with worst behavior k costs at least ``extra`` more than its length with the preferred one. So its
+        # length alone must cost less than ``below - extra``. A layer as an area (k is None) belongs to no behavior and
+        # gives no such bound.
         k = area.behavior
         extra = 0.0 if k is None else least_extra(query, k, lengths[k], ways_out[k])
         most = min(below - extra, dearest)
@@ -90,7 +91,7 @@ def _is_cheapest(query: Query, cost: float, lengths: list[float], ways_out: list
     """Return True if no path can cost less than ``cost``, whatever its worst behavior k, the narrowest that it uses.
 
     A path with worst behavior k is at least lengths[k] meters long, and each meter costs at least as much as with the
-    preferred behavior, the widest and last one; ways_out as of `way_out`.
+    preferred behavior, the widest and last one. lengths, ways_out: one for each behavior [m], ways_out as of `way_out`.
     """
     preferred = float(query.need.costs[-1])
     for k in range(query.need.count - 1, -1, -1):
@@ -104,7 +105,8 @@ def _labelled(query: Query, area: BehaviorArea, most: float, fitting: Fitting) -
     """Return points (n, 2) [m], length [m], sections (k, 3) and cost of the area's shortest path.
 
     Length and cost are infinite if there is no path, or if the search gave it up as too long for ``most``. There are no
-    sections and the cost is infinite if no behavior fits, or if the length alone costs ``most`` or more.
+    sections and the cost is infinite if no behavior fits somewhere, or if the length alone costs ``most`` or more (but
+    a path of the slow search, which follows if the fast one tangles, is labelled at any length).
     """
     mesh = area.mesh
     least = area.radius - mesh.tolerance(area.radius)

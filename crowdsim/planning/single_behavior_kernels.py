@@ -10,8 +10,8 @@ from crowdsim.navmesh.paths.path_kernels import OK, plan_path
 from crowdsim.planning.labels.fitting_kernels import annotate
 
 _SPARE = 1.001
-"""Length up to which the search over intervals follows a way, as a multiple of the longest path that may cost less than
-``most``. Lower: faster, but may miss the path."""
+"""Length up to which a path is searched for, as a multiple of the longest one that may cost less than ``most``. Lower:
+faster, but may miss the path."""
 
 
 @kernel
@@ -22,7 +22,8 @@ def labelled_path(m, regions, work, ends, radius, least, most, fitting):
     ----------
     m, regions, work, radius, least: as of :func:`crowdsim.navmesh.paths.path_kernels.plan_path`.
     ends: (2, 2) float64, start and goal [m].
-    most: only paths that may be cheaper than this are labelled, and hardly longer ones are searched for.
+    most: limit of the cost; infinite for none. The search gives up ways whose length alone costs a little more than
+    this (see `_SPARE`), and only paths whose length alone costs less are labelled.
     fitting: :class:`crowdsim.planning.labels.fitting_kernels.Fitting`.
 
     Returns

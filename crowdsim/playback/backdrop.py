@@ -12,14 +12,15 @@ _READ, _DRAW = 0x8CA8, 0x8CA9
 _NEAREST = 0x2600
 _SCISSOR = 0x0C11
 _DEPTH_BITS = 32
-"""Those of VTK's own windows: depths are copied between equal formats only."""
+"""Bits of a depth, as VTK's own windows have them: depths are copied between equal formats only."""
 
 
 class Backdrop:
     """Colors and depths of the sky and of ``still`` actors before the present camera of ``plotter``.
 
-    From then on the plotter draws only the others, on top of a copy: what is behind ``still`` actors is hidden by them,
-    and what is before them hides them, as if they were drawn. Call :meth:`lay` before each picture.
+    They are drawn once, here. Then ``still`` actors become invisible, and the plotter draws only the others, on top of
+    a copy. The copied depths hide what is behind ``still`` actors, as if these were drawn. Call :meth:`lay` before each
+    picture. The camera and the size of the window must not change any more.
     """
 
     def __init__(self, plotter: Any, still: Sequence[Any]) -> None:
@@ -63,7 +64,7 @@ class Backdrop:
         self._kept.ReleaseGraphicsResources(self._window)
 
     def _copy(self, source: Any, target: Any) -> None:
-        """Copy color and depth of one frame buffer to another."""
+        """Copy color and depth of one of VTK's frame buffers to another of the same size."""
         state = self._window.GetState()
         state.PushFramebufferBindings()
         # The scissor test would limit the copy to the rectangle of the last renderer.

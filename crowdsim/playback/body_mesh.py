@@ -83,6 +83,7 @@ class BodyMesh:
         normals = (turns @ directions).reshape(count, 3, -1)
         normals /= np.maximum(np.sqrt(np.sum(normals * normals, axis=1, keepdims=True)), np.float32(1e-9))
         if builds is not None:
+            # Girth moves vertices along their normals; then stature stretches the body upward from the floor.
             stature, girth = np.asarray(builds, np.float32).T
             vertices += (girth[:, None] * self.fullness)[:, None] * normals
             vertices[:, 2] *= stature[:, None]

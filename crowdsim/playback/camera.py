@@ -52,14 +52,14 @@ def place_camera(recording: Recording, view: str, aspect: float, time: float, ag
     aspect : float
         Width of the picture divided by its height.
     time : float
-        Time [s].
+        Time at which ``follow`` looks at its agent [s]; the other views are the same at all times.
     agent : int or None
         Agent that the view ``follow`` follows.
 
     Raises
     ------
     CrowdSimError
-        If there is no such view or agent.
+        If there is no such view; if the view is ``follow``, also if there is no such agent, or it never appears.
     """
     if view not in VIEWS:
         raise CrowdSimError(f"there is no view '{view}'; choose one of {', '.join(VIEWS)}")
@@ -70,10 +70,11 @@ def place_camera(recording: Recording, view: str, aspect: float, time: float, ag
         [[x, y, z] for x in (low_x, high_x) for y in (low_y, high_y) for z in (0.0, _PERSON_HEIGHT)], np.float64
     )
     wide = high_x - low_x >= high_y - low_y
+    # In all views of the whole floor, its long side runs across the picture.
     if view == "top":
         return _plan(corners, np.array([0.0, 1.0, 0.0]) if wide else np.array([-1.0, 0.0, 0.0]), aspect)
-    # The long side of the floor runs across the picture; the longer the hall, the more the camera looks from its side.
-    # Azimuth and elevation, as seen from the floor: at -90 degrees the camera would look along y.
+    # The more slender the hall, the more the camera looks from its side. `turn` and `lift` are azimuth and elevation of
+    # the eye as seen from the floor: at an azimuth of -90 degrees the camera would look along y.
     slender = max(high_x - low_x, high_y - low_y) / max(min(high_x - low_x, high_y - low_y), 1e-9)
     turn = np.radians(-62.0 if slender < 2.5 else -80.0) + (0.0 if wide else np.pi / 2)
     lift = np.radians(38.0)
@@ -97,13 +98,13 @@ def _plan(corners: Floats, up: Floats, aspect: float) -> Camera:
 
     ``corners`` (n, 3) [m]; ``up`` (3,) is the direction that is up in the picture; ``aspect`` is width over height.
     """
-    down = np.array([0.0, 0.0, 1.0])  # from the floor to the eye, which looks down along it
-    right = np.cross(up, down)
+    to_eye = np.array([0.0, 0.0, 1.0])  # from the floor to the eye
+    right = np.cross(up, to_eye)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     half_wide = np.max(np.abs((corners - middle) @ right))
     half_tall = np.max(np.abs((corners - middle) @ up))
     # The height of the eye [m] does not change a parallel projection; 1.12 leaves a margin around the floor.
-    return Camera(middle + 50.0 * down, middle, up, float(1.12 * max(half_tall, half_wide / aspect)))
+    return Camera(middle + 50.0 * to_eye, middle, up, float(1.12 * max(half_tall, half_wide / aspect)))
 
 
 def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camera:
@@ -119,6 +120,8 @@ def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camer
     slopes = ((right, tall * aspect), (above, tall))
     target = corners.mean(axis=0)
     distance = 0.0
+    # A corner is in the picture if its offset along each axis is at most slope * (distance - depth), where depth is its
+    # place along the direction to the eye. From this follows the least distance; then the target moves to the middle.
     # A shift of the target changes the distance, and the reverse: eight rounds settle both within millimeters.
     for _ in range(8):
         depth = (corners - target) @ direction
@@ -131,13 +134,16 @@ def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camer
 
 
 def _follow(recording: Recording, time: float, agent: int | None) -> Camera:
-    """Return a camera at a fixed distance and direction from an agent, aimed at about half its height, 0.95 m."""
+    """Return a camera at a fixed distance and direction from an agent at ``time`` [s], aimed at 0.95 m above the floor.
+
+    Raise CrowdSimError if there is no such agent, or it never appears.
+    """
     if agent is None:
         raise CrowdSimError("the view 'follow' needs the number of an agent to follow")
     if not 0 <= agent < recording.agent_count:
         raise CrowdSimError(f"there is no agent {agent}; the recording has agents 0 to {recording.agent_count - 1}")
     place = np.array([*_mean_place(recording, time, agent), 0.95], np.float64)
-    turn, lift = np.radians(-58.0), np.radians(24.0)
+    turn, lift = np.radians(-58.0), np.radians(24.0)  # azimuth and elevation of the eye as seen from the agent
     direction = np.array([np.cos(turn) * np.cos(lift), np.sin(turn) * np.cos(lift), np.sin(lift)])
     return Camera(place + _FOLLOW_DISTANCE * direction, place, np.array([0.0, 0.0, 1.0]))
 
@@ -146,7 +152,8 @@ def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
     """Return the smoothed position (2,) of an agent: the value at ``time`` of a weighted linear fit around it [m].
 
     Weights decrease linearly with the time difference. The result is calm and moves smoothly at any rate of steps.
-    Before the agent appears and after it leaves, the result is that of the moment at which it does.
+    Before the agent first appears, and after it leaves for good, the result is that of its first or last step. If it is
+    absent for longer in between, it is where it disappeared. Raise CrowdSimError if it never appears.
     """
     stay = recording.stay(agent)
     if stay is None:
@@ -157,7 +164,7 @@ def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
     rows = slice(max(int(middle - reach), stay[0]), min(int(middle + reach) + 1, stay[1]) + 1)
     here = recording.state[rows, agent] != AgentState.ABSENT
     if not here.any():
-        # Absent for a while: stay where it disappeared.
+        # Absent in all these steps: stay at its last step before them.
         left = np.flatnonzero(recording.state[: rows.start, agent] != AgentState.ABSENT)
         rows, here = slice(int(left[-1]), int(left[-1]) + 1), np.ones(1, bool)
     off = np.arange(rows.start, rows.stop) - middle

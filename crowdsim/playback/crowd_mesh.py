@@ -44,12 +44,13 @@ _SOLE = 0.03
 _NO_SHADOW = 0.25
 """Height above _SOLE at which the shadow of a foot has vanished [m]."""
 
-# Corners of a body's cross-sections, by the number of agents in the picture: with many, fewer corners suffice.
+# Pairs of a number of agents and the corners of a body's cross-sections in pictures of up to that many: with more
+# agents, fewer corners suffice.
 _SIDES = ((40, 16), (300, 10), (1500, 6), (10**9, 5))
 _SMALL, _SMALL_SIDES = 240.0, 10
 """Height in pixels below which a body has no more corners than these: more of them are not seen."""
 _MANY, _NEAR = 300, 150
-"""Number of agents in the picture beyond which those nearest to the eye have bodies of their own, and how many."""
+"""Number of agents beyond which those nearest to the eye are drawn with finer bodies, and how many of these."""
 _FLESH = 0.13
 """How far the wide shadow of a body reaches beyond its joints [m]."""
 
@@ -89,13 +90,15 @@ def attribute_colors(values: NDArray[Any]) -> tuple[Colors, list[tuple[str, str]
 
 
 def _hex(color: NDArray[Any]) -> str:
+    """Return ``#rrggbb`` of a color (3,), 0 to 255."""
     return "#" + "".join(f"{int(channel):02x}" for channel in color)
 
 
 def crowd_meshes(recording: Recording, color_by: str, tallest: float = np.inf) -> list[CrowdMesh]:
-    """Return the mesh of all agents; if more than _MANY are present at once, a finer one of the nearest and the rest's.
+    """Return one mesh for all agents, or two: a finer one for the _NEAR nearest agents, and one for the others.
 
-    ``tallest`` is how tall a body is in the picture at most [pixels].
+    There are two if more than _MANY agents are present at once. ``tallest`` is how tall a body is in the picture at
+    most [pixels]; below _SMALL, bodies have fewer corners. ``color_by`` is as of :class:`CrowdMesh`.
     """
     counts = [max(recording.most_present, 1)]  # if nobody ever appears, one mesh that draws nothing
     if counts[0] > _MANY:
@@ -112,9 +115,11 @@ def crowd_meshes(recording: Recording, color_by: str, tallest: float = np.inf) -
 def shown_by(
     meshes: Sequence[CrowdMesh], recording: Recording, time: float, eye: ArrayLike, target: ArrayLike
 ) -> list[NDArray[np.int64]]:
-    """Return the agents that each of ``meshes`` shows at ``time`` [s] to a camera.
+    """Return the numbers of the agents that each of ``meshes`` shows at ``time`` [s] to a camera, in ascending order.
 
-    ``eye`` and ``target`` are (x, y, z) of the camera, and of a point in the middle of the picture [m].
+    ``meshes`` are those of :func:`crowd_meshes`. Of two, the first shows the _NEAR nearest agents, with those behind
+    the camera last, and the second all others. ``eye`` is (x, y, z) of the camera [m], ``target`` that of a point in
+    the middle of the picture.
     """
     frame = recording.at_time(time)
     here = shown_agents(frame)
@@ -135,9 +140,16 @@ def shown_agents(frame: RecordedFrame) -> NDArray[np.int64]:
 class CrowdMesh:
     """Points, normals and colors of ``count`` bodies, and soft shadows on the floor.
 
-    By default there are as many bodies as agents are present at once at most. The first ones are those shown, in
-    order. Unused bodies shrink to a point, which draws nothing. ``triangles`` (F, 3) and ``shadow_triangles`` never
-    change; :meth:`update` rewrites the rest. ``sides`` is the number of corners of a body's cross-sections.
+    ``count`` is by default the largest number of agents present at once. The agents shown get the first bodies, in
+    order. Unused bodies shrink to a point, which draws nothing. ``sides`` is the number of corners of a body's
+    cross-sections. ``color_by`` says what the color of shirts shows: "behavior", "group", "agent" or "level", or the
+    name of an attribute of the agents.
+
+    Of bodies with V vertices each, ``points`` [m] and unit ``normals`` are (count, V, 3) float32 in the world, and
+    ``colors`` are (count, V, 3) uint8. ``shadow_points`` are (count, S, 3) [m] of S points in three discs. Of all
+    bodies together, ``triangles`` and ``shadow_triangles`` are (F, 3), and ``shadow_colors`` (count * S, 4) uint8 with
+    opacity. Triangles and colors of shadows never change; :meth:`update` rewrites the rest. ``legend`` pairs words with
+    ``#rrggbb``; it is empty if shirts show behaviors, levels or single agents.
     """
 
     def __init__(self, recording: Recording, color_by: str, sides: int = 16, count: int | None = None) -> None:
@@ -155,6 +167,7 @@ class CrowdMesh:
         self._builds = builds_of(recording.agent_count, recording.header.motion.skeleton)
         self.legend: list[tuple[str, str]] = []
         agents = recording.header.agents
+        # For "agent", the shirts of `looks_of` stay; those for "behavior" and "level" are colored in `update`.
         if color_by in agents.attributes:
             shirts, self.legend = attribute_colors(agents.attributes[color_by])
             self._looks[:, Tissue.SHIRT] = shirts
@@ -180,7 +193,10 @@ class CrowdMesh:
         self._feet = [(skeleton.joint(f"{side}_ankle"), skeleton.joint(f"{side}_toe")) for side in ("left", "right")]
 
     def update(self, time: float, some: NDArray[np.int64] | None = None) -> None:
-        """Move agents to where they are at ``time`` [s]: all that are present, or ``some`` (n,) of them."""
+        """Move and color the bodies as agents are at ``time`` [s]: all of :func:`shown_agents`, or ``some`` (n,).
+
+        There must be a body for each.
+        """
         frame = self._recording.at_time(time)
         here = shown_agents(frame) if some is None else some
         count = len(here)
@@ -191,6 +207,7 @@ class CrowdMesh:
         positions, rotations = self._recording.poses_at(time, here)
         self.points[:count], self.normals[:count] = self._body.place(positions, rotations, self._builds[here])
         self._cast_shadows(count, positions)
+        # Other colorings than these two do not change with time.
         looks = self._looks[here]
         if self._color_by == "behavior":
             # An agent without a behavior (-1) looks as one of behavior 0, as in USD.
@@ -202,7 +219,7 @@ class CrowdMesh:
         self.colors[:count] = looks[:, self._body.tissue]
 
     def _cast_shadows(self, count: int, joints: NDArray[np.float32]) -> None:
-        """Place the shadow discs of the first ``count`` bodies: an ellipse around its joints, and one along each foot.
+        """Place the shadows of the first ``count`` bodies: an ellipse around all joints, and one along each foot.
 
         ``joints`` (count, J, 3) are positions in the world [m].
         """
@@ -215,6 +232,7 @@ class CrowdMesh:
         for number, (ankle, toe) in enumerate(self._feet, start=1):
             heel, ball = joints[:, ankle, :2], joints[:, toe, :2]
             way = ball - heel
+            # A foot that points straight down has no direction: its shadow shrinks to a point.
             along = way / np.maximum(np.sqrt(np.sum(way * way, axis=1)), 1e-6)[:, None]
             across = np.stack([-along[:, 1], along[:, 0]], axis=1)
             # The shadow of a lifted foot shrinks with its height.
@@ -267,7 +285,10 @@ def looks_of(count: int) -> Colors:
 
 
 def _repeat(triangles: NDArray[np.int64], size: int, count: int) -> NDArray[np.int64]:
-    """Return the triangles of ``count`` copies of a mesh, whose ``size`` points each follow one after the other."""
+    """Return the triangles (count * F, 3) of ``count`` copies of a mesh with triangles (F, 3) over ``size`` points.
+
+    The points of one copy follow those of another.
+    """
     return (triangles[None] + size * np.arange(count)[:, None, None]).reshape(-1, 3)
 
 

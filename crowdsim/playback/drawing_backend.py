@@ -54,7 +54,10 @@ _OSMESA = DrawingBackend("osmesa", "vtkOSOpenGLRenderWindow")
 
 
 def find_backend() -> DrawingBackend:
-    """Return the best backend of this machine; remember it until boot, VTK, Python or the environment changes.
+    """Return the best backend of this machine; remember it in the cache folder.
+
+    Backends are tested again after a boot (known on Linux only), and if VTK, the Python interpreter or an environment
+    variable that decides on drawing has changed.
 
     Raises
     ------
@@ -77,7 +80,7 @@ def find_backend() -> DrawingBackend:
 
 
 def load_pyvista(interactive: bool = False) -> Any:
-    """Return pyvista, set up for the backend of this machine.
+    """Return pyvista, set up for the backend of this machine; ``interactive`` if it is to open a window.
 
     Raises
     ------
@@ -90,7 +93,8 @@ def load_pyvista(interactive: bool = False) -> Any:
             "there is no display to open a window on; make a picture or a film instead ('crowdsim play FILE --shot "
             "out.png' or '--film out.mp4')"
         )
-    # VTK reads the first when it makes a window, Mesa's EGL the second: else it warns if there is no graphics card.
+    # VTK reads the first variable when it makes a window. Mesa's EGL reads the second; without it, EGL warns if there
+    # is no graphics card.
     if backend.window is not None:
         os.environ[_WINDOW_VARIABLE] = backend.window
     os.environ.setdefault("EGL_LOG_LEVEL", "fatal")
@@ -143,6 +147,7 @@ def _probe(backend: DrawingBackend) -> str | None:
 
 def _situation() -> str:
     """Return a hash of everything that decides which backend works: boot, VTK, interpreter, environment."""
+    # Linux has an id for each boot; on other systems, the machine's name has to do.
     boot = Path("/proc/sys/kernel/random/boot_id")
     machine = boot.read_text().strip() if boot.exists() else platform.node()
     prefixes = (
@@ -165,11 +170,15 @@ def _situation() -> str:
 
 
 def _memory_file() -> Path:
+    """Return the file that holds the backend that was found last."""
     return cache_base() / "drawing.json"
 
 
 def _recall(memory: Path, key: str) -> DrawingBackend | None:
-    """Return the backend that was found for this situation before; None if none is kept."""
+    """Return the backend that the file ``memory`` holds for the situation ``key``; None without one.
+
+    A file that cannot be read or is damaged counts as none.
+    """
     try:
         known = json.loads(memory.read_text())
         return DrawingBackend(**known["backend"]) if known["situation"] == key else None
@@ -178,7 +187,10 @@ def _recall(memory: Path, key: str) -> DrawingBackend | None:
 
 
 def _remember(memory: Path, key: str, backend: DrawingBackend) -> None:
-    """Store the backend that worked. Failures are tested again, because the user may have installed something."""
+    """Store the backend that worked in the file ``memory``, for the situation ``key``, if the file can be written.
+
+    Failures are not stored but tested again, because the user may have installed something.
+    """
     text = json.dumps({"situation": key, "backend": asdict(backend)})
     written = memory.with_name(f"{memory.name}.{os.getpid()}")
     try:

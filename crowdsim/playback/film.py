@@ -17,7 +17,7 @@ from crowdsim.recording.reader import Recording
 from crowdsim.whole_files import whole_file
 
 _LONG = 240
-"""Number of pictures from which on a film is made of two parts, also in one process: so it is the same film."""
+"""Number of pictures from which on a film is made of two parts, also in one process, so that it is the same film."""
 
 Progress = Callable[[int, int], None]
 
@@ -53,12 +53,17 @@ def film(
     start, end : float
         Times [s].
     view, agent, color_by, paths
-        As for a picture; the view ``follow`` moves with its agent.
+        As for a picture, see :func:`~crowdsim.playback.shot.shot`; the view ``follow`` moves with its agent.
     progress : callable or None
         Called with the number of pictures done and their total, several times a second; what it raises ends the film.
     processes : int
-        With 2, each half of a film of more than a few seconds is drawn by a process of its own. A program then needs
-        ``if __name__ == "__main__":``, as for all processes that Python spawns.
+        With 2 or more, each half of a film of 240 pictures or more is drawn by a process of its own. A program then
+        needs ``if __name__ == "__main__":``, as for all processes that Python spawns.
+
+    Returns
+    -------
+    Path
+        The file.
 
     Raises
     ------
@@ -69,21 +74,21 @@ def film(
     """
     stop = recording.duration if end is None else end
     _check(recording, fps, size, start, stop)
-    count = int(np.floor((stop - start) * fps + 1e-9)) + 1
+    count = int(np.floor((stop - start) * fps + 1e-9)) + 1  # one more than intervals: both ends have a picture
     shooting = Shooting(fps, size, start, view, agent, color_by, paths)
     middle = count // 2 if count >= _LONG else count
-    parts = [part for part in (range(middle), range(middle, count)) if part]
+    parts = [part for part in (range(middle), range(middle, count)) if part]  # of a short film, the second is empty
 
-    def heard(done: int) -> None:
-        """Tell the caller how many pictures are done."""
+    def report(done: int) -> None:
+        """Call ``progress`` with the number of pictures done and their total."""
         if progress is not None:
             progress(done, count)
 
     with whole_file(path, (".mp4",), "films") as written:
         if processes > 1 and len(parts) > 1:
-            encoded = draw_in_processes(Path(recording.path), shooting, parts, heard)
+            encoded = draw_in_processes(Path(recording.path), shooting, parts, report)
         else:
-            encoded = _drawn_here(recording, shooting, parts, heard)
+            encoded = _drawn_here(recording, shooting, parts, report)
         _write(written, shooting, encoded)
     return Path(path)
 
@@ -101,18 +106,21 @@ def _check(recording: Recording, fps: int, size: tuple[int, int], start: float, 
 
 
 def _drawn_here(
-    recording: Recording, shooting: Shooting, parts: list[range], heard: Callable[[int], None]
+    recording: Recording, shooting: Shooting, parts: list[range], report: Callable[[int], None]
 ) -> Iterator[list[Packet]]:
-    """Draw all parts in this process in turn; yield what is encoded, and tell ``heard`` how many pictures are done."""
+    """Draw all parts in this process in turn; yield packets, and call ``report`` with the number of pictures done.
+
+    ``parts`` are numbers of pictures, consecutive from 0.
+    """
     for part in parts:
         for done, packets in enumerate(encoded_pictures(recording, shooting, part), start=1):
             yield packets
             if done <= len(part):  # after its pictures, a part yields what was left in the encoder
-                heard(part.start + done)
+                report(part.start + done)
 
 
 def _write(path: Path, shooting: Shooting, encoded: Iterator[list[Packet]]) -> None:
-    """Write what is encoded to a film."""
+    """Write encoded packets to the film ``path``, in the order in which they come."""
     import av
 
     codec = find_codec()

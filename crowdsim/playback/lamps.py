@@ -53,7 +53,7 @@ def lit_colors(
     to_eye = unit(lamps.eye - points[:, 0]).astype(np.float32)
     facing = np.maximum(normals.reshape(-1, 3) @ ways.T, np.float32(0.0))
     seen = (normals @ to_eye[:, :, None]).reshape(-1, 1)
-    # The mirrored ray of a lamp, times the direction to the eye.
+    # The mirrored ray of a lamp, times the direction to the eye; a lamp behind the surface makes no highlight.
     mirrored = np.maximum(2.0 * facing * seen - np.repeat(to_eye @ ways.T, points.shape[1], axis=0), np.float32(0.0))
     mirrored = np.where(facing > 0.0, mirrored, np.float32(0.0)) ** look.power
     light = np.float32(look.ambient) + look.diffuse * (facing @ powers)

@@ -13,9 +13,10 @@ _LOOKED_AT = 200
 
 
 def telling_time(recording: Recording) -> float:
-    """Return the time at which moving agents show most behaviors at once and, among those times, most agents move [s].
+    """Return the time at which moving agents show the most behaviors at once [s].
 
-    Among equal times the middle one is taken, because agents are then away from their starts and goals.
+    Among times with equally many, it is one at which the most agents move; of these, the middle one, because agents are
+    then away from their starts and goals. Raise RecordingError for a recording without steps.
     """
     if recording.steps == 0:
         raise RecordingError(f"{recording.path} holds no steps, so there is nothing to show; run the scenario again")

@@ -43,6 +43,10 @@ class _Drawn(NamedTuple):
 COLORINGS = ("behavior", "group", "agent", "level")
 """What the color of shirts can show, beside attributes of the scenario."""
 
+_LEAST_PIXELS, _MOST_PIXELS = 16, 16384
+"""Least side of a picture, and greatest side that is drawn, ``supersample`` included: graphics drivers rarely draw more
+[pixels]."""
+
 _SKY = ("#dfe6ec", "#f7f8f9")
 _FLOOR = "#f8f5ef"
 _GRID = "#e6e1d7"
@@ -70,7 +74,7 @@ class Scene:
     size : (int, int)
         Width and height of the picture in pixels.
     color_by : str
-        What the color of shirts shows.
+        What the color of shirts shows: one of COLORINGS, or an attribute of the agents.
     supersample : float
         Pixels drawn per pixel of the picture, along each side.
     interactive : bool
@@ -79,6 +83,13 @@ class Scene:
         How tall a body is in the drawn picture at most [pixels]; by default, all have their full number of corners.
     paths : bool
         Whether planned paths are drawn on the floor.
+
+    Raises
+    ------
+    CrowdSimError
+        If the coloring or the size is invalid.
+    DrawingUnavailable
+        If this machine cannot draw, or cannot open a window.
     """
 
     def __init__(
@@ -94,9 +105,11 @@ class Scene:
         colorings = (*COLORINGS, *recording.header.agents.attributes)
         if color_by not in colorings:
             raise CrowdSimError(f"agents cannot be colored by '{color_by}'; choose one of {', '.join(colorings)}")
-        # Graphics drivers rarely draw more than 16384 pixels along a side.
-        if min(size) < 16 or max(size) * supersample > 16384:
-            raise CrowdSimError(f"a picture of {size[0]}x{size[1]} cannot be drawn; choose sides of 16 to 8192 pixels")
+        most = int(_MOST_PIXELS / supersample)
+        if min(size) < _LEAST_PIXELS or max(size) > most:
+            raise CrowdSimError(
+                f"a picture of {size[0]}x{size[1]} cannot be drawn; choose sides of {_LEAST_PIXELS} to {most} pixels"
+            )
         self._pv = load_pyvista(interactive)
         from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
@@ -153,7 +166,7 @@ class Scene:
             drawn.actor.prop.ambient, drawn.actor.prop.diffuse = 1.0, 0.0
 
     def show_time(self, time: float) -> None:
-        """Move agents, paths and the clock to ``time`` [s].
+        """Move agents, paths, movables and the clock to ``time`` [s].
 
         Place the camera before: which bodies are drawn finer depends on how near it is.
         """
@@ -164,6 +177,7 @@ class Scene:
             self._move(crowd, drawn)
         frame = self.recording.at_time(time)
         if self._draws_paths:
+            # Agents that do not go have no path ahead; `paths_ahead` leaves out those at nan.
             going = (frame.state == AgentState.MOVING) | (frame.state == AgentState.WAITING)
             places = (np.where(going, each, np.nan) for each in (frame.x, frame.y))
             self._draw_paths(paths_ahead(self.recording.paths_at(time), *places))
@@ -192,7 +206,7 @@ class Scene:
             mesh.Modified()
 
     def look(self, view: str, time: float, agent: int | None = None) -> None:
-        """Place the camera of ``view`` at ``time`` [s]."""
+        """Place the camera of ``view`` at ``time`` [s]; the view ``follow`` needs an ``agent``."""
         self.set_camera(place_camera(self.recording, view, self.size[0] / self.size[1], time, agent))
 
     def set_camera(self, camera: Camera) -> None:
@@ -234,7 +248,7 @@ class Scene:
             self.plotter.add_light(self._pv.Light(position=place, light_type=kind, intensity=power))
 
     def _build_place(self) -> None:
-        """Add floor, grid, shadows and obstacles; tall ones as glass. The outline lies 4 mm higher, to show."""
+        """Add floor, grid, shadows and obstacles, tall ones as glass; draw the floor's outline 4 mm above the floor."""
         header = self.recording.header
         floor = floor_mesh(header)
         self._add_flat(floor.points, floor.triangles, _FLOOR, lighting=False)
@@ -260,7 +274,7 @@ class Scene:
         self.plotter.add_mesh(flat, scalars="colors", rgb=True, lighting=False, show_scalar_bar=False, render=False)
 
     def _draw_movables(self, movables: tuple[SolidRecord, ...]) -> None:
-        """Replace the drawn doors and obstacles that events move by ``movables``."""
+        """Draw ``movables``, doors and obstacles that events move, in place of those drawn before."""
         for actor in self._movable_actors:
             self.plotter.remove_actor(actor, render=False)
         self._movables = movables
@@ -307,7 +321,7 @@ class Scene:
         return _Drawn(bodies, shadows, actor)
 
     def _draw_paths(self, paths: Sequence[PlannedPath]) -> None:
-        """Replace the ribbons of planned paths, in the colors of their behaviors."""
+        """Replace the ribbons of planned paths, in the colors of their behaviors; hide them if there are none."""
         points, triangles, behaviors = path_ribbons(paths)
         if self._path_actor is not None:
             self._path_actor.visibility = len(triangles) > 0
@@ -316,6 +330,7 @@ class Scene:
         mesh = self._poly(points, triangles)
         palette = np.array([hex_color(behavior.color) for behavior in self.recording.header.behaviors])
         mesh.cell_data["colors"] = palette[behaviors]
+        # The first ribbons get an actor; later ones replace its mesh.
         if self._path_actor is not None:
             self._path_actor.mapper.dataset = mesh
             return
@@ -342,16 +357,23 @@ class Scene:
         self._clock = self._write("", (left, top - line), size, _INK)
 
     def _write(self, words: str, position: tuple[float, float], size: int, color: str) -> Any:
-        """Write words on a plate that keeps them legible in front of anything."""
+        """Write words on a plate that keeps them legible in front of anything; return their actor.
+
+        ``position`` is that of their lower left corner, from the lower left of the window [pixels].
+        """
         text = self.plotter.add_text(words, position=position, font_size=size, color=color)
         text.prop.background_color, text.prop.background_opacity = _SKY[1], 0.7
         return text
 
     def _poly(self, points: Floats | NDArray[np.float32], triangles: NDArray[np.int64]) -> Any:
+        """Return pyvista's mesh of triangles (F, 3) over points (V, 3) [m]."""
         return self._pv.PolyData.from_regular_faces(np.ascontiguousarray(points, np.float32), triangles)
 
     def _add_flat(self, points: Floats, triangles: NDArray[np.int64], color: str, **look: Any) -> Any:
-        """Add triangles (k, 3) of points (n, 3) [m] in flat shades; return their actor, None without any."""
+        """Add triangles (k, 3) of points (n, 3) [m] in flat shades; return their actor, None if there are none.
+
+        ``look`` holds further arguments of pyvista's ``add_mesh``.
+        """
         if not len(triangles):
             return None
         return self.plotter.add_mesh(
@@ -359,7 +381,10 @@ class Scene:
         )
 
     def _add_lines(self, ends: Floats, color: str, width: float) -> Any:
-        """Add segments, whose ends (2 n, 3) [m] follow each other; return their actor, None without any."""
+        """Add segments by pairs of ends (2 n, 3) [m]; return their actor, None if there are none.
+
+        ``width`` is in pixels of a picture 900 pixels high.
+        """
         if not len(ends):
             return None
         cells = np.column_stack([np.full(len(ends) // 2, 2), np.arange(len(ends)).reshape(-1, 2)]).ravel()

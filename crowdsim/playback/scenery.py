@@ -75,6 +75,7 @@ def path_ribbons(paths: Sequence[PlannedPath]) -> tuple[Floats, NDArray[np.int64
     """Return narrow ribbons on the floor: points (V, 3), triangles (F, 3), and the behavior of each triangle (F,)."""
     starts, ends, behaviors = [], [], []
     for path in paths:
+        # A path has a behavior for each point, that of the piece which begins there.
         starts.append(path.points[:-1])
         ends.append(path.points[1:])
         behaviors.append(path.behaviors[:-1])
@@ -83,7 +84,7 @@ def path_ribbons(paths: Sequence[PlannedPath]) -> tuple[Floats, NDArray[np.int64
     start, end, behavior = np.concatenate(starts), np.concatenate(ends), np.concatenate(behaviors)
     along = end - start
     length = np.hypot(along[:, 0], along[:, 1])
-    keep = length > 1e-9
+    keep = length > 1e-9  # pieces without length have no direction
     start, end, behavior = start[keep], end[keep], behavior[keep].astype(np.int64)
     along = along[keep] / length[keep, None]
     half = 0.5 * _PATH_WIDTH
@@ -98,9 +99,9 @@ def path_ribbons(paths: Sequence[PlannedPath]) -> tuple[Floats, NDArray[np.int64
 
 
 def paths_ahead(paths: Sequence[PlannedPath], x: NDArray[Any], y: NDArray[Any]) -> list[PlannedPath]:
-    """Return the rest of each path, from the point nearest to its agent at x, y (N,) [m].
+    """Return the rest of each path, from the point nearest to its agent; x, y (N,) are the places of all agents [m].
 
-    Nothing is left of the path of an agent whose position is nan, or of a path of a single point.
+    The path of an agent whose position is nan, and a path of a single point, are left out.
     """
     left = []
     for path in paths:
@@ -126,8 +127,8 @@ def contact_shadows(solids: Sequence[SolidRecord], floor: str) -> tuple[FlatMesh
     polygons = [part for solid in standing for part in _polygons(solid.footprint, f"solid '{solid.name}'")]
     if not polygons:
         return _merge([], []), np.zeros(0)
-    # Two bands, to half of the reach and from there on: drawing interpolates darkness between points, which follows the
-    # square below more closely with a row of points in the middle.
+    # Drawing interpolates darkness linearly between points. Two bands, up to half of the reach and beyond, give a row
+    # of points in the middle, so that what is drawn follows the square below more closely.
     footprint = shapely.union_all(polygons)
     ground = shapely.union_all(_polygons(floor, "the floor"))
     rims = [

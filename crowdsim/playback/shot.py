@@ -81,8 +81,8 @@ def shots(
     Returns
     -------
     list of Path
-        The files: ``path`` with the time before its suffix, as ``walk-12.5.png``, in 6 digits or as many more as tell
-        the times apart.
+        The files: ``path`` with the time before its suffix, as ``walk-12.5.png``, in 6 significant digits, or in as
+        many more as tell the times apart.
     """
     path = Path(path)
     enough = (digits for digits in range(6, 17) if len({f"{time:.{digits}g}" for time in times}) >= len(set(times)))

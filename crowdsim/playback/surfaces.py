@@ -35,9 +35,9 @@ def loft(centers: ArrayLike, across: ArrayLike, beside: ArrayLike, sides: int, s
     Parameters
     ----------
     centers : (K, 3)
-        Centers of the rings.
+        Centers of the rings [m].
     across, beside : (K, 3)
-        Half axes of each ring; ``across x beside`` points along the loft.
+        Half axes of each ring [m]; ``across x beside`` points along the loft.
     sides : int
         Corners of a ring.
     squareness : float
@@ -64,17 +64,18 @@ def loft(centers: ArrayLike, across: ArrayLike, beside: ArrayLike, sides: int, s
 
 
 def sideways(along: Floats) -> tuple[Floats, Floats]:
-    """Return two unit vectors (3,) across a unit vector (3,) and each other, right-handed with it as the third."""
-    # Any axis that is not nearly parallel.
+    """Return unit vectors u and v (3,) that form a right-handed frame (u, v, along) with the unit vector ``along``."""
+    # Begin with an axis that is not nearly parallel to it.
     aside = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     u = unit(np.cross(aside, along))
     return u, np.cross(along, u)
 
 
 def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surface:
-    """Return a limb of circular section from ``start`` to ``end`` with ``radii`` at even distances and round ends.
+    """Return a limb of circular section from ``start`` to ``end``, with round ends beyond both.
 
-    ``start`` and ``end`` (3,) and ``radii`` (K,) [m]; ``sides`` is the number of corners of a section.
+    ``start`` and ``end`` (3,) are in meters, ``radii`` (K,) [m] are those at even distances from the one to the other.
+    ``sides`` is the number of corners of a section.
     """
     start, end, radii = (np.asarray(a, np.float64) for a in (start, end, radii))
     along = unit(end - start)
@@ -91,7 +92,8 @@ def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surf
 def ellipsoid(center: ArrayLike, axes: ArrayLike, sides: int) -> Surface:
     """Return an ellipsoid with half axes ``axes`` (3, 3), one per row, right-handed; its rings are around the third.
 
-    ``center`` (3,); ``sides`` is the number of corners of a ring, from which that of rings follows.
+    ``center`` (3,) and ``axes`` are in meters. ``sides`` is the number of corners of a ring; the number of rings
+    follows from it.
     """
     axes = np.asarray(axes, np.float64)
     # The poles are cut off flat at 80 degrees, as `loft` closes ends by itself.

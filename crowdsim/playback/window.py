@@ -12,7 +12,7 @@ _TICK_MILLISECONDS = 16
 
 
 class Player:
-    """The time that is shown: it runs while playing, and stops at the end."""
+    """The clock of a window: ``time`` runs from 0 to ``duration`` [s] while ``playing``, and stops there."""
 
     def __init__(self, duration: float) -> None:
         self.duration = duration
@@ -30,7 +30,7 @@ class Player:
         self.time = min(max(time, 0.0), self.duration)
 
     def advance(self, seconds: float) -> None:
-        """Let ``seconds`` pass."""
+        """Let ``seconds`` pass, and pause at the end; do nothing during a pause."""
         if self.playing:
             self.seek(self.time + seconds)
             self.playing = self.time < self.duration
@@ -78,7 +78,10 @@ def window(
 
 
 def _play(scene: Scene, player: Player, view: str, agent: int | None) -> None:
-    """Show the scene, with a slider for the time, space to pause, and arrows to go back and on by a second."""
+    """Show the scene until its window is closed, with a slider for the time, and keys to pause and seek.
+
+    The view ``follow`` moves with its ``agent``; in other views the mouse turns the camera.
+    """
     plotter = scene.plotter
     scene.look(view, 0.0, agent)
     scene.show_time(0.0)

@@ -36,7 +36,10 @@ class AgentTimes(NamedTuple):
     removed: NDArray[np.bool_]
 
     def until_share(self, share: int) -> float | None:
-        """Return when a share [%] of all agents that enter, but those removed, have arrived [s]; None if never."""
+        """Return the time [s] by which ``share`` [%] of the agents have arrived; None if never.
+
+        Agents that never enter, or that a command takes out before they arrive, do not count.
+        """
         arrived = np.sort(self.arrived[~np.isnan(self.arrived)])
         # The share in whole agents, rounded up; 0 if none ever enters.
         needed = -(-int((~np.isnan(self.entered) & ~self.removed).sum()) * share // 100)
@@ -57,7 +60,7 @@ def find_times(recording: RecordedEvents) -> AgentTimes:
         there = states == AgentState.ARRIVED
         arrived = np.where(there.any(axis=0) & (arrived < 0), begin + there.argmax(axis=0), arrived)
     left = np.where((last >= 0) & (last < steps - 1), last + 1, -1)
-    # Agents leave on arrival, unless a command has taken them out.
+    # An agent that leaves without the state ARRIVED leaves on arrival, unless a command has taken it out by then.
     removed = (arrived < 0) & (left >= _removals(recording))
     arrived = np.where((arrived < 0) & ~removed, left, arrived)
     entered, there, away = (np.where(of >= 0, of / recording.steps_per_second, np.nan) for of in (first, arrived, left))

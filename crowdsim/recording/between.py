@@ -22,32 +22,33 @@ def frame_between(
     steps_per_second: int,
     spans: NDArray[np.float64],
 ) -> RecordedFrame:
-    """Return the frame at ``share``, in (0, 1), of the way from ``old`` to ``new``; states are those of ``old``.
+    """Return the frame at ``share`` of the time from ``old`` to ``new``; states are those of ``old``.
 
     Parameters
     ----------
     old, new : RecordedFrame
         Frames of two consecutive steps.
     share : float
-        Elapsed part of the step.
+        Elapsed part of the step, in (0, 1).
     nodes : NodeTracks
-        Tracks of all nodes, along which captured agents go; without rows, as in older recordings, they go straight.
+        Tracks of all nodes, along which captured agents go. Without rows, as in older recordings, agents go straight.
     steps_per_second : int
         Steps per second of the recording.
     spans : (2,) float64
-        Lengths of a periodic floor along x and y [m], 0 without ends; agents that cross them are shown across.
+        Lengths of a periodic floor along x and y [m], 0 without ends. Agents that cross the ends go the short way.
     """
-    # Frames that a step takes at the natural rate.
+    # Frames that a node advances in a step at its natural rate.
     natural = CAPTURE_RATE // steps_per_second
     # Agents without a node have the index NONE (-1), which finds the 0 at the end.
     last = np.append(nodes.frames, 0)[old.node]
-    # Frames played during the step, at whatever rate the node is played: at most 1.15 times the natural one. An agent
-    # that leaves an idle node skips the rest of it: if the sum is then beyond 1.5 times, the natural rate is used.
+    # Frames played during the step. Nodes are played at up to 1.15 times their natural rate. Across two nodes these are
+    # the rest of the old one and the start of the new one, but an agent that leaves an idle node skips the rest of it:
+    # more than 1.5 times the natural advance is taken as that, and replaced by the natural advance.
     same = (new.node == old.node) & (new.frame >= old.frame)
     advance = np.where(same, new.frame - old.frame, last - old.frame + new.frame)
     advance = np.where(same | (2 * advance <= 3 * natural), advance, natural)
     shown = share * advance
-    # Only these are interpolated; absent and arrived agents keep their old pose.
+    # Only agents that move or wait, and stay present, are interpolated; the others keep their old pose.
     moving = (old.state == AgentState.MOVING) | (old.state == AgentState.WAITING)
     both = moving & (new.state != AgentState.ABSENT)
 
@@ -55,8 +56,8 @@ def frame_between(
     from crowdsim.motion.planted.between_kernels import tracks_between
 
     pose, goal = (np.stack([each.x, each.y, each.heading], axis=1)[both].astype(np.float64) for each in (old, new))
-    told = len(nodes.rows) > 0
-    played = [np.where(each.steered | (not told), NONE, each.node)[both].astype(np.int32) for each in (old, new)]
+    tracked = len(nodes.rows) > 0
+    played = [np.where(each.steered | (not tracked), NONE, each.node)[both].astype(np.int32) for each in (old, new)]
     at, later = (np.asarray(each.frame[both], np.float64) for each in (old, new))
     track = np.empty_like(pose)
     tracks_between(nodes, float(natural), spans, played[0], at, pose, played[1], later, goal, share, track)
@@ -64,7 +65,8 @@ def frame_between(
     x[both], y[both], heading[both] = track.T
     phase = np.where(both & np.isfinite(new.phase), old.phase + share * (new.phase - old.phase), old.phase)
 
-    # Either still in the old node, or already in the new one: count back from its frame at the end of the step.
+    # An agent is in the old node until its last frame, then in the new one, whose frames are counted back from the end
+    # of the step. A negative frame means that the new node has not begun: the last frame of the old one is held.
     reached = old.frame + shown
     left = new.frame - (advance - shown)
     entered = both & ~same & (reached > last) & (left >= 0)

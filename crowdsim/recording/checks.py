@@ -17,6 +17,7 @@ from crowdsim.recording.header import AgentState, MotionRecord, RecordedFrame, R
 from crowdsim.recording.storage.string_heaps import require_sound_heaps
 
 AGAIN = "run the scenario again to the end"
+"""What messages about damaged or incomplete files advise."""
 
 UNREADABLE = (
     AttributeError,
@@ -40,11 +41,11 @@ _MOST_KEPT = 250_000
 """Largest number of steps, and of values, of a column that stay in memory when steps are read one after another."""
 
 _PACKED = 2000
-"""Largest compression ratio that a filter of HDF5 reaches; a dataset that claims more is damaged."""
+"""Compression ratio that no filter of HDF5 reaches (gzip: about 1030); a dataset that claims more is damaged."""
 
 
 class _Stored(Protocol):
-    """A dataset of the file."""
+    """A dataset of the file, or the ConstantColumn in place of one that is not stored."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -62,7 +63,8 @@ class _Stored(Protocol):
 class CheckedColumn:
     """A column of the file whose values are checked when they are read.
 
-    RecordingError is raised if values are not within ``low`` to ``high``, or cannot be read.
+    RecordingError is raised if values are not within ``low`` to ``high``, or cannot be read. Infinite bounds are not
+    checked.
     """
 
     def __init__(self, path: Path, name: str, stored: _Stored, low: float, high: float) -> None:
@@ -86,7 +88,8 @@ class CheckedColumn:
         return self.shape[0]
 
     def __getitem__(self, key: Any, /) -> Any:
-        # Slices, steps so large that nothing more is kept, and steps from the end or outside go to HDF5 as they are.
+        # Slices, and steps from the end or outside, go to HDF5 as they are. So do all steps if one is so large that no
+        # second one is kept.
         if not isinstance(key, int | np.integer) or self._kept == 1 or not 0 <= key < len(self):
             return self._checked(self._read(key))
         # Steps are mostly read in sequence: keep a block, so that each chunk of the file is unpacked only once.
@@ -95,9 +98,11 @@ class CheckedColumn:
         if number != block:
             rows = self._read(slice(block * self._kept, (block + 1) * self._kept))
             self._rows = block, rows
+        # A copy, because callers may change what they get.
         return self._checked(rows[int(key) - block * self._kept].copy())
 
     def _read(self, key: Any) -> Any:
+        """Return values from the file, not checked; raise RecordingError if they cannot be read."""
         try:
             return self._stored[key]
         except (OSError, RuntimeError, MemoryError) as error:
@@ -106,8 +111,8 @@ class CheckedColumn:
     def _checked(self, values: Any) -> Any:
         """Return values if they are within their bounds; raise RecordingError otherwise."""
         low, high = self._range
-        counts = np.isfinite([low, high]).all()  # columns of indices have finite bounds; others may hold nan
-        if counts and np.size(values) and not (np.min(values) >= low and np.max(values) <= high):
+        bounded = np.isfinite([low, high]).all()  # columns of indices have finite bounds; others may hold nan
+        if bounded and np.size(values) and not (np.min(values) >= low and np.max(values) <= high):
             raise RecordingError(
                 f"{self._path} is damaged: steps/{self._name} holds values beyond {low:g} to {high:g}; {AGAIN}"
             )
@@ -135,6 +140,7 @@ def check_frames(path: Path, motion: MotionRecord, frame: RecordedFrame) -> None
         agent = int(np.flatnonzero(present & ~somewhere)[0])
         raise RecordingError(f"{path} is damaged: agent {agent} is present, but has no position; {AGAIN}")
     played = (node != NONE) & present
+    # NONE (-1) finds the 0 at the end, which is not used.
     shown = np.asarray(frame.frame)
     over = played & ~((shown >= 0) & (shown <= np.append(motion.node_frames, 0)[node]))
     if over.any():
@@ -168,7 +174,7 @@ def check_header(header: RecordingHeader) -> None:
         0 < header.steps_per_second <= CAPTURE_RATE and CAPTURE_RATE % header.steps_per_second == 0,
         f"{header.steps_per_second} steps a second do not divide {CAPTURE_RATE}",
     )
-    # Shapes and types of arrays.
+    # Shapes and types of arrays: those of agents, of nodes, and of the poses in the pool.
     motion = header.motion
     joints, nodes, rows = motion.skeleton.joint_count, len(motion.node_names), len(motion.pool_root)
     agents = {"start_times": (count,), "starts": (count, 3), "goals": (count, 2), "radii": (count,)}
@@ -179,7 +185,7 @@ def check_header(header: RecordingHeader) -> None:
             values = np.asarray(getattr(getattr(header, part), name))
             if values.shape != shape:
                 raise RecordingError(f"{part}.{name} has shape {values.shape}, not {shape}")
-            _require(np.issubdtype(values.dtype, np.number), f"{part}.{name} holds {values.dtype}, no numbers")
+            _require(np.issubdtype(values.dtype, np.number), f"{part}.{name} holds {values.dtype}, not numbers")
     if header.ends is not None:
         axis, low, high = header.ends
         fits = axis in (0, 1) and bool(np.isfinite([low, high]).all()) and high - low > 0.0
@@ -187,6 +193,7 @@ def check_header(header: RecordingHeader) -> None:
     for name, values in header.agents.attributes.items():
         _require(np.shape(values) == (count,), f"agents.attributes.{name} has shape {np.shape(values)}, not {(count,)}")
     routes, ends = np.asarray(header.agents.routes), np.asarray(header.agents.route_ends)
+    # Older files have no routes. Each agent has a goal or more, so the ends of its goals ascend.
     if ends.size:
         fits = ends.shape == (count,) and np.issubdtype(ends.dtype, np.integer) and routes.shape == (int(ends[-1]), 2)
         _require(fits and ends[0] > 0 and (np.diff(ends) > 0).all(), "agents.routes do not fit agents.route_ends")
@@ -215,36 +222,45 @@ def check_header(header: RecordingHeader) -> None:
 
 
 def _require(right: object, wrong: str) -> None:
+    """Raise RecordingError with the message ``wrong`` unless ``right``."""
     if not right:
         raise RecordingError(wrong)
 
 
 def _within(values: Any, low: int, end: int) -> bool:
+    """Return whether an array has a type of integers, and all of its values are from ``low`` to before ``end``."""
     values = np.asarray(values)
     whole = np.issubdtype(values.dtype, np.integer)
     return bool(whole and (values.size == 0 or (values.min() >= low and values.max() < end)))
 
 
 def _check_skeleton(motion: MotionRecord) -> None:
-    """Raise RecordingError if a skeleton's arrays do not fit together, or a joint stands before its parent."""
+    """Raise RecordingError if a skeleton's arrays do not fit together, or a joint comes before its parent."""
     skeleton = motion.skeleton
     joints = len(skeleton.names)
-    parents = np.asarray(skeleton.parents)
-    shapes = {"parents": (joints,), "offsets": (joints, 3), "end_offsets": (len(skeleton.end_parents), 3)}
+    _require(joints > 0, "motion: a skeleton needs joints")
+    parents, end_parents = np.asarray(skeleton.parents), np.asarray(skeleton.end_parents)
+    # K end sites: any number, also none.
+    _require(end_parents.ndim == 1, f"motion.end_parents has shape {end_parents.shape}, not (K,)")
+    shapes = {"parents": (joints,), "offsets": (joints, 3), "end_offsets": (len(end_parents), 3)}
     for name, shape in shapes.items():
         values = np.asarray(getattr(skeleton, name))
         _require(values.shape == shape, f"motion.{name} has shape {values.shape}, not {shape}")
         numbers = np.issubdtype(values.dtype, np.number) and bool(np.isfinite(values).all())
-        _require(numbers, f"motion.{name} holds {values.dtype} or values that are not finite, no numbers")
-    _require(joints > 0 and np.ndim(skeleton.end_parents) == 1, "motion: a skeleton needs joints")
-    in_order = _within(parents, -1, joints) and parents[0] == -1 and (parents < np.arange(joints)).all()
+        _require(numbers, f"motion.{name} holds values of {values.dtype} that are not all finite numbers")
+    # Only the first joint is a root (-1).
+    in_order = parents[0] == -1 and _within(parents[1:], 0, joints) and (parents < np.arange(joints)).all()
     _require(in_order, "motion.parents: each joint but the first needs a parent before it")
-    _require(_within(skeleton.end_parents, 0, joints), "motion.end_parents names joints that are not there")
-    _require(_within(list(skeleton.roles.values()) or [0], 0, joints), "motion.role_joints: no such joint")
+    _require(_within(end_parents, 0, joints), "motion.end_parents names joints that do not exist")
+    # Without roles, a valid index takes their place: an empty list becomes float64, which is no type of indices.
+    _require(_within(list(skeleton.roles.values()) or [0], 0, joints), "motion.role_joints names no joint")
 
 
 def _check_gaits(header: RecordingHeader) -> None:
-    """Require one clip per behavior or none, of valid shapes, and phases and tracks that fit the rows of the pool."""
+    """Raise RecordingError unless there is no gait, or a valid one for each behavior, and the pool fits them.
+
+    With nodes and gaits, the pool needs a phase for each row. Its tracks may be missing, as in older files.
+    """
     gaits, joints = header.motion.gaits, header.motion.skeleton.joint_count
     if gaits and len(gaits) != len(header.behaviors):
         raise RecordingError(f"{len(gaits)} gaits for {len(header.behaviors)} behaviors; give each its own, or none")
@@ -254,8 +270,12 @@ def _check_gaits(header: RecordingHeader) -> None:
             raise RecordingError(
                 f"gait '{gait.name}' has shapes {shapes[0]}, {shapes[1]}, not (F, 3), (F, {joints}, 4)"
             )
+        _require(
+            len(gait.root) > 1,
+            f"gait '{gait.name}' needs two or more poses, as bodies are posed between them; it has {len(gait.root)}",
+        )
         finite = np.isfinite(gait.root).all() and np.isfinite(gait.rotations).all()
-        _require(len(gait.root) > 1 and finite, f"gait '{gait.name}' has no poses, or such that are not finite")
+        _require(finite, f"gait '{gait.name}' has values that are not finite")
     phases, rows = np.asarray(header.motion.pool_phases), len(header.motion.pool_root)
     if header.motion.mixed and not (phases.shape == (rows,) and np.isfinite(phases).all()):
         raise RecordingError(
@@ -268,7 +288,10 @@ def _check_gaits(header: RecordingHeader) -> None:
 
 
 def check_place(header: RecordingHeader) -> None:
-    """Raise RecordingError, or an error of shapely, if the floor, an obstacle or a mesh cannot be drawn."""
+    """Raise RecordingError for an invalid mesh, an error of shapely for text that is no outline.
+
+    Outlines are those of floor, obstacles, movables, free areas, and of areas and lines of measurements.
+    """
     footprints = (solid.footprint for solid in (*header.solids, *header.movables))
     shapes = (shape.shape for shape in (*header.areas, *header.lines))
     shapely.from_wkt([header.floor, *footprints, *header.walkable, *shapes])
@@ -287,14 +310,17 @@ def check_paths(
     behaviors: NDArray[Any],
     header: RecordingHeader,
 ) -> NDArray[np.int64]:
-    """Return where the points of each path end (p,); raise RecordingError if the columns contradict each other.
+    """Return (p,) the row after the last point of each path; raise RecordingError if the columns contradict each other.
 
     counts, agents: (p,) number of points, and agent, of each path. points, behaviors: (n, 2) [m] and (n,) of all paths,
     one after the other.
     """
     whole = all(np.issubdtype(values.dtype, np.integer) for values in (counts, agents))
     fits = whole and np.all(counts >= 0) and int(counts.sum()) == len(points) and points.shape[1:] == (2,)
-    _require(fits and _within(agents, 0, header.agents.count), "paths do not fit each other")
+    _require(
+        fits and _within(agents, 0, header.agents.count),
+        "paths/count or paths/agent does not fit paths/points or the agents",
+    )
     labeled = behaviors.shape == (len(points),) and _within(behaviors, 0, len(header.behaviors))
     _require(labeled, "paths/behaviors names no behavior, or does not fit paths/points")
     ends: NDArray[np.int64] = np.cumsum(counts)

@@ -90,7 +90,7 @@ class RecordedPoses(RecordedTracks, Protocol):
         at: ArrayLike,
         track: ArrayLike,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the bodies of agents that play frames of nodes.
+        """Return the bodies of ``agents`` (A,), which play frames of nodes.
 
         ``node``, ``previous`` and the frame ``at`` are (A,), ``track`` (A, 3) [m], [rad]. Positions (A, J, 3) [m] and
         rotations (A, J, 4) are those in the world at ``time`` [s].
@@ -102,7 +102,7 @@ class RecordedPoses(RecordedTracks, Protocol):
         ...
 
     def at_time(self, time: float) -> RecordedFrame:
-        """Return what all columns have at ``time`` [s], also between steps."""
+        """Return the values of all columns at ``time`` [s], interpolated between steps."""
         ...
 
 

@@ -22,7 +22,7 @@ from crowdsim.yamlfile.written import written_document
 
 
 class RecordedEvents(ShownBodies):
-    """The events of an open recording, each read when it is asked for first."""
+    """The events of an open recording; each kind is read at its first use."""
 
     path: Path
     _file: h5py.File
@@ -55,7 +55,7 @@ class RecordedEvents(ShownBodies):
         Returns
         -------
         tuple of PlannedPath
-            The latest path planned by then of each agent that has one, in agent order.
+            The latest path of each agent that has one by then, in the order of agents.
         """
         step = self._step_at(time)
         latest = {path.agent: path for path in self.paths if path.step <= step}
@@ -110,16 +110,16 @@ class RecordedEvents(ShownBodies):
                 raise ValueError("a command without a time")
             removed = [agent for command in commands for agent in command.get("remove_agents", {}).get("agents", [])]
             if not all(agent in range(self.agent_count) for agent in removed):
-                raise ValueError("a command takes out an agent that there is not")
+                raise ValueError("a command removes an agent that does not exist")
         except (RecordingError, *UNREADABLE) as error:
             raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
         return tuple(commands)
 
     def scenario_yaml(self) -> str:
-        """Return the text of a scenario file for the folder of the recording, whose run gives the same states.
+        """Return the text of a scenario file that repeats the run, to be put into the folder of the recording.
 
-        It has the overrides and all commands of the run, and those of its scenario that were still to come. Meshes, and
-        floors with holes, that were given in Python are named, but not part of it.
+        The text has the overrides and all commands of the run, and the commands of its scenario that were still to
+        come. It names meshes and floors with holes that were given in Python, but does not contain them.
 
         Returns
         -------
@@ -134,13 +134,13 @@ class RecordedEvents(ShownBodies):
         if not self.header.scenario_keys:
             raise RecordingError(f"{self.path} was written before overrides and commands were kept; {AGAIN}")
         keys = dict(read_document(self.header.scenario_keys, str(self.path))[0].value)
-        # Commands of the scenario up to step ``done`` are among those that the run carried out. The last one of these
-        # may be of a step that a kill cut off.
+        # Commands of the scenario up to step ``done`` are among those that the run carried out. If a run is killed in a
+        # step, its last command may be recorded, but not the step: so the last command counts, too.
         done = max((round(command["at"] * self.steps_per_second) for command in self.commands), default=-1)
         done = max(done, self.steps - 1)
         later = [each for each in keys.get("commands", ()) if round(each["at"] * self.steps_per_second) > done]
         return written_document({**keys, "commands": [*self.commands, *later]})
 
     def _step_at(self, time: float) -> int:
-        """Return the last step by ``time`` [s], also beyond the recording; 1e-9 makes up for rounding of times."""
+        """Return the last step up to ``time`` [s], also beyond the recording; 1e-9 makes up for rounding of times."""
         return int(np.floor(time * self.steps_per_second + 1e-9))

@@ -37,7 +37,8 @@ def free_floor(recording: RecordedFile, layer: str | None, movables: Sequence[So
 
 
 def _is_in(solid: SolidRecord, layer: LayerRecord) -> bool:
-    """Return whether a solid stands in a layer: shares heights with its band, or is cut by it if it is a plane."""
+    """Return whether a solid stands in a layer: whether some of its heights are in the layer's band."""
+    # A layer of a single height.
     if layer.low == layer.high:
         return solid.bottom <= layer.low < solid.top
     return solid.bottom < layer.high and solid.top > layer.low

@@ -176,7 +176,7 @@ class MotionRecord:
         there are both nodes and gaits.
     pool_tracks : (P, 3) float32
         Track pose of each row relative to the first row of its node [m], [rad]; empty in older files, whose planted
-        feet are shown as their nodes fade.
+        feet are not kept in place at playback.
     """
 
     skeleton: Skeleton
@@ -246,8 +246,8 @@ class RecordingHeader:
     areas, lines : sequences of ShapeRecord
         Areas and lines at which the run was measured.
     scenario_keys : str
-        Text of a scenario file with overrides applied, whose file names start from the folder of the recording; empty
-        in older files.
+        Text of a scenario file with overrides applied; its file names are relative to the folder of the recording.
+        Empty in older files.
     """
 
     scenario_name: str
@@ -285,13 +285,13 @@ class RecordedFrame(NamedTuple):
     x, y, heading
         Track pose [m], [rad].
     node
-        Node of the motion graph that a captured agent plays.
+        Node of the motion graph that a captured agent plays; NONE for other agents.
     previous
         Node that ended before; NONE if there was none.
     frame
-        Frame of the node, or a fraction between two frames.
+        Frame of the node, counted from its first row; a fraction lies between two frames.
     behavior
-        Index into the header's behaviors.
+        Index into the header's behaviors; -1 for none.
     state
         An :class:`AgentState`.
     phase
@@ -329,7 +329,7 @@ COLUMN_TYPES: dict[str, str] = {
 """dtype of each field of :class:`RecordedFrame` in the file."""
 
 WHOLE_FRAMES = "int16"
-"""dtype of ``frame`` in files of version 2, which have no fractions."""
+"""dtype of ``frame`` in files of versions 1 and 2, which have no fractions."""
 
 LEFT_OUT = {"node": NONE, "previous": NONE, "frame": 0, "phase": np.nan}
 """Values of columns that are not stored because no agent can have any other."""
@@ -340,7 +340,10 @@ NOWHERE = frozenset({"x", "y", "heading", "phase"})
 
 
 def stored_columns(motion: MotionRecord) -> tuple[str, ...]:
-    """Return the columns that a file stores: those of captured agents if it has nodes, ``phase`` if it has gaits."""
+    """Return the names of the columns that a file stores.
+
+    ``node``, ``previous`` and ``frame`` are left out if there are no nodes, ``phase`` if there are no gaits.
+    """
     left_out = set() if len(motion.node_names) else {"node", "previous", "frame"}
     if not motion.gaits:
         left_out.add("phase")
@@ -356,7 +359,7 @@ class PlannedPath:
     points : (P, 2) float64
         Points of the path [m].
     behaviors : (P,) int8
-        Behavior from point i to point i + 1, an index into the header's behaviors.
+        Behavior from point i to point i + 1, an index into the header's behaviors; the last one has no effect.
     """
 
     agent: int

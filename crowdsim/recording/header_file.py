@@ -37,6 +37,7 @@ _MOTION_ARRAYS = {
 
 
 def _write_strings(group: h5py.Group, name: str, values: Sequence[str]) -> None:
+    """Write texts as a dataset (n,) in UTF-8."""
     group.create_dataset(name, data=np.array(list(values), dtype=object), dtype=_STRINGS, shape=(len(values),))
 
 
@@ -45,6 +46,7 @@ def _read_strings(group: h5py.Group, name: str) -> list[str]:
 
 
 def _write_array(group: h5py.Group, name: str, values: object, dtype: str) -> None:
+    """Write values as a dataset of type ``dtype``."""
     data = np.asarray(values, dtype=dtype)
     # Packing small arrays saves nothing.
     packing = PACKED if data.size > 256 else {}
@@ -130,6 +132,7 @@ def rewrite_movables(file: h5py.File, movables: Sequence[SolidRecord]) -> None:
 
 
 def _write_solids(environment: h5py.Group, kind: str, solids: Sequence[SolidRecord]) -> None:
+    """Write solids column by column; ``kind`` (solid or movable) begins the names of the columns."""
     _write_strings(environment, f"{kind}_names", [solid.name for solid in solids])
     _write_strings(environment, f"{kind}_footprints", [solid.footprint for solid in solids])
     _write_array(environment, f"{kind}_bottoms", [solid.bottom for solid in solids], "float64")
@@ -137,7 +140,7 @@ def _write_solids(environment: h5py.Group, kind: str, solids: Sequence[SolidReco
 
 
 def _write_motion(group: h5py.Group, motion: MotionRecord) -> None:
-    """Write skeleton, nodes and poses; and the gaits of steered bodies, if there are such."""
+    """Write skeleton, nodes and poses, and the gaits of steered bodies if there are any."""
     skeleton = motion.skeleton
     _write_strings(group, "joint_names", skeleton.names)
     for name, dtype in _SKELETON_ARRAYS.items():
@@ -165,7 +168,11 @@ def read_versions(file: h5py.File) -> dict[str, str]:
 
 
 def read_header(file: h5py.File) -> RecordingHeader:
-    """Return the header of ``file``; raise KeyError if a part of it is missing."""
+    """Return the header of ``file``.
+
+    Raise KeyError if a part of it is missing, ValueError if lists that belong together differ in length, RecordingError
+    if a dataset cannot be read.
+    """
     scenario, layers, behaviors, environment = file["scenario"], file["layers"], file["behaviors"], file["place"]
     layer_rows = zip(_read_strings(layers, "names"), values_of(layers, "low"), values_of(layers, "high"), strict=True)
     behavior_rows = zip(
@@ -184,7 +191,7 @@ def read_header(file: h5py.File) -> RecordingHeader:
         layers=tuple(LayerRecord(name, float(low), float(high)) for name, low, high in layer_rows),
         floor=values_of(environment, "floor"),
         solids=_read_solids(environment, "solid"),
-        # Files from before movables and meshes were introduced have no such groups.
+        # Files from before movables and meshes were introduced have no such datasets.
         movables=_read_solids(environment, "movable") if "movable_names" in environment else (),
         meshes=_read_meshes(environment) if "mesh_names" in environment else (),
         agents=AgentsRecord(
@@ -218,12 +225,13 @@ def _read_shapes(environment: h5py.Group, kind: str) -> tuple[ShapeRecord, ...]:
 
 
 def _read_ends(ends: NDArray[np.float64]) -> Ends:
+    """Return the ends of a periodic floor from the attribute (3,): axis, low, high."""
     axis, low, high = np.asarray(ends, np.float64).tolist()
     return Ends(int(axis), low, high)
 
 
 def _read_attributes(group: h5py.Group) -> dict[str, NDArray[Any]]:
-    """Return the attributes of all agents by name: numbers, or words."""
+    """Return the attributes of all N agents by name: numbers (N,) float64, or texts (N,)."""
     return {
         name: np.array(_read_strings(group, name), np.str_)
         if h5py.check_string_dtype(values.dtype)
@@ -245,7 +253,7 @@ def _read_solids(environment: h5py.Group, kind: str) -> tuple[SolidRecord, ...]:
 
 
 def _read_meshes(environment: h5py.Group) -> tuple[MeshRecord, ...]:
-    """Return the meshes of the place, whose points and triangles are stored one after the other."""
+    """Return the meshes of the environment; the file holds the points of all in one array, and all triangles."""
     points, triangles = values_of(environment, "mesh_points"), values_of(environment, "mesh_triangles")
     ends = np.cumsum(values_of(environment, "mesh_counts").reshape(-1, 2), axis=0)
     cut_points, cut_triangles = np.split(points, ends[:, 0]), np.split(triangles, ends[:, 1])
@@ -274,7 +282,7 @@ def _read_motion(group: h5py.Group) -> MotionRecord:
 
 
 def _read_gaits(group: h5py.Group) -> tuple[GaitRecord, ...]:
-    """Return the gaits, whose frames are stored one after the other."""
+    """Return the gaits; the file holds the frames of all in one array."""
     ends = np.cumsum(values_of(group, "gait_frames"))
     roots, rotations = (np.split(values_of(group, f"gait_{name}"), ends) for name in ("root", "rotations"))
     names = _read_strings(group, "gait_names")

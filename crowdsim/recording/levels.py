@@ -14,7 +14,7 @@ from crowdsim.recording.header import AgentState
 from crowdsim.recording.shown.switches import Switches
 
 STEPS_AT_ONCE = 256
-"""Steps that are read at once, so that long recordings need not fit in memory."""
+"""Number of steps that are read at once, so that long recordings need not fit in memory."""
 
 Ints = NDArray[np.int64]
 
@@ -61,13 +61,13 @@ class LevelColumn:
 
 
 def find_switches(recording: RecordedTracks, levels: Column) -> Switches:
-    """Return all switches of a recording, shown as late, or as early, as they can be.
+    """Return all switches of a recording, shown in the captured steps that are next to them.
 
-    That is the last captured step before a switch to steered, because the agent's node may end there, and the first
-    one after a switch to captured, because a node has no frames before its start. No search is necessary if agents can
-    only be on one level.
+    For a switch to steered this is the last captured step before it, as the agent's node may end there. For a switch to
+    captured it is the first captured step after it, as a node has no frames before its start.
     """
     parts: list[tuple[Ints, Ints, NDArray[np.bool_]]] = []
+    # Without both nodes and gaits, agents are only on one level, and there is nothing to search.
     for first in range(1, recording.steps, STEPS_AT_ONCE) if recording.header.motion.mixed else ():
         rows = levels[first - 1 : min(first + STEPS_AT_ONCE, recording.steps)]
         old, new = rows[:-1], rows[1:]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from crowdsim.recording.storage.values import PACKED, values_of
 
 GROUP = "measured"
+"""Group of the file that holds the measurements."""
 
 LEAST_CROSSINGS = 20
 """Number of crossings below which a line has no flow: too few for a mean."""
@@ -76,6 +77,7 @@ def write_measured(file: h5py.File, measured: Measured) -> None:
             group = file.create_group(f"{GROUP}/{kind}/{number}")
             group.attrs["name"] = name
             for key, value in vars(place).items():
+                # Single numbers are attributes, columns are datasets.
                 if isinstance(value, float):
                     group.attrs[key] = value
                 else:
@@ -105,9 +107,10 @@ def read_measured(file: h5py.File) -> Measured:
 
 
 def flow_of(times: NDArray[np.float64]) -> float | None:
-    """Return the flow [1/s] of crossings at ascending times [s], None for few crossings, or such at one time.
+    """Return the flow [1/s] of crossings at ascending times [s].
 
-    It is counted between the first and the last tenth of the crossings, without the few that come early or late.
+    It is counted between the first and the last tenth of the crossings, without the few that come early or late. None
+    if there are fewer than LEAST_CROSSINGS, or if those that are counted all happen at one time.
     """
     few = len(times) // 10
     if len(times) < LEAST_CROSSINGS or times[-few - 1] <= times[few]:

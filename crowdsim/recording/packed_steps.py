@@ -49,11 +49,11 @@ class Shares(NamedTuple):
     Attributes
     ----------
     agents : int
-        Number of all.
+        Number of agents in all.
     width : int
         Number of agents in a chunk.
     chunks : int
-        Number of chunks of each process.
+        Largest number of chunks of a process; only the last processes have fewer.
     """
 
     agents: int
@@ -61,7 +61,7 @@ class Shares(NamedTuple):
     chunks: int
 
     def of(self, process: int) -> range:
-        """Return the agents of a process; none are left for the last ones of many."""
+        """Return the agents of a process; the last of many processes may get none."""
         size = self.width * self.chunks
         return range(min(process * size, self.agents), min((process + 1) * size, self.agents))
 
@@ -108,10 +108,15 @@ def pack_steps(
         Header of the recording.
     width : int
         Number of agents in a chunk.
+
+    Returns
+    -------
+    list of PackedChunk
+        The chunks of each column in turn.
     """
     packed = []
     chunk = (steps_held(header), width)
-    # HDF5 packs them itself, into a file in memory.
+    # HDF5 itself packs the chunks, into a file in memory.
     with h5py.File("packed", "w", driver="core", backing_store=False) as file:
         for name, values in columns.items():
             steps, agents = values.shape

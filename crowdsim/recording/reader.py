@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     import pandas
 
 _STEPS_AT_ONCE = 256
+"""Number of steps that are read at once."""
 
 _CACHED = 16_000_000
 """Size of HDF5's cache of unpacked chunks per column [bytes]. A step of 100,000 agents needs chunks of 4 MB."""
@@ -60,9 +61,9 @@ class Recording(RecordedEvents):
     """A finished recording, open for reading until :meth:`close` or the end of its ``with`` block.
 
     The columns ``x``, ``y``, ``heading``, ``node``, ``previous``, ``frame``, ``behavior``, ``state``, ``phase`` (steps,
-    N) and ``state_hash`` (steps,) are read from the file when they are indexed. Columns without information are not
-    stored, and read as -1, -1, 0 or nan. ``levels`` (steps, N) int8 holds the :class:`~crowdsim.recording.levels.Level`
-    of each agent.
+    N) and ``state_hash`` (steps,) are read from the file when they are indexed. Without captured agents, ``node``,
+    ``previous`` and ``frame`` are not stored, and read as -1, -1 and 0; without steered ones, ``phase`` reads as nan.
+    ``levels`` (steps, N) int8 holds the :class:`~crowdsim.recording.levels.Level` of each agent.
 
     Parameters
     ----------
@@ -105,6 +106,7 @@ class Recording(RecordedEvents):
         stored = stored_columns(self.header.motion)
         for name, dtype in COLUMN_TYPES.items():
             column = columns[name] if name in stored else ConstantColumn(shape, dtype, LEFT_OUT[name])
+            # Older files hold whole frames.
             known = (dtype, WHOLE_FRAMES) if name == "frame" else (dtype,)
             if column.shape != shape or column.dtype not in known:
                 raise RecordingError(
@@ -154,7 +156,7 @@ class Recording(RecordedEvents):
         except OSError:
             raise RecordingError(f"{path} is not a crowdsim recording, or is cut short; {AGAIN}") from None
         try:
-            if not checked:  # first of all, as the library may hang where strings are damaged
+            if not checked:  # before anything else, because HDF5 may never return from damaged strings
                 require_readable(path, file)
             _check_kind(path, file)
             return cls(path, file)
@@ -229,7 +231,7 @@ class Recording(RecordedEvents):
         Raises
         ------
         RecordingError
-            If ``rate`` does not divide the steps per second, or pandas is not installed.
+            If ``rate`` does not divide the steps per second, pandas is not installed, or the file is damaged.
         """
         every = steps_a_frame(self, rate)
         rows = all_rows(track_blocks(self, every))
@@ -243,12 +245,17 @@ class Recording(RecordedEvents):
         layer : str or None
             Name of the layer; by default the ground layer.
         time : float or None
-            Time at which movables count [s]; by default none of them does.
+            Time whose movables take floor away [s]; by default none does.
 
         Returns
         -------
         shapely.MultiPolygon
             The free floor [m].
+
+        Raises
+        ------
+        RecordingError
+            If there is no such layer, or the file was written before free floors were stored.
         """
         return free_floor(self, layer, () if time is None else self.movables_at(time))
 
@@ -298,7 +305,7 @@ class Recording(RecordedEvents):
         Raises
         ------
         RecordingError
-            Outside of the recording, or if what it holds of this step is damaged.
+            If the step is outside of the recording, or damaged.
         """
         if not 0 <= step < self.steps:
             raise RecordingError(f"{self.path} has steps 0 to {self.steps - 1}; there is no step {step}")

@@ -23,7 +23,8 @@ from crowdsim.whole_files import whole_file
 def recover(part: str | os.PathLike[str], output: str | os.PathLike[str] | None = None) -> Recording:
     """Turn the ``.part`` file of a killed run into a recording, delete it, and return the recording, opened.
 
-    It holds every step that was appended; its ``complete`` is False unless only the renaming of the file was missing.
+    The recording holds every step that was appended. Its ``complete`` is False, unless the run had finished and was
+    killed just before the file got its name.
 
     Parameters
     ----------
@@ -35,8 +36,7 @@ def recover(part: str | os.PathLike[str], output: str | os.PathLike[str] | None 
     Raises
     ------
     RecordingError
-        If there is no such file, a run still writes it, nothing in it is readable, it has no step, or ``output``
-        exists.
+        If there is no such file, a run still writes it, it cannot be read, it has no step, or ``output`` exists.
     CrowdSimError
         If the folder of ``output`` does not exist, or its disk is full.
     """
@@ -62,7 +62,7 @@ def recover(part: str | os.PathLike[str], output: str | os.PathLike[str] | None 
                     file.attrs["finished"] = True
             append_checksums(written)
     except UNREADABLE as error:
-        raise RecordingError(f"{source}: nothing can be read of it ({error}); run the scenario again") from None
+        raise RecordingError(f"{source} cannot be read ({error}); run the scenario again") from None
     recording = Recording.open(target)
     source.unlink()
     return recording
@@ -78,7 +78,7 @@ def _append(file: h5py.File, left: list[tuple[int, memoryview]]) -> None:
     for kind, content in left:
         if kind == STEP:
             number, state_hash = STEP_HEAD.unpack_from(content)
-            # Only the step that comes next: any other is in HDF5 already, or does not follow.
+            # Take only the step that comes next. Earlier ones are in HDF5 already; later ones do not follow.
             if number != steps["state_hash"].shape[0]:
                 continue
             place = STEP_HEAD.size

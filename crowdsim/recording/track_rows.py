@@ -51,7 +51,7 @@ def steps_a_frame(recording: RecordedFile, rate: float | None) -> int:
     Raises
     ------
     RecordingError
-        Unless the rate divides that of the recording: nothing is interpolated.
+        If the rate does not divide that of the recording, because nothing is interpolated.
     """
     recorded = recording.steps_per_second
     if rate is None:
@@ -72,14 +72,14 @@ def track_blocks(
     end: int | None = None,
     agents: NDArray[np.int64] | None = None,
 ) -> Iterator[TrackRows]:
-    """Yield rows of the steps from ``first`` to before ``end`` whose numbers ``every`` divides, in blocks of steps.
+    """Yield rows of every ``every``-th step, counted from step 0, from ``first`` to before ``end``, in blocks of steps.
 
     Parameters
     ----------
     recording : RecordedFile
         The recording.
     every, first, end : int
-        Steps to take; ``end`` is by default the end of the recording.
+        Steps to take: multiples of ``every``. ``end`` is by default the end of the recording.
     agents : (n,) int64 or None
         Agents to take, ascending; by default all.
 
@@ -118,6 +118,7 @@ def track_blocks(
 
 
 def _part(values: NDArray[Any], rows: NDArray[np.int64], columns: NDArray[np.int64] | None) -> NDArray[Any]:
+    """Return some rows of a block of steps, and of these some columns, or all."""
     chosen = values[rows]
     return chosen if columns is None else chosen[:, columns]
 

@@ -46,7 +46,7 @@ STEP_HEAD = struct.Struct("<QQ")
 PATH_HEAD = struct.Struct("<qqQ")
 """Head of a path's frame: agent, step and number of points; points and behaviors follow."""
 _FRESH = 40
-"""Commits after which HDF5 opens the file anew: what it keeps in memory, as indices of chunks, grows with the run."""
+"""Number of commits after which HDF5 opens the file anew: its memory, such as indices of chunks, grows with the run."""
 
 
 def part_path(path: Path) -> Path:
@@ -126,7 +126,11 @@ class RecordingWriter:
             raise RecordingError(f"{self.path} was left without finish(); nothing of it was kept")
 
     def append(self, frame: RecordedFrame, state_hash: int) -> None:
-        """Append one step: ``frame`` with fields (N,), and the unsigned 64-bit hash of the whole state after it."""
+        """Append one step: ``frame`` with fields (N,), and the unsigned 64-bit hash of the whole state after it.
+
+        Positions and phases of absent agents are stored as nan. Raise RecordingError if a field has another shape, a
+        present agent has no finite position, or an agent plays a motion that the header lacks.
+        """
         self._open_file()
         row = self._buffered
         for name, values in zip(RecordedFrame._fields, frame, strict=True):
@@ -160,7 +164,7 @@ class RecordingWriter:
     def append_packed(self, hashes: NDArray[np.uint64], chunks: Iterable[PackedChunk]) -> None:
         """Append steps that :func:`~crowdsim.recording.packed_steps.pack_steps` has packed, with their state hashes.
 
-        Each call needs the chunks of all agents, and all but the last as many steps as a chunk holds.
+        Each call needs the chunks of all agents. Each call but the last needs as many steps as a chunk holds.
         """
         steps = self._open_file()["steps"]
         if self._steps % self._held:
@@ -171,10 +175,10 @@ class RecordingWriter:
             steps[column].id.write_direct_chunk((self._steps, agent), content, mask)
         extend(steps["state_hash"], hashes)
         self._steps += len(hashes)
-        self._flush()  # also new paths: a commit cuts off their frames
+        self._flush()  # new paths go into HDF5, too: the commit that follows cuts off their frames
 
     def _require_motion(self, frame: RecordedFrame, present: NDArray[np.bool_]) -> None:
-        """Raise RecordingError for an agent that the header holds no motion for."""
+        """Raise RecordingError if an agent is captured without nodes in the header, or steered without gaits."""
         captured = present & (np.asarray(frame.node) != NONE)
         steered = present & np.isfinite(np.asarray(frame.phase, np.float64))
         for column, agents, level, needed in (
@@ -187,7 +191,10 @@ class RecordingWriter:
                 )
 
     def add_path(self, agent: int, points: ArrayLike, behaviors: ArrayLike) -> None:
-        """Add a path that ``agent`` follows from the next step on: points (P, 2) [m], behavior (P,) from each point."""
+        """Add a path that ``agent`` follows from the next step on.
+
+        ``points`` (P, 2) [m]; ``behaviors`` (P,), the behavior from each point to the next.
+        """
         self._open_file()
         where = np.array(points, np.float64)
         how = np.array(behaviors, np.int8)
@@ -201,7 +208,7 @@ class RecordingWriter:
         self._add_frame(PATH, PATH_HEAD.pack(agent, self._steps, len(how)) + where.tobytes() + how.tobytes())
 
     def add_movable(self, solid: SolidRecord) -> int:
-        """Add a movable that the header did not know of; return its number. It is absent until its first change."""
+        """Add a movable that the header does not list; return its number. It is absent until its first change."""
         file = self._open_file()
         self._movables.append(solid)
         rewrite_movables(file, self._movables)
@@ -226,7 +233,7 @@ class RecordingWriter:
         self._add_frame(COMMAND, text.encode())
 
     def finish(self, summary: Mapping[str, Any], measured: Measured | None = None) -> None:
-        """Write the rest, the ``summary`` (anything JSON can hold) and the measurements; give the file its name."""
+        """Write what is still in memory, ``summary`` (as JSON) and the measurements; then give the file its name."""
         self._flush()
         file = self._open_file()
         text = json.dumps(dict(summary), default=_plain)
@@ -238,7 +245,7 @@ class RecordingWriter:
         chunks = checked_chunks(file)
         file.close()
         disk = self._open_disk()
-        # The checksums follow HDF5; the file gets its name only when all of it is on the disk.
+        # The checksums go behind HDF5. The file gets its name only when all of it is on the disk.
         try:
             size = disk.commit()
             disk.append(checksum_frame(disk, size, chunks))
@@ -284,6 +291,7 @@ class RecordingWriter:
         return self._disk
 
     def _add_frame(self, kind: int, content: bytes) -> None:
+        """Append a frame of a kind of part_file to the disk, so that a killed process does not lose its content."""
         try:
             self._open_disk().add_frame(kind, content)
         except OSError as error:
@@ -303,7 +311,7 @@ class RecordingWriter:
             self._file = h5py.File(disk, "r+")
 
     def _flush(self) -> None:
-        """Append what is held in memory, new paths and steps, to the file."""
+        """Append what is held in memory, new paths and steps, to the file; commit."""
         steps, paths = self._open_file()["steps"], self._open_file()["paths"]
         if self._new_paths:
             agents, begins, points, behaviors = zip(*self._new_paths, strict=True)
@@ -361,6 +369,7 @@ def append_command(file: h5py.File, text: str) -> None:
 
 
 def _plain(value: object) -> object:
+    """Return a value of NumPy as lists and numbers, which JSON can hold."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     raise TypeError(f"a summary cannot hold {type(value).__name__}")

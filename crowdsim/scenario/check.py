@@ -22,17 +22,24 @@ _NEAR = 0.5
 
 
 def check_scenario(scenario: Scenario) -> list[str]:
-    """Return warnings, each with its position in the file; an empty list if there are none."""
+    """Return warnings of valid entries that are probably mistakes, each with its position in the file.
+
+    These are a very large floor, events after the end of the run, things that meet no layer or lie off the floor,
+    starts, routes and goals that lie off the floor in part, and areas and lines that lie off it as a whole. The list is
+    empty if there are none.
+    """
     floor = scenario.environment.floor
     warnings = []
 
     def warn(path: tuple[str | int, ...], message: str) -> None:
+        """Add a warning about the entry at the key ``path``."""
         warnings.append(str(scenario.problem(path, message)))
 
     xmin, ymin, xmax, ymax = floor.bounds
     if max(xmax - xmin, ymax - ymin) > LARGE_EXTENT:
         warn(("floor",), f"the floor is {max(xmax - xmin, ymax - ymin):g} m long; is it drawn in meters?")
     bands = [layer.band() for layer in scenario.bands]
+    # All that may stand on the floor at some time: key path, name and solids.
     things: list[tuple[KeyPath, str, Sequence[AnySolid]]] = [
         (("obstacles", number), obstacle.name, scenario.environment.solids["obstacles", number])
         for number, obstacle in enumerate(scenario.obstacles)
@@ -67,15 +74,16 @@ def check_scenario(scenario: Scenario) -> list[str]:
 
 
 def check_ways(scenario: Scenario, behaviors: Sequence[Behavior]) -> list[str]:
-    """Return warnings of groups that find no way, however narrow their behaviors; an empty list if there are none.
+    """Return warnings of groups on whose way even the narrowest behavior does not fit; an empty list if there are none.
 
-    Doors and other movables count as absent. On a periodic floor, and for the planner that checks bodies in 3D, nothing
-    is checked.
+    ``behaviors`` are those of the scenario. Doors and other movables count as absent. Nothing is checked on a periodic
+    floor, as ways may lead across its ends, nor for the planner that checks bodies in 3D, which does not plan by
+    clearances.
     """
     environment = scenario.environment
     if scenario.planner == "collision3d" or any(scenario.span):
         return []
-    # Where the narrowest behavior on each layer fits, as plans require it.
+    # On each layer, the area in which the narrowest behavior fits, as plans require it.
     narrowest = Requirements.of(behaviors, len(environment.layers), TRACKING_MARGIN).radii.min(axis=0)
     eroded = [
         buffered(layer.free, -float(radius), _ARC)
@@ -85,7 +93,7 @@ def check_ways(scenario: Scenario, behaviors: Sequence[Behavior]) -> list[str]:
     names = ", ".join(behavior.name for behavior in behaviors)
     warnings = []
     for number, group in enumerate(scenario.agents):
-        # Parts of the free area that come within _NEAR of the start and of all places before.
+        # Parts of the area that come within _NEAR of the start and of all places so far: a way stays in one part.
         joined = [part for part in parts if shapely.dwithin(part, group.start.shape(), _NEAR)]
         for path, shape in scenario.destinations(number):
             joined = [part for part in joined if shapely.dwithin(part, shape, _NEAR)]

@@ -52,14 +52,15 @@ def build_environment(
 ) -> tuple[Environment | None, list[Complaint]]:
     """Build the environment of a scenario with the ``files`` that it names.
 
-    ``progress`` is that of :func:`~crowdsim.environment.layers.clearance_layers`.
+    ``progress`` is passed on to :func:`~crowdsim.environment.layers.clearance_layers`.
 
     Returns
     -------
     environment : Environment or None
         None if it cannot be built.
     complaints : list of Complaint
-        Everything that is wrong with the floor, the obstacles, the layers and the events.
+        What is wrong with the floor, the obstacles and the clutter. If nothing is: what is wrong with the events, or
+        else with the commands about doors and obstacles, and that obstacles cover all of the floor.
     """
     site = read_site(keys, files)
     if site.complaints:
@@ -68,12 +69,12 @@ def build_environment(
     timetable, complaints = reader.timetable(), reader.wrong
     commanded = timetable
     if keys.planner == "collision3d" and (keys.events or any(command.changes_place for command in keys.commands)):
-        # This alone is told: whatever else is wrong with the events goes with them.
+        # Report this alone: dropping the events removes all else that is wrong with them.
         complaints = [(("planner",), "the planner 'collision3d' supports no events; drop them, or use another planner")]
     elif keys.commands and not complaints:
         reader = read_timetable(keys, site.solids, keys.commands)
         commanded, complaints = reader.timetable(), reader.wrong
-    # Layers of one name cannot be built; the checks across keys complain of them.
+    # Two layers of one name cannot be built; :mod:`crowdsim.scenario.semantics` complains of them.
     if len({layer.name for layer in keys.bands}) < len(keys.bands):
         return None, complaints
     bands = [layer.band() for layer in keys.bands]

@@ -27,7 +27,8 @@ def load_scenario(
     overrides : sequence of str
         Entries to replace, as ``"agents.0.count=4"``; the values are YAML.
     progress : callable or None
-        Called as ``progress(done, all)`` with parts of files of triangles, if they are many.
+        Called as ``progress(done, all)`` with numbers of solids while meshes become layers, if they have many
+        triangles; see :func:`~crowdsim.environment.layers.clearance_layers`.
 
     Returns
     -------
@@ -57,7 +58,7 @@ def parse_scenario(
     overrides: Sequence[str] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> Scenario:
-    """Check the text of a scenario file, as :func:`load_scenario` does.
+    """Read and check a scenario from the text of its file, as :func:`load_scenario` does.
 
     Parameters
     ----------
@@ -71,6 +72,7 @@ def parse_scenario(
         See :func:`load_scenario`.
     """
     document, problems = read_document(text, "<text>" if path is None else str(path))
+    # Keys after a syntax error are unknown: report no keys as missing.
     if not document.complete:
         refuse(problems)
     if document.value is None and not overrides:
@@ -87,7 +89,7 @@ def builtin_scenarios() -> dict[str, Path]:
 
 
 def _find(source: str | Path) -> Path:
-    """Return the scenario file of a path or of a built-in name, or raise ScenarioError. A file or folder goes first."""
+    """Return the scenario file at a path, or the built-in one of this name if nothing is there; else raise an error."""
     path = Path(source)
     if path.is_file():
         return path

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.transforms import Bbox
 
 _DPI = 110
+"""Resolution of pictures [pixels per inch]."""
 _PANEL = 7.5
 """Length of the longer side of one layer's panel [inch]."""
 
@@ -35,9 +36,10 @@ _LINE = 15.0
 
 
 def reachable_areas(scenario: Scenario, behaviors: Sequence[Behavior]) -> tuple[MultiPolygon, ...]:
-    """Return, for each behavior, the area that it can reach from the starts without any other behavior.
+    """Return, for each behavior, the area that agents reach from the starts with this behavior alone [m].
 
-    The area keeps the behavior's clearance and TRACKING_MARGIN from the obstacles of every layer.
+    The area keeps the behavior's clearance and TRACKING_MARGIN from the obstacles that every layer has at the start of
+    the run.
     """
     starts = shapely.union_all([group.start.shape() for group in scenario.agents])
     areas = []
@@ -51,14 +53,17 @@ def reachable_areas(scenario: Scenario, behaviors: Sequence[Behavior]) -> tuple[
 
 
 def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
-    """Draw one panel per layer, with starts, goals, and each behavior's reachable area in its color."""
+    """Draw one panel per layer, with starts, goals, and each behavior's reachable area in its color.
+
+    ``behaviors`` are sorted from the least preferred, which is usually the narrowest, to the preferred one.
+    """
     figure, panels = _panels(scenario)
     areas = reachable_areas(scenario, behaviors)
     for layer, axes in zip(scenario.environment.layers, panels, strict=False):
         _draw_layer(axes, scenario, layer)
         for behavior, area, wider in zip(behaviors, areas, (*areas[1:], Polygon()), strict=True):
             label = f"within reach, {behavior.name.replace('_', ' ')}: {area.area:.1f} m\u00b2"
-            # Leave out the area of the next behavior, which is preferred, so that colors do not mix.
+            # Leave out the area of the next, usually wider, behavior, so that colors do not mix.
             fill(axes, area.difference(wider), facecolor=behavior.color, alpha=0.45, edgecolor="none", label=label)
         _draw_ends(axes, scenario)
     _finish(figure, scenario.name)
@@ -70,7 +75,10 @@ def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
 
 
 def draw_plan(scenario: Scenario, behaviors: Sequence[Behavior], path: AnnotatedPath) -> Figure:
-    """Draw one panel per layer with a path, each section in the color of its behavior (2018 paper, figure 3)."""
+    """Draw one panel per layer with a path, each section in the color of its behavior (2018 paper, figure 3).
+
+    Sections of ``path`` hold indices of ``behaviors``.
+    """
     figure, panels = _panels(scenario)
     for layer, axes in zip(scenario.environment.layers, panels, strict=False):
         _draw_layer(axes, scenario, layer)
@@ -80,6 +88,7 @@ def draw_plan(scenario: Scenario, behaviors: Sequence[Behavior], path: Annotated
             points = path.at(np.array([section.start, *inner, section.end]))
             label = f"{behavior.name.replace('_', ' ')}, {behavior.cost_per_meter:g} a meter"
             axes.plot(*points.T, color=behavior.color, linewidth=2.5, label=label)
+        # A disc at the start, a square at the goal.
         for end, marker in ((path.points[0], "o"), (path.points[-1], "s")):
             axes.plot(*end, marker, color="white", markeredgecolor=_BLOCKED, markersize=8.0)
     _finish(figure, f"{scenario.name}: {path.length:.2f} m, cost {path.cost:.2f}")
@@ -107,12 +116,14 @@ def _panels(scenario: Scenario) -> tuple[Figure, list[Axes]]:
 
 
 def _finish(figure: Figure, title: str) -> None:
+    """Add the title, and below the panels one legend, with each label once."""
     labels = dict(zip(*reversed(figure.axes[0].get_legend_handles_labels()), strict=True))
     figure.legend(labels.values(), labels.keys(), loc="outside lower center", ncols=2, frameon=False)
     figure.suptitle(title, x=0.01, ha="left", fontsize="medium")
 
 
 def _draw_layer(axes: Axes, scenario: Scenario, layer: ClearanceLayer) -> None:
+    """Draw the floor and the obstacles of a layer, with its name and heights as the title."""
     fill(axes, scenario.environment.floor, facecolor=_FLOOR, edgecolor=_BLOCKED, linewidth=0.8)
     fill(axes, layer.obstacles.intersection(scenario.environment.floor), facecolor=_BLOCKED, edgecolor="none")
     heights = f"{layer.low:g} to {layer.high:g} m" if layer.high > layer.low else f"at {layer.low:g} m"
@@ -133,7 +144,7 @@ def _draw_ends(axes: Axes, scenario: Scenario) -> None:
 
 
 def _name_groups(axes: Axes, scenario: Scenario) -> None:
-    """Name each group once, at its start, shifted up or down where names would overlap."""
+    """Name each group once, at its start, shifted down or up if names would overlap."""
     taken: list[Bbox] = []
     for number, group in enumerate(scenario.agents):
         color = _GROUPS[number % len(_GROUPS)]

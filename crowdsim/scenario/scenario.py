@@ -70,14 +70,14 @@ class ScenarioKeys(_RequiredKeys, total=False):
 
 
 def _signature() -> inspect.Signature:
-    """Return what :class:`Scenario` takes: the keys of a file, with their defaults in Python."""
+    """Return the signature of :class:`Scenario`: the keys of a file as keywords, with their defaults in Python."""
     parameters = [inspect.Parameter("self", inspect.Parameter.POSITIONAL_OR_KEYWORD)]
     for name, field in ScenarioFields.model_fields.items():
         key = field.alias or name
         if key not in ScenarioKeys.__annotations__:
-            continue  # the version of the format
-        # A TypedDict keeps its annotations as text, not evaluated: ``__forward_arg__``.
+            continue  # the version of the format is no keyword
         default = _USUAL.get(key, inspect.Parameter.empty if field.is_required() else field.default)
+        # A TypedDict keeps its annotations as text, not evaluated: ``__forward_arg__``.
         annotation = ScenarioKeys.__annotations__[key].__forward_arg__
         parameters.append(
             inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
@@ -89,7 +89,7 @@ Init = TypeVar("Init", bound=Callable[..., None])
 
 
 def _with_signature(init: Init) -> Init:
-    """Return ``init`` with the signature that the library of the models then shows for the class."""
+    """Return ``init`` with the signature of :func:`_signature`; pydantic shows it for the class."""
     described: Any = init
     described.__signature__ = _signature()
     return init
@@ -131,8 +131,8 @@ class Scenario(ScenarioFields):
         document = Document(SOURCE, plain, {(): Position(SOURCE)}, complete=True)
         files = Files(Path(), made)
         fields, environment = validated(document, files)
-        # The checked keys and their source make a scenario; this object takes its whole state over, as pydantic keeps
-        # it.
+        # Make a scenario of the checked keys and their source, and take over its whole state: pydantic keeps it in
+        # these four attributes.
         made_of = Scenario.of(fields, document, written_document(plain), None, files, environment)
         for name in ("__dict__", "__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
             object.__setattr__(self, name, getattr(made_of, name))
@@ -160,9 +160,9 @@ class Scenario(ScenarioFields):
         path : Path or None
             The file; None without one.
         files : Files
-            What the scenario names.
+            Files that the scenario names.
         environment : Environment
-            What the keys describe.
+            Environment built from the keys.
 
         Returns
         -------
@@ -234,12 +234,14 @@ class Scenario(ScenarioFields):
     def to_yaml(self, folder: Path | None = None) -> str:
         """Return the text of a file that describes the same scenario, with overrides applied.
 
-        Meshes, and floors with holes, that were given in Python appear as file names; :meth:`save` writes those files.
+        Meshes, and floors with holes, that were given in Python appear as names of files that do not exist, such as
+        ``floor.wkt``. :meth:`save` writes these files; it puts the name of the scenario file before their names, in the
+        text as well: ``hall-floor.wkt`` beside ``hall.yaml``.
 
         Parameters
         ----------
         folder : Path or None
-            Folder that file names start from; by default that of the scenario.
+            Folder that relative file names start from; by default :attr:`folder`.
 
         Returns
         -------

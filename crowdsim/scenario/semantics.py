@@ -1,4 +1,7 @@
-"""Checks across keys: what can be wrong with a scenario if each key by itself is valid."""
+"""Checks across keys: what can be wrong with a scenario if each key by itself is valid.
+
+``folder`` is the folder that file names of the scenario are relative to.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,7 @@ def key_complaints(keys: ScenarioFields, folder: Path) -> list[Complaint]:
 
 
 def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
-    """Complain about names given twice. Doors and obstacles share theirs, as events name both."""
+    """Complain about names given twice. No door may have the name of an obstacle, as events name both."""
     named: dict[str, Sequence[str]] = {
         "obstacles": [obstacle.name for obstacle in keys.obstacles],
         "doors": [door.name for door in keys.doors],
@@ -92,7 +95,10 @@ def _behaviors(keys: ScenarioFields, folder: Path) -> list[Complaint]:
 
 
 def _own_behavior(keys: ScenarioFields, entry: str, folder: Path) -> list[str]:
-    """Return what is wrong with the folder of an own behavior, and with its use here."""
+    """Return what is wrong with the folder of an own behavior, and with its use in this scenario.
+
+    ``entry`` is its path as the scenario gives it.
+    """
     from crowdsim.behaviors.behavior import FILE_NAME, behavior_folder, read_behavior
     from crowdsim.errors import BehaviorError
 
@@ -111,7 +117,7 @@ def _own_behavior(keys: ScenarioFields, entry: str, folder: Path) -> list[str]:
 
 
 def _captures(keys: ScenarioFields, folder: Path) -> list[Complaint]:
-    """Complain about a folder of captures that is absent, gives no such behavior, or has no such clips."""
+    """Complain about a folder of captures that is absent or lacks clips, and behaviors that captures cannot give."""
     if keys.motion.captures is None:
         return []
     captures = folder / keys.motion.captures
@@ -124,6 +130,7 @@ def _captures(keys: ScenarioFields, folder: Path) -> list[Complaint]:
         if name not in CAPTURED:
             message = f"captured walks give no '{name}'; list only {' and '.join(CAPTURED)} under 'behaviors'"
             complaints.append((("behaviors",), message))
+    # The default patterns are looked for together, as most folders have one kind of file. Each given one needs a file.
     if "clips" not in keys.motion.model_fields_set and (none := _why_none(captures, keys.motion.clips)):
         complaints.append((("motion", "captures"), none))
     for number, pattern in enumerate(keys.motion.clips):
@@ -167,7 +174,7 @@ def _times(keys: ScenarioFields) -> list[Complaint]:
                     complaints.append((("agents", number, key), message))
             continue
         last = float(start_times(keys, number)[-1])
-        # They start in the nearest step, which has to be one of the run.
+        # An agent starts in the step nearest to its time, which has to be a step of the run; a run has one at least.
         steps = max(round(keys.duration * keys.steps_per_second), 1)
         if not group.on_call and round(last * keys.steps_per_second) >= steps:
             message = f"{keys.duration:g} s end before the last of '{group.name}' starts at {last:g} s"
@@ -176,7 +183,7 @@ def _times(keys: ScenarioFields) -> list[Complaint]:
 
 
 def _locomotion(keys: ScenarioFields) -> list[Complaint]:
-    """Complain about keys that the scenario's levels of locomotion do not go with."""
+    """Complain about keys that do not go with the levels of locomotion of the groups."""
     complaints: list[Complaint] = []
     if keys.steers and keys.steps_per_second != STEERING_RATE:
         message = (
@@ -235,6 +242,7 @@ def _periodic(keys: ScenarioFields) -> list[Complaint]:
             message = "captured agents need a floor with ends; give 'locomotion: auto' or 'steered'"
             complaints.append(((*path, "locomotion"), message))
         for key, goal in group.regions():
+            # Regions go with any floor; an endless way needs a floor that is periodic along its axis.
             if goal.along is None:
                 continue
             if goal.along[1] != keys.floor.periodic:

@@ -34,10 +34,10 @@ _KEPT_CLEAR = 0.5
 """Distance around starts and goals that is kept free of clutter [m]."""
 
 _CLUTTER_STREAM = 1 << 20
-"""Key of the random stream of clutter; those of groups begin with the number of the group."""
+"""Key of the random stream of clutter; keys of other streams begin with the number of a group, which is less."""
 
 _NO_FLOOR = shapely.box(0.0, 0.0, 1.0, 1.0)
-"""What stands for a floor that could not be read; it is never used, as there are complaints."""
+"""Stand-in for a floor that could not be read; it is never used, as there are complaints."""
 
 
 class Site(NamedTuple):
@@ -52,7 +52,7 @@ class Site(NamedTuple):
     report : list of str
         Assumptions that were made and parts that were left out, one sentence each.
     complaints : list of Complaint
-        What could not be read; it is missing in floor and solids.
+        What could not be read, and is missing in floor and solids; meshes without effect; clutter that has no room.
     """
 
     floor: Polygon | MultiPolygon
@@ -98,21 +98,24 @@ class _Reader:
         return Site(floor, self.solids, self.report, self.complaints)
 
     def _solids(self, obstacle: Obstacle) -> tuple[AnySolid, ...]:
-        """Return the solids of an obstacle; parts of a file get its name as a prefix."""
+        """Return the solids of an obstacle; if it is a file, with the obstacle's name before the names of its parts."""
         if obstacle.mesh is None and obstacle.plan is None:
             return obstacle.solids()
         found = self._mesh(obstacle.mesh) if obstacle.mesh is not None else self._plan(obstacle)
         return tuple(replace(solid, name=f"{obstacle.name}: {solid.name}") for solid in found)
 
     def _mesh(self, mesh: Mesh) -> Sequence[AnySolid]:
-        """Return the parts of a file of triangles."""
+        """Return the parts of a file of triangles; raise PlaceError or GeometryError if it cannot be read or placed."""
         content = self.files.content(mesh.file)
         scene = read_mesh_file(self.files.folder / mesh.file, content=content, **mesh.model_dump(exclude={"file"}))
         self.report += scene.report
         return scene.solids
 
     def _plan(self, obstacle: Obstacle) -> Sequence[AnySolid]:
-        """Return the walls and outlines of a floor plan."""
+        """Return the walls and outlines of the obstacle's floor plan, and keep the floor that it draws.
+
+        Raise PlaceError if it draws no solids.
+        """
         plan = obstacle.plan
         assert plan is not None
         assert obstacle.top is not None
@@ -132,9 +135,10 @@ class _Reader:
         return found.solids
 
     def _on_floor(self) -> Polygon | MultiPolygon:
-        """Return the floor; move all solids (on a given floor, those of meshes) so that it is at height 0.
+        """Return the floor, and move solids so that it is at height 0.
 
-        Drop those of them that are the floor or a ceiling, or lie below the floor or flat on it.
+        Solids that are the floor or a ceiling, or lie below the floor or flat on it, are dropped. On a floor that the
+        file draws or names, only meshes are moved and dropped; drawn solids stay.
         """
         given = self.keys.floor
         try:
@@ -165,7 +169,7 @@ class _Reader:
         return placed_solids.floor
 
     def _require_effect(self, paths: set[KeyPath], floor: Polygon | MultiPolygon) -> None:
-        """Complain of mesh files if no part of any of them is in a layer above the floor: it is hardly intended."""
+        """Complain of all meshes at ``paths`` if no part of any is in a layer over the floor: a likely mistake."""
         bands = [layer.band() for layer in self.keys.bands]
         solids = [solid for path in paths for solid in self.solids[path] if not dropped_solids([solid], bands)]
         if not any(solid.footprint.intersects(floor) for solid in solids):
@@ -180,7 +184,10 @@ class _Reader:
                 self.complaints.append(((*path, "mesh"), "; ".join([message, *doubts])))
 
     def _given_floor(self) -> Polygon | MultiPolygon | None:
-        """Return the floor that the scenario or a plan draws; None if it is to be derived from obstacles."""
+        """Return the floor that the scenario or a plan draws; None if it is to be derived from obstacles.
+
+        Raise PlaceError or GeometryError if it cannot be read, or its file draws no floor.
+        """
         floor = self.keys.floor
         if floor.rectangle is not None:
             return shapely.box(*floor.rectangle)
@@ -203,7 +210,7 @@ class _Reader:
         return None
 
     def _draw_clutter(self, floor: Polygon | MultiPolygon) -> None:
-        """Draw clutter off starts, goals and other obstacles; remove obstacles that close the way of a group."""
+        """Draw clutter off starts, goals and other obstacles; remove those pieces of it that close a group's way."""
         clutter = self.keys.clutter
         assert clutter is not None
         regions = [

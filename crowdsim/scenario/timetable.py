@@ -19,8 +19,8 @@ from crowdsim.yamlfile.document import Path as KeyPath
 from crowdsim.yamlfile.messages import nearest
 
 Placing = tuple[float, float, float, float, float, float]
-"""Position of a thing: coefficients (a, b, d, e, x, y) of the affine map from its outline in the file to where it
-stands."""
+"""Position of a thing: coefficients (a, b, d, e, x0, y0) of the affine map from a point (x, y) of its outline in the
+file to the place (a x + b y + x0, d x + e y + y0) at which it stands [m]."""
 
 AS_DRAWN: Placing = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 """Placing of a thing where the file draws it."""
@@ -50,7 +50,7 @@ class Movable:
     placing: Placing | None
 
     def footprint(self, placing: Placing) -> BaseGeometry:
-        """Return its outline on the floor if it stands at ``placing``."""
+        """Return the thing's outline on the floor [m] if it stands at ``placing``."""
         return placed(shapely.union_all([solid.footprint for solid in self.solids]), placing)
 
 
@@ -104,8 +104,10 @@ class TimetableReader:
     """Reads events in the order of time: which thing each name refers to, and where it then stands.
 
     Events of one time keep the order of the file. Movables are, in the order of the file: things that an event names or
-    that are marked ``movable``, doors, and inserted things. A command never makes a fixed thing movable, and things
-    that commands insert get the last indices, so that commands leave the indices of other movables unchanged.
+    that are marked ``movable``, doors, and inserted things. With the planner ``collision3d``, a door that no event
+    names is no movable: it is fixed if it is closed, and left out if it is open. A command never makes a fixed thing
+    movable, and things that commands insert get the last indices, so that commands leave the indices of other movables
+    unchanged.
 
     Parameters
     ----------
@@ -119,7 +121,11 @@ class TimetableReader:
     Attributes
     ----------
     wrong : list of Complaint
-        What is wrong with events and commands.
+        What is wrong with events and commands; these are left out of the timetable.
+
+    Notes
+    -----
+    ``path`` in methods is the key path of an event or a command, as ``("events", 2)``.
     """
 
     def __init__(
@@ -159,7 +165,10 @@ class TimetableReader:
         return Timetable(tuple(self._fixed), tuple(self._movables), tuple(self._events))
 
     def append(self, path: KeyPath, command: Command) -> str | None:
-        """Read a command that comes after all others; return why it is impossible, or None."""
+        """Read a command about a door or an obstacle that comes after all events read so far.
+
+        Return None; or why it is impossible, in which case it is not added.
+        """
         complaint = self._complaint(command)
         if complaint is None:
             self._number(path, command)
@@ -186,6 +195,7 @@ class TimetableReader:
                 self._fixed_names.add(door.name)
 
     def _add(self, name: str, solids: tuple[AnySolid, ...], placing: Placing | None) -> None:
+        """Add a movable that stands at ``placing`` at the start; None if it is absent then."""
         self._where[name] = len(self._movables), placing
         self._movables.append(Movable(name, solids, placing))
 
@@ -224,6 +234,7 @@ class TimetableReader:
                 if name in {*self._where, *self._fixed_names}:
                     return f"'{name}' is an obstacle; list it under 'doors'"
                 return f"no door '{name}'; {nearest(name, sorted(self._doors), 'the doors are')}"
+            # A closed door is there, an open one is not.
             if there == (action == "close"):
                 return f"'{name}' is {'closed' if there else 'open'} already, {since}"
             return None
@@ -233,6 +244,7 @@ class TimetableReader:
             if there or name in self._fixed_names:
                 return f"the name '{name}' is taken by something that is there, {since}"
             return None
+        # The action is ``move`` or ``remove``: a movable must be there. The rest finds the reason why it is not.
         if there:
             return None
         if name in self._where:

@@ -31,7 +31,8 @@ from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
 from crowdsim.steering.way_kernels import gap_to_way
 
 CROSSING = 1e-9
-"""Distance between two cores, or a core and a segment, below which they cross: rounding leaves some 1e-16 [m]."""
+"""Distance between two cores, or a core and a segment, below which they count as crossing [m]: rounding leaves some
+1e-16."""
 
 MARGIN = 1e-6
 """Part of each gap that no step uses [m]: above the rounding error of a step, below what is visible.
@@ -44,8 +45,8 @@ ROUNDING = 1e-9
 """Tolerance for violating a half plane by rounding [m]; granted only while at least half of the margin is left."""
 
 _NO_PROGRESS = 0.15
-"""Progress along guidance, as a share of the free speed, below which an agent counts as stuck. A larger share counts
-slow agents as stuck, too."""
+"""Speed along guidance, as a share of the free speed, below which the time stuck of an agent grows. A larger share
+counts slow agents as stuck, too."""
 
 MOST_LINES = 128
 """Capacity of the list of half planes of an agent. With more neighbors, walls and reserved segments in reach it stands
@@ -110,7 +111,7 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
             px = places[number, 0] - x
             py = places[number, 1] - y
             square = px * px + py * py
-            # Cheap rejection by the broadest body, then by the bounding disc of this one.
+            # Cheap rejection by the broadest body of all, then by the bounding disc of this neighbor.
             if square >= farthest * farthest or number == me or order[number] >= steering:
                 continue
             other = rows[number]
@@ -193,9 +194,9 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
 def add_ways(ways, frame, mine, most, lines, count):
     """Add a half plane for each reserved segment that an agent could meet; return the number of half planes now.
 
-    Return -1 if ``count`` is, if there are more than k, or if the core is nearer to a segment than :data:`CROSSING`.
     ``ways`` (ListedWays) holds the reserved segments by cells of ``frame``, ``mine`` (ROW) is the agent; ``most``,
-    ``lines`` (k, 4) and ``count`` are as for :func:`add_walls`.
+    ``lines`` (k, 4) and ``count`` are as for :func:`add_walls`. Return -1 if ``count`` is -1, if there are more than k
+    half planes, or if the core is nearer to a segment than :data:`CROSSING`.
     """
     column, row = cell_of(frame, mine.x, mine.y)
     cell = row * frame[FRAME_COLUMNS] + column
@@ -206,7 +207,7 @@ def add_ways(ways, frame, mine, most, lines, count):
         dx, dy, distance, gap = gap_to_way(ways, number, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius)
         # The disc on a reserved segment never leaves it: the agent may use the whole gap to the swept disc.
         room = gap - MARGIN
-        # It could meet the disc in this step. Give up if the core is on the segment, or there are too many lines.
+        # The agent could meet the disc in this step. Give up if its core is on the segment, or lines are too many.
         if room < most:
             if count == len(lines) or distance < CROSSING:
                 return -1
@@ -331,7 +332,7 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         if count > 0 and stuck_alone and stands_still(mine, dx, dy, heading):
             spans = (people, fixed, count)
             heading, hx, hy, half = turn_wedged(mine, torso, mine.radius + 0.5 * MARGIN, turn, half, lines, spans)
-            if heading != mine.heading:  # tested on the spot, without the tiny move
+            if heading != mine.heading:  # the turn was tested on the spot: drop the tiny move
                 dx, dy = 0.0, 0.0
 
         # The time stuck grows if there is guidance but hardly any progress along it, else it shrinks twice as fast.

@@ -4,8 +4,10 @@ The rules extend the vision-based model of Moussaid, Helbing and Theraulaz (PNAS
 order of right of way and by a time gap. docs/steering.md describes them.
 
 Arguments of all helpers: ``rows`` (ROW[n]) sorted agents, ``mine`` the row that decides, ``near`` (NEAR[k]) its
-neighbors, of which the first ``count`` are valid, ``walls`` those of legs and torso, with the radius of the legs [m],
-``rules`` the constants of the model (Rules), ``want`` (WANTED) its decision.
+neighbors, of which the first ``count`` are valid, ``walls`` (Walls, Walls, float) those of the legs' layer and of the
+torso's layers, and the radius of the legs [m], ``rules`` the constants of the model (Rules), ``want`` (WANTED) the
+decision of ``mine``. (gx, gy) and (ix, iy) are the unit vectors of guidance and intent, (0, 0) for an agent that stays;
+(px, py) leads from ``mine`` to a neighbor [m].
 """
 
 import math
@@ -34,7 +36,7 @@ WANTED = np.dtype(
         ("opposed", np.float64),
         ("facing_x", np.float64),  # direction in which the chest faces if the shoulders are not turned; any length
         ("facing_y", np.float64),
-        ("turn_cos", np.float64),  # cosine and sine of the turn of the shoulders against it
+        ("turn_cos", np.float64),  # cosine and sine of the turn of the shoulders against the facing
         ("turn_sin", np.float64),
     ],
     align=True,
@@ -57,19 +59,19 @@ def hear_opposing(rows, mine, near, count, walls, rules):
             continue
         other = rows[seen.row]
         along = other.ix * mine.gx + other.iy * mine.gy
-        # Intents that differ by more than 107 degrees oppose each other. Agents of one goal never do: at a door they
-        # face each other because they queue for it. Within 1.5 m of the agent's line, such an agent is opposing
-        # traffic.
+        # An agent whose intent is more than 107 degrees off this one's guidance is opposing traffic if it is within
+        # 1.5 m of the line along that guidance. Agents of one goal never are: at a door they face each other because
+        # they queue for it.
         if other.goal != mine.goal and along < -0.3:
             aside = abs(mine.gx * seen.py - mine.gy * seen.px)
             if aside < 1.5 and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
                 return 1.0
-        # An agent that walks the same way (less than 73 degrees off) hands on what it knows, a share and a little less
-        # with each agent: the news runs back through a queue, and ends.
+        # An agent that walks the same way (less than 73 degrees off) hands on a share of its awareness, less a little:
+        # so the news runs back through a queue from agent to agent, and ends.
         elif along > 0.3:
-            told = rules.news * other.opposed - 0.02
-            if told > news and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
-                news = told
+            heard = rules.news * other.opposed - 0.02
+            if heard > news and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
+                news = heard
     return news
 
 
@@ -77,10 +79,10 @@ def hear_opposing(rows, mine, near, count, walls, rules):
 def yield_to_opposing(rows, mine, near, count, walls, rules, want):
     """Step out of the way of an opposing agent that is stuck, if this agent blocks it; return True if it does.
 
-    Set velocity, intent, rank, facing and shoulders of ``want`` then. Of several, the one with the highest rank counts.
-    Agents of one goal do not yield to each other like this (that would ruin the flow at a door); :func:`let_merge`
-    orders them. Those without a goal, which stay, do: the agent that one of them yields to has to come through the
-    others, too.
+    Set velocity, intent, rank, facing and shoulders of ``want`` then. Of several stuck agents, the one with the highest
+    rank counts. Agents of one goal do not yield to each other like this (that would ruin the flow at a door);
+    :func:`let_merge` orders them. Agents without a goal (``goal`` < 0), which stand, turn or walk to their spots, do:
+    one that steps aside takes over the rank, and those behind it have to make room in turn.
     """
     goes = mine.gx != 0.0 or mine.gy != 0.0
     # The rank is about the time stuck [s], or a lasting one above any time (rank_of): yield only to agents that have
@@ -97,12 +99,13 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
         # Intents must oppose each other by more than 107 degrees. An agent that stays yields to any direction.
         if goes and other.ix * mine.gx + other.iy * mine.gy > -0.3:
             continue
-        # The other's way leads through this agent if that is ahead of it, within the sum of their half breadths.
+        # This agent blocks the other one if it is ahead of it, and less than the sum of their half breadths beside the
+        # line along its intent.
         ahead = -(seen.px * other.ix + seen.py * other.iy)
         aside = abs(seen.px * other.iy - seen.py * other.ix)
         if ahead <= 0.0 or aside >= mine.half + mine.radius + seen.half + seen.radius:
             continue
-        # An agent behind a wall does not wait for this one.
+        # This agent does not block one on the other side of a wall.
         if is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
             highest = other.rank
             first = n
@@ -125,9 +128,9 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
 def let_merge(rows, mine, near, count, rules, want):
     """Back away from agents of the same goal that go first, are stuck, and are hindered by this agent.
 
-    Return True if there are any, unless the directions away from them cancel out; then velocity, intent, key, facing
-    and shoulders of ``want`` are set. The lower key (distance to the goal, ties broken) goes first. Agents without a
-    goal (below 0), such as those on the way to their own spots, count as of one goal.
+    Return False if there are none, or if the directions away from them cancel out; else set velocity, intent, key,
+    facing and shoulders of ``want``, and return True. The lower key (distance to the goal [m], ties broken) goes first.
+    Agents without a goal (``goal`` < 0), such as those on the way to their own spots, count as of one goal.
     """
     awayx = 0.0
     awayy = 0.0
@@ -174,8 +177,7 @@ def walks_in_file(rows, mine, near, count, walls, rules, opposed):
     """Return True if the agent follows another one through a lane too narrow for two side by side.
 
     The lane must reach back ``rules.lane`` [m] or more behind the agent. An agent that meets opposing traffic
-    (``opposed`` > 0) or is stuck does not keep in file. (gx, gy) and (ix, iy) are unit vectors of guidance and intent,
-    (px, py) leads from the agent to a neighbor [m].
+    (``opposed`` > 0) or is stuck does not keep in file.
     """
     if opposed > 0.0 or mine.stuck > rules.file_patience:
         return False
@@ -189,7 +191,8 @@ def walks_in_file(rows, mine, near, count, walls, rules, opposed):
         # The leader is ahead and walks the same way (less than 73 degrees off, cosine 0.3), whatever its goal.
         if seen.px * mine.gx + seen.py * mine.gy <= 0.0 or other.ix * mine.gx + other.iy * mine.gy <= 0.3:
             continue
-        # Offset of the leader from the mean of both directions, along which the straight line to it leads in a bend.
+        # In a bend, the straight line to the leader, a chord, runs along the mean of both directions: measure how far
+        # the leader is aside from the line along that mean [m].
         way_x = mine.gx + other.ix
         way_y = mine.gy + other.iy
         both = mine.half + mine.radius + seen.half + seen.radius
@@ -201,10 +204,11 @@ def walks_in_file(rows, mine, near, count, walls, rules, opposed):
 
 @helper
 def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
-    """Return the speed along the unit vector ``(ux, uy)`` [m/s]: time gap to agents ahead, or pressing on if stuck.
+    """Return the speed along the unit vector ``(ux, uy)`` [m/s]: as the gap ahead allows, or pressing on if stuck.
 
     The time gap follows the collision-free speed model (Tordeux, Chraibi and Seyfried, Traffic and Granular Flow 2015):
-    speed <= (gap - standoff) / headway, plus a share of the leader's speed. The headway is longer if ``in_file``.
+    speed <= (gap - standoff) / headway, plus a share of the leader's speed. The headway is longer if the agent walks in
+    file (``in_file``). Of ``want``, the turn of the shoulders is read.
     """
     # Free speed, lower with turned shoulders, most so if a section of the plan prescribes the turn (``turn`` >= 0);
     # half breadth of the body across its way.
@@ -220,14 +224,15 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
             continue
         other = rows[seen.row]
         own_way = other.goal == mine.goal
-        # Width of the swath that counts: of agents with the same goal, those that go first count almost fully, those
-        # that go after this one not at all. In a file all ahead count: for two steps, the key of an agent that has just
-        # reached one of several goals is still that of the way there, so those ahead would seem to go after it.
+        # Share of the swath in which the neighbor counts: of agents with the same goal, those that go first count
+        # almost fully, those that go after this one not at all. In a file all ahead count: for two steps, the key of an
+        # agent that has just reached one of several goals is still that of the way there, so those ahead would seem to
+        # go after it.
         share = rules.swath
         if own_way:
             share = before if in_file or other.key < mine.key else rules.swath_behind
-        # Sum of both half breadths across the direction (a core is across its heading). Agents whose center is farther
-        # aside than the share of it do not limit the speed.
+        # Sum of both half breadths across the direction (a core is across its heading). An agent whose center is aside
+        # by this share of the sum or more does not limit the speed.
         both = width + seen.radius + seen.half * abs(seen.hx * ux + seen.hy * uy)
         aside = abs(seen.px * uy - seen.py * ux)
         if aside >= share * both:
@@ -252,7 +257,10 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
 
 @helper
 def keep_right(mine, near, count, walls, rules, opposed):
-    """Return the angle by which an agent aims right of its guidance [rad], in opposing traffic (``opposed`` > 0)."""
+    """Return the angle by which an agent aims to the right of its guidance [rad]; 0 unless ``opposed`` > 0.
+
+    ``opposed`` is its awareness of opposing traffic, 0 to 1.
+    """
     if opposed <= 0.0:
         return 0.0
     # Share of the angle for which there is room: reduced by walls near the point 0.5 m to the right (0 up to ``edge``,
@@ -300,11 +308,11 @@ def follow_way(rows, mine, near, count, walls, rules, want):
     # Agents that meet opposing traffic are stuck for other reasons than walls.
     wedged = want.opposed <= 0.0 and is_wedged(mine, walls)
     if wedged and mine.turn < 0.0:
-        # No free distance tells how to turn, but sideways a body gets through wherever it can.
+        # The free distances of a wedged agent do not tell how to turn; sideways its body is narrowest across its way.
         want.turn_cos = 0.0
         want.turn_sin = 1.0
     speed = choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want)
-    # A section that prescribes the turn of the body prescribes where it faces, too.
+    # A section that prescribes the turn of the body prescribes the facing, too: do not change that.
     if mine.turn < 0.0:
         speed = turn_first(mine, rules, ux, uy, speed, want)
     want.vx, want.vy = press_or_step_back(mine, near, count, walls, wedged, want.opposed, speed, ux, uy)

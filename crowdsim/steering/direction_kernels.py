@@ -3,7 +3,7 @@
 After Moussaid, Helbing and Theraulaz, How simple rules determine pedestrian behavior and crowd disasters (PNAS 108,
 2011), equation 1, with added costs for turning.
 
-``near`` (NEAR[k]) are its neighbors, the first ``count`` of them in use.
+``near`` (NEAR[k]) are the neighbors of the agent that decides, the first ``count`` of them in use.
 """
 
 import math
@@ -73,8 +73,8 @@ def free_way(near, count, ux, uy, speed, width, floor, horizon):
             continue
         across = other.px * wy - other.py * wx
         square = wx * wx + wy * wy
-        # Sum of the half breadths across w, times |w| (the core of the neighbor is perpendicular to its heading). The
-        # neighbor passes by if its offset from the line along w, |p x w| / |w|, is larger.
+        # W |w|, where W is the sum of the half breadths across w (the neighbor's core is perpendicular to its heading).
+        # The neighbor passes by if its offset from the line along w, |p x w| / |w|, is larger than W.
         both = (width + other.radius) * math.sqrt(square) + other.half * abs(other.hx * wx + other.hy * wy)
         missing = both * both - across * across
         if missing <= 0.0:

@@ -14,10 +14,11 @@ second one on at its speed backward."""
 
 @helper
 def turn_first(mine, rules, ux, uy, speed, want):
-    """Return ``speed`` [m/s], or less for an agent that faces away from its way (ux, uy): it turns before it walks.
+    """Return ``speed`` [m/s], or less for an agent that faces away from its way: it turns before it walks.
 
-    Then the facing of ``want`` becomes that way: the present velocity may lead anywhere. An agent whose free speed is 0
-    stands, and turns as it is told.
+    The way is along the unit vector (ux, uy). If the heading is more than 100 degrees off the way, the way becomes the
+    facing of ``want``, since the present velocity may lead anywhere. An agent whose free speed is 0 only turns on the
+    spot: its guidance is the heading that it is to take, to which :func:`face` turns it.
     """
     along = mine.hx * ux + mine.hy * uy
     if along >= _ASKEW or mine.speed <= 0.0:
@@ -31,14 +32,14 @@ def turn_first(mine, rules, ux, uy, speed, want):
 
 @helper
 def face(mine, rules, want):
-    """Set the turn of the body in this step: towards the facing of ``want``.
+    """Set the turn of the body in this step, ``want.turn`` [rad]: towards the facing of ``want``.
 
-    That is the agent's present velocity, not the wanted one, unless a rule set another direction. If it is small, it
-    becomes the guidance. Turned shoulders take the side that needs the smaller turn.
+    The facing is the agent's present velocity, not the wanted one, unless a rule set a unit vector. A facing shorter
+    than 0.25 is replaced by the guidance. Turned shoulders take the side that needs the smaller turn.
     """
     most = rules.turn_rate * rules.step
-    # Facings set by rules are unit vectors. Below 0.25 m/s the direction of the velocity is noise: face along guidance,
-    # and turn slowly unless the shoulders are to be turned.
+    # Below 0.25 m/s the direction of the velocity is noise: face along guidance, and turn slowly unless the shoulders
+    # are to be turned.
     if want.facing_x * want.facing_x + want.facing_y * want.facing_y < 0.0625:
         want.facing_x = mine.gx
         want.facing_y = mine.gy

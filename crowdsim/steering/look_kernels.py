@@ -112,10 +112,10 @@ def look_rows(rows, places, starts, frame, first, last, order, moved, rules, nea
 
 @helper
 def take_in(rows, me, near_rows, near):
-    """Copy the neighbors of row ``me`` to ``near``, with places relative to it [m]; return their number.
+    """Copy the neighbors of row ``me`` to ``near``, with positions relative to that row [m]; return their number.
 
-    Velocities and headings are copied as they are. rows: ROW[n] of row_kernels. near_rows: (n, MOST_NEAR) int32, the
-    rows of the neighbors, -1 after the last. near: NEAR[MOST_NEAR] of direction_kernels.
+    Velocities and headings are copied as they are. ``rows`` are ROW[n] of row_kernels; ``near_rows`` (n, MOST_NEAR)
+    int32 the rows of the neighbors, -1 after the last; ``near`` is NEAR[MOST_NEAR] of direction_kernels.
     """
     mine = rows[me]
     for n in range(MOST_NEAR):

@@ -14,7 +14,7 @@ CELL = 1.0
 """Side of a grid cell for the neighbor search [m]."""
 
 FRAME_COLUMNS, FRAME_ROWS = 2, 3
-"""Where the frame of a grid, a tuple, has the numbers of columns and rows; before are left and bottom edge [m]."""
+"""Indices in the frame of a grid, which is the tuple (left edge [m], bottom edge [m], columns, rows)."""
 
 ROW = np.dtype(
     [
@@ -32,7 +32,7 @@ ROW = np.dtype(
         ("key", np.float64),  # right of way among agents of one goal: the lower key goes first [m]
         ("opposed", np.float64),  # awareness of opposing traffic, 0 to 1
         ("goal", np.int64),  # number of the goal; agents with the same number queue for it; negative for none
-        ("stuck", np.float64),  # time without progress, in [0, STUCK_MOST) [s]; the last CYCLE of it repeats
+        ("stuck", np.float64),  # time without progress [s]: 0 to 30, then 20 to 30 again and again (see next_stuck)
         ("speed", np.float64),  # free walking speed [m/s]
         ("gx", np.float64),  # unit vector of guidance: direction of the way to the goal; (0, 0) for an agent that stays
         ("gy", np.float64),
@@ -40,8 +40,8 @@ ROW = np.dtype(
         ("heading", np.float64),  # direction in which the chest faces, counterclockwise from x [rad]
         ("rest", np.float64),  # relaxed half length of the core, to which "half" returns [m]
         ("share", np.float64),  # tie breaker in [0, 1), drawn from the id
-        ("turn", np.float64),  # angle between heading and way prescribed by a section of the plan, -1 if free [rad]
-        ("held", np.float64),  # half length with the arms held in, prescribed by a section, -1 if none [m]
+        ("turn", np.float64),  # angle between heading and way that a section of the plan prescribes [rad], -1 if none
+        ("held", np.float64),  # half length with the arms held in, which a section prescribes [m], -1 if none
         ("id", np.int64),
     ],
     align=True,

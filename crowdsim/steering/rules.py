@@ -18,9 +18,9 @@ class Rules(NamedTuple):
     reach: float = 3.0
     """Distance up to which an agent sees neighbors."""
     reach_in_crowd: float = 2.0
-    """The same if more than ``crowd`` agents are in the 5 x 5 cells around it."""
+    """The same if more than ``crowd`` agents are in the 5 x 5 cells of 1 m around it."""
     crowd: int = 50
-    """Number of agents in 25 m2 above which an agent sees only ``reach_in_crowd`` far."""
+    """Number of agents in these 25 m2, itself included, above which an agent sees only ``reach_in_crowd`` far."""
     horizon: float = 4.0
     """Distance ahead up to which collisions count. A longer horizon makes agents evade earlier."""
     wall_horizon: float = 1.6
@@ -55,11 +55,12 @@ class Rules(NamedTuple):
     leader_gap: float = 0.5
     """Gap above which that share counts fully; below, in proportion to the gap."""
     offset_gain: float = 0.15
-    """Gap added for an agent at the edge of the swath; less towards its middle, with the square of the offset."""
+    """Gap added for an agent ahead whose offset to the side is the sum of both half breadths; for smaller offsets, less
+    with the square of the offset."""
     swath: float = 0.9
     """Half width of the swath in which agents ahead limit the speed, as a share of the sum of both half breadths."""
     swath_before: float = 0.79
-    """The same towards agents of the same goal that go first."""
+    """The same towards agents of the same goal that go first, which are those with a lower key."""
     swath_behind: float = 0.0
     """The same towards agents of the same goal that go after this one."""
     abreast: float = 0.9
@@ -80,9 +81,9 @@ class Rules(NamedTuple):
     creep: float = 0.8
     """Speed at which a stuck agent presses on [m/s]; reached 2.3 s after it got stuck."""
     creep_first: float = 1.2
-    """The same if no agent with the right of way is close ahead [m/s]; reached 1.2 s after it got stuck."""
+    """The same if no agent that it has to wait for is close ahead [m/s]; reached 1.2 s after it got stuck."""
     merge_after: float = 0.2
-    """Time stuck after which agents of the same goal make room for those that go first."""
+    """Time stuck of an agent that goes first, after which others of the same goal make room for it."""
     merge_behind: float = 0.3
     """Cosine, between the vector to an agent that goes first and that agent's intent, above which this agent is behind
     it and so does not hinder it."""
@@ -91,9 +92,9 @@ class Rules(NamedTuple):
     merge_speed: float = 0.4
     """Speed at which an agent makes room [m/s]."""
     yield_after: float = 1.0
-    """Time stuck after which opposing agents step out of the way."""
+    """Time stuck of an agent, after which opposing agents step out of its way."""
     yield_reach: float = 1.5
-    """Distance up to which they do."""
+    """Distance up to which they do, and up to which a lasting right of way is handed on (``push_on``)."""
     yield_aside: float = 0.5
     """Speed at which they step aside [m/s]."""
     yield_along: float = 0.3

@@ -26,7 +26,7 @@ PARTS = 4
 
 
 class SortedCrowd(NamedTuple):
-    """Agents sorted by cells, and what the stages of a step hand on."""
+    """Agents sorted by cells, and the results that the stages of a step (look, decide, commit) pass on."""
 
     rows: NDArray[Any]
     """ROW[n]: sorted copies of the agents; the stages read these only."""
@@ -49,8 +49,8 @@ class SortedCrowd(NamedTuple):
 class Steering:
     """Step steered agents between walls.
 
-    The result does not depend on the number of threads. They end with :meth:`close`, or with the block of a ``with``
-    statement.
+    The result does not depend on the number of threads. The threads end with :meth:`close`, or with the block of a
+    ``with`` statement.
 
     Parameters
     ----------
@@ -108,9 +108,9 @@ class Steering:
     ) -> None:
         """Step agents of ``state`` in place.
 
-        Before the first step no agent may touch another one, a wall or a reserved segment, nor a new wall or segment
-        before any other; then none ever does. An agent that cannot be moved safely, because too much is near or its
-        core touches something, stands still.
+        The caller makes sure that no agent touches another one, a wall or a reserved segment before the first step, and
+        that no new wall or segment touches an agent before a later step. Then no agent ever touches anything. An agent
+        that cannot be moved safely, because too much is near or its core touches something, stands still.
 
         Parameters
         ----------
@@ -119,10 +119,11 @@ class Steering:
         others : Others
             Captured agents, seen and avoided but not moved.
         moved : int, optional
-            Number of agents that are moved, the first ones; all if None. The others are copies, which only are seen.
+            Number of agents at the beginning of ``state`` that are moved; all if None. The rest are copies of agents,
+            which are seen but not moved.
         numbers : (n,) int64, optional
             Numbers by which agents of one cell are ordered, all different; their order in ``state`` if None. The result
-            depends on the order of near agents in its last bits. With them there must be no ``others``.
+            depends on the order of near agents in its last bits. If they are given, ``others`` must be empty.
 
         Raises
         ------
@@ -155,10 +156,11 @@ class Steering:
         bounds: tuple[float, float, float, float] | None = None,
         numbers: NDArray[np.int64] | None = None,
     ) -> SortedCrowd:
-        """Sort the agents of ``state`` (ROW[n]) by cells that cover their extent, or ``bounds``, and allocate the rest.
+        """Sort the agents of ``state`` (ROW[n]) by cells that cover their extent, or ``bounds`` if given.
 
         ``bounds`` are left, bottom, right and top [m]; agents beyond them go to the border cells. Within a cell they
-        are sorted by ``numbers`` (n,), by default by their order in ``state``. ``near`` and ``wanted`` are not set yet.
+        are sorted by ``numbers`` (n,), by default by their order in ``state``. ``near`` and ``wanted`` of the result
+        are allocated, but not filled yet.
 
         Raises
         ------
@@ -201,7 +203,7 @@ class Steering:
         decide_rows(crowd.rows, crowd.near, first, last, crowd.order, moved, self.walls, self.rules, crowd.wanted)
 
     def _longest_reach(self, state: NDArray[Any]) -> float:
-        """Return the distance from its center that no body reaches beyond in a step [m]."""
+        """Return an upper bound of the distance from its present center that any body reaches in a step [m]."""
         rules = self.rules
         pace = np.sqrt(state["vx"] * state["vx"] + state["vy"] * state["vy"])
         fastest = float(pace.max()) + rules.acceleration * rules.step

@@ -10,7 +10,9 @@ the same way (:func:`push_on`), and an agent that gives way goes to where there 
 lean on each other so that none can move come apart as each steps back now and then (:func:`press_or_step_back`).
 
 ``mine`` is the row of the agent (ROW), ``near`` (NEAR[n]) are its neighbors, of which the first ``count`` are valid,
-``walls`` those of legs and torso, with the radius of the legs [m], as for the decision.
+``walls`` (Walls, Walls, float) those of the legs' layer and of the torso's layers, and the radius of the legs [m].
+(gx, gy) and (ix, iy) are the unit vectors of guidance and intent, (0, 0) for an agent that stays; (px, py) leads from
+``mine`` to a neighbor [m].
 """
 
 import math
@@ -66,13 +68,16 @@ _DIRECTIONS = 16
 
 @helper
 def is_wedged(mine, walls):
-    """Return True if an agent has been stuck for long beside a wall of the torso's layers."""
+    """Return True if an agent has long been stuck (WEDGED_AFTER) at a wall of the torso's layers.
+
+    Its center is nearer to the wall than half of its breadth.
+    """
     return mine.stuck > WEDGED_AFTER and distance_at(walls[1], mine.x, mine.y) < mine.half + mine.radius
 
 
 @helper
 def steps_back(mine, near, count):
-    """Return True while a wedged agent that nobody hinders steps back to try again.
+    """Return True while a wedged agent steps back to try again; never if another agent is within HINDERS.
 
     It first only turns for another WEDGED_AFTER; then it steps back in the first second of each further WEDGED_AFTER.
     """
@@ -140,12 +145,12 @@ def handed_on(rank):
 
 @helper
 def push_on(rows, mine, near, count, walls, reach, rank):
-    """Return ``rank``, or the highest lasting one that agents of the same goal who press on from behind hand on to it.
+    """Return ``rank``, or a higher lasting one that this agent takes over from agents that press on from behind.
 
-    Those are in sight within ``reach`` [m], go the same way (less than 73 degrees off), and would walk into this agent:
-    it is ahead of them, beside their line by less than the sum of both half breadths. One that is itself ahead of this
-    agent does not press it; two such agents would hand a rank to and fro. Agents without a goal (``goal``
-    < 0) have no way in common. ``rows`` (ROW[n]) are all agents.
+    Those are of the same goal, in sight within ``reach`` [m], go the same way (less than 73 degrees off), and would
+    walk into this agent: it is ahead of them, beside their line by less than the sum of both half breadths. One that is
+    itself ahead of this agent does not press it; two such agents would hand a rank to and fro. Agents without a goal
+    (``goal`` < 0) have no way in common. ``rows`` (ROW[n]) are all agents. Of several ranks, the highest counts.
     """
     for n in range(count):
         seen = near[n]
@@ -173,10 +178,11 @@ def push_on(rows, mine, near, count, walls, reach, rank):
 
 @helper
 def to_where_room_is(mine, walls, ux, uy, ix, iy):
-    """Return the unit vector along which walls leave an agent most room, near (ux, uy), and not against (ix, iy).
+    """Return the unit vector along which walls leave an agent most room, preferably near the unit vector (ux, uy).
 
     Room is the distance that walls leave to the legs and to a torso with turned shoulders, up to LOOKED_FOR. (ix, iy)
-    is the way of the agent that goes first, to which it may be at 120 degrees at most.
+    is the unit vector of the way of the agent that goes first: directions more than 120 degrees off it, towards that
+    agent, are left out.
     """
     legs, torso, leg_radius = walls
     best = -math.inf
@@ -203,8 +209,9 @@ def way_aside(mine, seen, other, walls, rules):
     """Return the velocity [m/s] with which an agent gets out of the way of ``other`` (ROW), and its unit vector.
 
     It steps to the left of the other's way (to its own right, as they face each other), or to the right if it already
-    is 0.25 m to the right; and back, along the other's way. ``seen`` (NEAR) is the other as it sees it, ``rules`` the
-    constants of the model (Rules).
+    is 0.25 m or more to the right; and back, along the other's way. If it has been stuck for WEDGED_AFTER, it goes to
+    where there is room instead. ``seen`` (NEAR) is the other as it sees it, ``rules`` the constants of the model
+    (Rules).
     """
     left = -(other.ix * seen.py - other.iy * seen.px)
     side = 1.0 if left > -0.25 else -1.0
@@ -213,7 +220,7 @@ def way_aside(mine, seen, other, walls, rules):
     pace = math.sqrt(vx * vx + vy * vy)
     ux = vx / pace
     uy = vy / pace
-    # Walls were not looked at: an agent that has not got out of the way for long goes to where there is room.
+    # So far walls do not count. An agent that could not get out of the way for long looks at them, too.
     if mine.stuck > WEDGED_AFTER:
         ux, uy = to_where_room_is(mine, walls, ux, uy, other.ix, other.iy)
         vx = pace * ux

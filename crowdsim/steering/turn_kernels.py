@@ -2,7 +2,7 @@
 
 A half plane separates a body from a wall by a line, which a turn may not cross even beyond the end of the wall. Where a
 wall and a corner touch a body on opposite sides, no turn is left then, although the body could turn around the corner.
-Walls stand still, so a wedged agent may: the distance to them is measured along its whole turn.
+Walls stand still, so a wedged agent may do that: the distance to them is measured along its whole turn.
 
 ``mine`` and ``body`` are rows (ROW), ``half`` is the half length of a core after the step [m], ``lines`` (k, 4) are
 half planes (:mod:`commit_kernels`), of which the first ``count`` are in use, n = (nx, ny) the normal of one. h and e
@@ -21,7 +21,7 @@ _STILL = 1e-3
 """Displacement [m] and turn [rad] in a step below which an agent stands still."""
 
 _ADVANCES = 100
-"""Number of times that a turn is continued by as much as the gap allows."""
+"""Largest number of times that a turn is continued by as much as the gap allows."""
 
 _LEAST = 1e-9
 """Advance of a turn below which it ends [rad]."""
@@ -29,9 +29,10 @@ _LEAST = 1e-9
 
 @helper
 def reach_of_turn(hx, hy, ex, ey, nx, ny):
-    """Return the largest |u . n| of the core's unit vector u while the heading turns from h to e, less than 90 degrees.
+    """Return the largest |u . n| of the core's unit vector u while the heading turns from h to e.
 
-    u is perpendicular to the heading, so |u . n| is 1 if the heading becomes perpendicular to n during the turn.
+    The turn is by less than 90 degrees. u is perpendicular to the heading, so |u . n| is 1 if the heading becomes
+    perpendicular to n during the turn.
     """
     if (hx * nx + hy * ny) * (ex * nx + ey * ny) <= 0.0:
         return 1.0
@@ -116,7 +117,8 @@ def turn_wedged(mine, walls, keep, turn, half, lines, spans):
 
     ``walls`` are those of the torso's layers, off which its core keeps ``keep`` [m]. ``spans`` is (people, fixed,
     count): ``lines[:people]`` are half planes of neighbors, ``lines[people:fixed]`` of walls, ``lines[fixed:count]`` of
-    reserved segments. Those of walls do not count. If the others leave no room for the turn, the heading stays.
+    reserved segments. Those of walls do not count, as the turn keeps off the walls themselves. If the other ones leave
+    no room for it, the heading stays.
     """
     people, fixed, count = spans
     half = min(half, mine.half)

@@ -28,9 +28,12 @@ SPACING = 0.1
 """Spacing of the points of the grid of distances [m]."""
 
 _TOLERANCE = 0.04
-"""Tolerance of a way ahead [m]: distances are rounded, and walls bend between the points of the grid. A way ends
-where half of it is left beyond the width to keep; if less is left at its begin, half of it nearer than the smaller of
-that width and the distance there."""
+"""Tolerance of a way ahead [m]: distances are rounded, and walls bend between the points of the grid.
+
+A way ends as soon as the distance to a wall is less than the width to keep plus half the tolerance. A way that begins
+nearer to a wall than that ends as soon as the distance is less than the width, or the distance at the begin if that is
+smaller, minus half the tolerance.
+"""
 
 LANE_SPARE = 0.05
 """Amount by which a lane must be narrower than two agents side by side [m], as distances are rounded."""
@@ -181,11 +184,11 @@ def distance_at(walls, x, y):
 
 @helper
 def is_lane(walls, x, y, ux, uy, width):
-    """Return True if walls beside ``(x, y)`` leave less than ``width`` - LANE_SPARE [m] across the way ``(ux, uy)``.
+    """Return True if walls beside ``(x, y)`` leave less than ``width`` - LANE_SPARE [m] across a way.
 
-    Test by a disc of diameter ``width``: it is moved off the nearest wall until it touches that one, and must then
-    overlap the wall on the other side. A single wall across the way counts, too, if it is nearer than half of ``width``
-    less LANE_SPARE.
+    The way is along the unit vector ``(ux, uy)``. Test by a disc of diameter ``width``: it is moved across the way, off
+    the nearest wall, until it touches that one, and must then overlap the wall on the other side. A single wall across
+    the way counts, too, if it is nearer than half of ``width`` less LANE_SPARE.
     """
     # Overlap of the disc with the nearest wall; without any, the lane is wide enough.
     off = 0.5 * width - distance_at(walls, x, y)
@@ -199,11 +202,11 @@ def is_lane(walls, x, y, ux, uy, width):
 
 @helper
 def is_lane_behind(walls, x, y, ux, uy, width, length):
-    """Return True if a lane, as :func:`is_lane` has it of ``width``, leads along ``(ux, uy)`` to a place [m].
+    """Return True if a lane narrower than ``width`` [m] (:func:`is_lane`) leads along ``(ux, uy)`` to ``(x, y)`` [m].
 
-    It must be at least ``length`` long [m].
+    (ux, uy) is a unit vector. The lane must be at least ``length`` long [m]; at ``(x, y)`` itself it is not tested.
 
-    Walk back from the place in strides, each to where the clearance is largest, straight on or turned a little: so the
+    Walk back from there in strides. Each goes straight on or turns a little, to where the clearance is largest: so the
     search follows the bends of the lane.
     """
     for _ in range(int(length / LANE_STRIDE + 0.5)):
@@ -241,7 +244,7 @@ def free_ahead(walls, x, y, ux, uy, width, farthest):
         way = SPACING
         ahead = distance_at(walls, x + way * ux, y + way * uy)
         # Moving nearer to the wall is blocked. Distances are rounded down, so a way parallel to a wall may seem to lead
-        # nearer by one unit. Afterwards the present distance is the one to keep.
+        # nearer by one unit. From there on, keep the present distance if it is less than ``width``, less the tolerance.
         if ahead < before - UNIT:
             return 0.0
         width = min(before, width) - _TOLERANCE

@@ -12,7 +12,10 @@ from crowdsim.steering.wall_kernels import SPACING, WALL_CELL, WALL_REACH, list_
 
 
 class Walls(NamedTuple):
-    """Wall segments of one layer, with lists and a grid of distances that find them; kernels take it as it is."""
+    """Wall segments of one layer, with lists of those near each cell, and a grid of distances to the nearest one.
+
+    Kernels take it as it is.
+    """
 
     segments: NDArray[np.float64]
     """float64[n, 4]: both ends of each segment [m]."""

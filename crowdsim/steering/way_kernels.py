@@ -1,6 +1,6 @@
 """Reserved segments of captured agents as steered agents meet them: each is kept clear along its whole length.
 
-``ways`` is a :class:`crowdsim.steering.ways.ListedWays`, ``number`` one of its segments. A body is a capsule, as of
+``ways`` is a :class:`crowdsim.steering.ways.ListedWays`, ``number`` one of its segments. A body is a capsule as in
 :mod:`crowdsim.steering.capsule_kernels`: (x, y) is the middle of its core [m], u = (ux, uy) the unit vector along the
 core (across the heading), ``half`` half the length of the core, and ``radius`` the radius around it [m].
 """
@@ -23,7 +23,7 @@ def list_ways(segments, frame, reach, starts, lists):
     frame : (float, float, int, int)
         Left and bottom edge of the grid [m], columns and rows of cells.
     reach : float
-        Distance from the swept disc up to which a segment is listed [m].
+        Distance from the swept disc up to which a segment is listed at least [m].
     starts : (columns * rows + 1,) int64
         Gets the index in ``lists`` at which each cell begins, once the lists are filled.
     lists : (k,) int64

@@ -47,7 +47,10 @@ class ListedWays(NamedTuple):
 
 
 def listed(others: Others, frame: Frame, reach: float) -> ListedWays:
-    """List the reserved segments by the cells of ``frame`` that lie within ``reach`` [m] of their swept discs."""
+    """List the reserved segments by the cells of ``frame`` that lie within ``reach`` [m] of their swept discs.
+
+    A segment is listed in all cells of the bounding box around it, so in some farther ones, too.
+    """
     starts = np.zeros(frame[2] * frame[3] + 1, np.int64)
     lists = np.zeros(0, np.int64)
     if len(others.segments):

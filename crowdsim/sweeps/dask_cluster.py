@@ -21,7 +21,10 @@ _NAME = "crowdsim-runner"
 
 
 class KeptRunner(distributed.WorkerPlugin):
-    """Dask's plugin that makes a worker's runner, which keeps kernels, motion and maps between points."""
+    """Dask's plugin that makes a worker's runner, which keeps kernels, motion and maps between points.
+
+    ``recordings`` and ``keep`` are those of :class:`crowdsim.sweeps.running.Runner`.
+    """
 
     def __init__(self, recordings: Path | None, keep: Keep) -> None:
         self._recordings, self._keep = recordings, keep
@@ -34,7 +37,7 @@ class KeptRunner(distributed.WorkerPlugin):
 def run_points_on_dask(
     points: Sequence[Point], address: str, jobs: int, recordings: Path | None, keep: Keep
 ) -> Iterator[tuple[Point, Outcome]]:
-    """Yield what comes of each point, as they are done, in any order.
+    """Run points on Dask; yield each point with its outcome as it is done, in any order.
 
     Parameters
     ----------
@@ -46,7 +49,7 @@ def run_points_on_dask(
         Number of local workers.
     recordings : Path or None
         Folder for recordings, which all workers have to see; None for a temporary one.
-    keep : str
+    keep : Keep
         Which recordings stay.
 
     Raises
@@ -65,14 +68,17 @@ def run_points_on_dask(
                 outcome = future.result()
             except distributed.KilledWorker:
                 outcome = Outcome({}, DIED, lasting=False)
-            except Exception as error:  # of Dask, as errors of runs are outcomes
+            except Exception as error:  # an error of Dask: errors of runs are outcomes
                 outcome = Outcome({}, f"Dask: {type(error).__name__}: {error}", lasting=False)
             yield futures[future], outcome
             future.release()
 
 
 def run_here(point: Point, wanted: str) -> Outcome:
-    """Run a point in the worker that this is called in, if its code is the ``wanted`` one."""
+    """Run a point in the Dask worker that calls this; the outcome is an error if its engine is not ``wanted``.
+
+    ``wanted`` is what :func:`engine` returns in the process that submits the point.
+    """
     if engine() != wanted:
         where = distributed.get_worker().address
         return Outcome(
@@ -83,7 +89,10 @@ def run_here(point: Point, wanted: str) -> Outcome:
 
 
 def _client(address: str, jobs: int) -> Any:
-    """Return a client of the scheduler at ``address``, or of ``jobs`` processes started here for ``local``."""
+    """Return a client of the scheduler at ``address``, or of ``jobs`` processes started here for ``local``.
+
+    Raise CrowdSimError if there is no scheduler.
+    """
     if address == "local":
         # Without a page that shows its work, and without its messages (50: only critical ones).
         cluster = distributed.LocalCluster(
@@ -99,7 +108,7 @@ def _client(address: str, jobs: int) -> Any:
 
 
 class _LocalClient:
-    """The client of a local cluster, which ends with it."""
+    """A local cluster and its client, as a context; leaving it closes both."""
 
     def __init__(self, cluster: Any) -> None:
         self._cluster, self._client = cluster, distributed.Client(cluster)

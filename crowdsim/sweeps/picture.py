@@ -20,7 +20,7 @@ UNITS = {
 """Units by the last part of a figure's name, such as ``flow`` of ``lines.neck.flow``; others are drawn without one."""
 
 Settings: TypeAlias = tuple[tuple[str, str], ...]
-"""Keys with a value of each."""
+"""Changed keys, each with one of its values."""
 
 _COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 
@@ -73,9 +73,10 @@ def draw_sweep(rows: Sequence[Row], figures: Sequence[str]) -> Figure:
 def _draw(
     axes: Axes, means: Sequence[Mean], keys: Sequence[str], values: Sequence[str], curves: Sequence[Settings]
 ) -> None:
-    """Draw one figure: over numbers if all values of the first key are, else over names.
+    """Draw the means of one figure over the values of the first key: as numbers if all values are, else as names.
 
-    ``curves`` are the combinations of the other keys. Each gets its entry in the legend, also one without points.
+    ``curves`` are the combinations of the other keys. Each gets an entry in the legend, even without points. Without
+    keys, all is drawn at one place.
     """
     places = _numbers(values)
     at = dict(zip(values, range(len(values)) if places is None else places, strict=True))
@@ -89,6 +90,7 @@ def _draw(
         middle, low, high = (np.array([getattr(mean, name) for _, mean in points]) for name in ("mean", "low", "high"))
         color = _COLORS[number % len(_COLORS)]
         label = ", ".join(f"{key.rpartition('.')[2]} {value}" for key, value in rest)
+        # A single run has no band.
         known = np.isfinite(low)
         spread = np.array([middle - low, high - middle])[:, known]
         look: dict[str, Any] = {"fmt": "none", "color": color, "capsize": 3.0, "linewidth": 1.0}

@@ -14,6 +14,7 @@ from crowdsim.scenario.loader import load_scenario
 MOST_POINTS = 1_000_000
 """Largest number of points of a sweep, all of which are held in memory."""
 MOST_SEED = 2**32 - 1
+"""Largest seed that ``--seeds`` takes."""
 
 _OPENING, _CLOSING = "[{(", "]})"
 
@@ -26,7 +27,7 @@ class Point(NamedTuple):
     text : str
         Text of the scenario file.
     file : str
-        Absolute path of that file, which relative names in it start from.
+        Absolute path of the scenario file; relative names in it start from its folder.
     settings : tuple of (str, str)
         Changed keys with their values, as YAML.
     seed : int
@@ -45,7 +46,7 @@ class Point(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return the hash of what is run: text, changes and seed."""
+        """Return the hash of what is run, text, changes and seed, as a name for files."""
         parts = [self.text, *self.overrides]
         return hashlib.sha256(json.dumps(parts, ensure_ascii=False).encode()).hexdigest()
 
@@ -67,7 +68,7 @@ def points_of(scenario: str, seeds: str | None = None, settings: Sequence[str] =
     ScenarioError
         If the scenario itself is wrong. What is wrong with single points is found when they run.
     CrowdSimError
-        If seeds or changes cannot be read.
+        If seeds or changes cannot be read, change a key twice or the seed, or make more than MOST_POINTS points.
     """
     loaded = load_scenario(scenario)
     if loaded.path is None:
@@ -91,7 +92,10 @@ def points_of(scenario: str, seeds: str | None = None, settings: Sequence[str] =
 
 
 def read_seeds(text: str) -> list[int]:
-    """Return seeds from ``1-20`` or ``1,3,10-12``, each once, in that order."""
+    """Return the seeds of a text as ``1-20`` or ``1,3,10-12``, each once, in the order of the text.
+
+    Raise CrowdSimError for other texts, for seeds above MOST_SEED, and for a range of more than MOST_POINTS seeds.
+    """
     seeds: list[int] = []
     for part in text.split(","):
         first, dash, last = part.strip().partition("-")
@@ -108,7 +112,10 @@ def read_seeds(text: str) -> list[int]:
 
 
 def read_setting(text: str) -> tuple[str, list[str]]:
-    """Return key and values of ``KEY=v1,v2``, each value once; commas within brackets and quotes belong to a value."""
+    """Return key and values of ``KEY=v1,v2``, each value once; commas within brackets and quotes belong to a value.
+
+    Raise CrowdSimError if the key or a value is missing.
+    """
     key, equals, rest = text.partition("=")
     key = key.strip()
     values, depth, quote, begin = [], 0, "", 0

@@ -15,7 +15,7 @@ from crowdsim.sweeps.points import Point
 from crowdsim.sweeps.running import Keep, Outcome, Runner
 
 TRIES = 3
-"""Number of processes that have died of a point when it counts as failed."""
+"""Number of processes that die while they run a point, after which it counts as failed."""
 
 DIED = "the process died; is there too little memory?"
 
@@ -23,7 +23,7 @@ DIED = "the process died; is there too little memory?"
 def run_points(
     points: Sequence[Point], jobs: int, recordings: Path | None, keep: Keep
 ) -> Iterator[tuple[Point, Outcome]]:
-    """Yield what comes of each point, as they are done, in any order.
+    """Run points in processes; yield each point with its outcome as it is done, in any order.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ def run_points(
         Number of processes.
     recordings : Path or None
         Folder for recordings; None for a temporary one.
-    keep : str
+    keep : Keep
         Which recordings stay.
     """
     waiting, tries = deque(points), dict.fromkeys(points, 0)
     at_work: dict[Connection, tuple[SpawnProcess, Point]] = {}
-    # Where no kernel is compiled yet, one process compiles them for all.
+    # If no kernel is compiled yet, one process compiles them for all.
     most = jobs if compiled_kernels() else 1
     try:
         while waiting or at_work:
@@ -50,6 +50,7 @@ def run_points(
                 process, point = at_work.pop(ready)
                 try:
                     outcome = ready.recv()
+                # The process died.
                 except (EOFError, OSError):
                     process.join()
                     ready.close()
@@ -72,7 +73,7 @@ def run_points(
 
 
 def _start(recordings: Path | None, keep: Keep) -> tuple[SpawnProcess, Connection]:
-    """Start a process that runs points; return it, and the connection to it."""
+    """Start a process that runs points by :func:`_work`; return it, and the connection to it."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs, recordings, keep), daemon=True)
@@ -85,12 +86,12 @@ def _start(recordings: Path | None, keep: Keep) -> tuple[SpawnProcess, Connectio
 def _begin(
     point: Point, process: SpawnProcess, connection: Connection, at_work: dict[Connection, tuple[SpawnProcess, Point]]
 ) -> None:
-    """Send a point to a process, and note that it is at work."""
+    """Send a point to a process, and note in ``at_work`` that it is at work on it."""
     at_work[connection] = process, point
     try:
         connection.send(point)
     except (BrokenPipeError, ConnectionResetError):
-        return  # it died in between: reading will tell
+        return  # it died in between, as reading from it will show
 
 
 def _end(process: SpawnProcess, connection: Connection) -> None:
@@ -100,7 +101,10 @@ def _end(process: SpawnProcess, connection: Connection) -> None:
 
 
 def _work(connection: Connection, recordings: Path | None, keep: Keep) -> None:
-    """Run points until the other side closes the connection or dies."""
+    """Run the points that ``connection`` gives, and send back their outcomes, until its other side is closed or dies.
+
+    ``recordings`` and ``keep`` are those of :class:`crowdsim.sweeps.running.Runner`.
+    """
     # Ctrl-C reaches all processes of a terminal; the one that started this one ends it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     runner = Runner(recordings, keep)

@@ -30,7 +30,7 @@ Value = float | int | str | None
 
 
 class Outcome(NamedTuple):
-    """What came of a point.
+    """The outcome of a point: the figures of its run, or an error.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Outcome(NamedTuple):
     error : str
         What went wrong, empty if nothing did.
     lasting : bool
-        Whether the same would come of it again: False if a process died, a bug showed, or a file could not be read or
+        Whether another run would give the same: False if a process died, a bug showed, or a file could not be read or
         written, as on a full disk.
     """
 
@@ -51,7 +51,7 @@ class Outcome(NamedTuple):
 class Runner:
     """Run points; runs of scenarios with the same motion and layers share what was loaded and computed for them.
 
-    ``recordings`` is the folder of recordings that stay, which ``keep`` names; None if none does.
+    ``recordings`` is the folder for the recordings that stay, None if none does; ``keep`` says which stay.
     """
 
     def __init__(self, recordings: Path | None = None, keep: Keep = "none") -> None:
@@ -69,7 +69,7 @@ class Runner:
             return Outcome({}, f"internal error: {what}", lasting=False)
 
     def _run(self, point: Point) -> dict[str, Value]:
-        """Run a point; return its figures, and keep its recording if asked to."""
+        """Run a point; return its figures, and keep its recording if :func:`is_kept` says so."""
         scenario = parse_scenario(point.text, Path(point.file), point.overrides)
         # Beside the recordings, so that one that stays is renamed, not copied.
         with tempfile.TemporaryDirectory(prefix=".run-", dir=self._recordings) as folder:
@@ -82,7 +82,10 @@ class Runner:
         return figures
 
     def _motion_of(self, scenario: Scenario) -> BehaviorSet:
-        """Return the motion of a scenario, kept for the next ones with the same; the oldest is dropped."""
+        """Return behaviors and motion graph of a scenario, shared by all scenarios with the same motion and layers.
+
+        Up to MOST_KEPT sets are kept; before one more is loaded, the one that was loaded first is dropped.
+        """
         key = motion_key(scenario)
         if key not in self._motion:
             while len(self._motion) >= MOST_KEPT:
@@ -104,7 +107,7 @@ def _is_of_files(error: BaseException | None) -> bool:
 
 
 def figures_of(recording: Recording) -> dict[str, Value]:
-    """Return the figures of a run by name: its summary without what was timed, and when shares have arrived [s]."""
+    """Return the figures of a run by name: its summary without TIMED, and when 50, 95 and 100 % have arrived [s]."""
     figures = {
         name: value
         for name, value in _flat(recording.summary, "")
@@ -114,7 +117,10 @@ def figures_of(recording: Recording) -> dict[str, Value]:
 
 
 def _flat(values: Mapping[str, Any], prefix: str) -> list[tuple[str, Value]]:
-    """Return names with dots and values; of lists, and of ``unreachable``, which holds reasons by agent, the number."""
+    """Return dotted names and values of nested mappings, each name with ``prefix`` before it.
+
+    The value of a list is its length; so is that of ``unreachable``, which holds reasons by agent.
+    """
     found: list[tuple[str, Value]] = []
     for key, value in values.items():
         name = f"{prefix}{key}"

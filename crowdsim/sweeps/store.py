@@ -36,7 +36,7 @@ class Store:
             raise CrowdSimError(f"cannot write into {folder}: it is no folder; choose another one")
         self.folder = folder
         self.outdated = 0
-        """Number of points asked for that another state of crowdsim had run."""
+        """Number of points for which :meth:`done` found an outcome of another state of crowdsim."""
         self.points, self.recordings = folder / "points", folder / "recordings"
 
     def __enter__(self) -> Self:
@@ -59,12 +59,16 @@ class Store:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Remove the folder of recordings if it is empty, and unlock the folder of the sweep."""
         if not any(self.recordings.iterdir()):
             self.recordings.rmdir()
         os.close(self._lock)  # gives the lock back
 
     def done(self, point: Point) -> Outcome | None:
-        """Return what came of a point before; None if it is to be run, also if another crowdsim has run it."""
+        """Return the outcome of a point that was run before; None if the point has to be run.
+
+        It has to be run again if another state of crowdsim ran it, which :attr:`outdated` counts.
+        """
         file = self._file(point)
         if not file.is_file():
             return None
@@ -78,7 +82,7 @@ class Store:
             return None  # not written by a sweep: run the point again
 
     def keep(self, point: Point, outcome: Outcome) -> None:
-        """Write what came of a point, unless another run may do better."""
+        """Write the outcome of a point, unless it is not ``lasting``: then the next sweep runs the point again."""
         if not outcome.lasting:
             return
         held = {
@@ -92,4 +96,5 @@ class Store:
             written.write_text(json.dumps(held, indent=1, ensure_ascii=False) + "\n", encoding="utf-8", newline="\n")
 
     def _file(self, point: Point) -> Path:
+        """Return the file of a point's outcome."""
         return self.points / f"{point.name}.json"

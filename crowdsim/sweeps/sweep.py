@@ -72,7 +72,8 @@ def sweep(
     figures : sequence of str
         Columns of the table to draw; by default times, flows, densities and speeds.
     progress : callable or None
-        Called at the start, and whenever a point is done.
+        Called at the start, and whenever a point is done, with the numbers of points that are done, of all, and of
+        those that failed.
     note : callable or None
         Called with a sentence if points are run again, because another state of crowdsim has run them, or because
         their recordings were not kept.
@@ -80,7 +81,7 @@ def sweep(
     Raises
     ------
     CrowdSimError
-        If the folder cannot be used, or Dask is missing. What goes wrong in a run is told in its row.
+        If the folder cannot be used, or Dask is missing. An error of a run is in its row of the table.
     """
     with Store(folder) as store:
         found = {point: outcome for point in points if (outcome := store.done(point)) is not None}
@@ -97,6 +98,7 @@ def sweep(
         missing = [point for point in points if point not in found]
 
         def tell() -> None:
+            """Report the points that are done and failed so far."""
             if progress is not None:
                 progress(len(found), len(points), sum(bool(outcome.error) for outcome in found.values()))
 
@@ -124,11 +126,16 @@ def sweep(
 def _outcomes(
     points: Sequence[Point], jobs: int, recordings: Path | None, keep: Keep, dask: str | None
 ) -> Iterator[tuple[Point, Outcome]]:
-    """Yield the outcome of each point, from processes here or from a cluster of Dask."""
+    """Yield each point with its outcome, in any order, from processes here or from a cluster of Dask.
+
+    ``recordings`` is the folder for recordings that stay; the other arguments are those of :func:`sweep`.
+    """
+    # Start no process and no cluster for nothing.
     if not points:
         return iter(())
     if dask is None:
         return run_points(points, jobs, recordings, keep)
+    # Imported only here, as Dask is optional.
     from crowdsim.sweeps.dask_cluster import run_points_on_dask
 
     return run_points_on_dask(points, dask, jobs, recordings, keep)

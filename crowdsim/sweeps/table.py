@@ -36,7 +36,10 @@ def _text(value: Value) -> str:
 
 
 class Mean(NamedTuple):
-    """Mean of a figure over the seeds of a setting; the 95 % band of the mean is nan for a single run."""
+    """Mean of a figure over the seeds of a setting, with the number of runs that have the figure.
+
+    ``low`` to ``high`` is the 95 % band of the mean, nan for a single run.
+    """
 
     settings: tuple[tuple[str, str], ...]
     runs: int
@@ -46,7 +49,10 @@ class Mean(NamedTuple):
 
 
 def means_of(rows: Sequence[Row], figure: str) -> list[Mean]:
-    """Return the mean of a figure for each setting in which it is known, with Student's 95 % band."""
+    """Return the mean of a figure over the runs of each setting, with Student's 95 % band.
+
+    Runs without a finite figure do not count; settings without a run that counts are left out.
+    """
     from scipy.stats import t as student
 
     by_setting: dict[tuple[tuple[str, str], ...], list[float]] = {}

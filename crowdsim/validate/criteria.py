@@ -1,8 +1,8 @@
-"""Criteria: each builds a function from the observed runs of a test to figures with their bands.
+"""Criteria: each returns a function that takes the observed runs of a test and returns figures with their bands.
 
-``case`` is the name of a run, ``least`` and ``most`` are the band, in the unit of the figure, ``source`` is where it is
-from; lines, areas and groups are those that the scenario names. All times are those of the simulation. A figure that is
-unknown is nan, which is in no band.
+``case`` is the name of a run. ``least`` and ``most`` are the ends of the band, in the unit of the figure; ``source``
+says where the band is from. Lines, areas and groups are those that the scenario names. All times are those of the
+simulation. A figure that is unknown is nan, which is in no band.
 """
 
 from __future__ import annotations
@@ -51,11 +51,14 @@ class Finding(NamedTuple):
 
 
 Criterion: TypeAlias = Callable[[Runs], Sequence[Finding]]
-"""Judges the runs of a test with one seed."""
+"""Judges the runs of a test with one seed: returns its figures, always the same ones in the same order."""
 
 
 def transit(case: str, begin: str, end: str, least: float, most: float, source: str) -> Criterion:
-    """Check the times that all agents take between two lines [s]; the worst one, farthest from mid-band, counts."""
+    """Check the times that agents take between two lines [s]: the figure is the time farthest from the band's middle.
+
+    It is nan if an agent does not cross both lines.
+    """
 
     def judge(runs: Runs) -> list[Finding]:
         times = runs[case].times_at(end) - runs[case].times_at(begin)
@@ -65,12 +68,15 @@ def transit(case: str, begin: str, end: str, least: float, most: float, source: 
 
 
 def all_leave(case: str, most: float, source: str, least: float = 0.0) -> Criterion:
-    """Check the time at which the last agent leaves [s]."""
+    """Check the time at which the last agent leaves [s], infinite if an agent stays."""
     return lambda runs: [Finding(f"last one out, {case}", runs[case].last, "s", least, most, source)]
 
 
 def nobody_in_walls(case: str, source: str) -> Criterion:
-    """Check that no center is off the floor and no body in a wall [m]; rounding may cost a millimeter."""
+    """Check that no center leaves the free floor, and that the smallest gap of a body to a wall is -0.001 m or more.
+
+    The millimeter is for rounding. The first figure counts positions over all steps.
+    """
 
     def judge(runs: Runs) -> list[Finding]:
         run = runs[case]
@@ -84,7 +90,7 @@ def nobody_in_walls(case: str, source: str) -> Criterion:
 
 
 def on_time(case: str, tolerance: float, source: str) -> Criterion:
-    """Check that every agent sets out at the delay drawn for it, give or take ``tolerance`` [s]."""
+    """Check that every agent sets out at the delay drawn for it, at most ``tolerance`` [s] earlier or later."""
 
     def judge(runs: Runs) -> list[Finding]:
         off = np.abs(runs[case].set_out - runs[case].delays).max()
@@ -94,7 +100,7 @@ def on_time(case: str, tolerance: float, source: str) -> Criterion:
 
 
 def uniform_delays(case: str, first: float, last: float, source: str) -> Criterion:
-    """Check that drawn delays are uniform from ``first`` to ``last`` [s]: p of Kolmogorov-Smirnov is at least 0.05."""
+    """Check that drawn delays are uniform from ``first`` to ``last`` [s]: p of a Kolmogorov-Smirnov test is >= 0.05."""
 
     def judge(runs: Runs) -> list[Finding]:
         from scipy.stats import kstest
@@ -106,7 +112,10 @@ def uniform_delays(case: str, first: float, last: float, source: str) -> Criteri
 
 
 def speeds_as_drawn(case: str, begin: str, end: str, tolerance: float, source: str) -> Criterion:
-    """Check that agents walk straight from one line to another at their drawn speeds, within a relative tolerance."""
+    """Check the speeds of agents who walk straight from one line to another against their drawn speeds.
+
+    Two relative differences must be at most ``tolerance``: the median over agents, and that of the two mean speeds.
+    """
 
     def judge(runs: Runs) -> list[Finding]:
         run = runs[case]
@@ -124,16 +133,17 @@ def speeds_as_drawn(case: str, begin: str, end: str, tolerance: float, source: s
 
 
 def ratio(more: str, less: str, least: float, most: float, source: str) -> Criterion:
-    """Check the time until all have left one case, divided by that of another case."""
+    """Check the time until all have left the case ``more``, divided by the same time of the case ``less``."""
     return lambda runs: [
         Finding(f"time, {more} / {less}", _ratio(runs[more].last, runs[less].last), "", least, most, source)
     ]
 
 
 def queue_before_the_first(case: str, areas: tuple[str, str], source: str) -> Criterion:
-    """Check that more agents wait before the first of two bottlenecks: peak, and mean of the ten largest counts.
+    """Check that more agents wait before the first of two bottlenecks: by the peak, and by the ten largest counts.
 
-    Both must be less before the second: a peak by at least 1, a mean of ten counts by at least 0.1.
+    ``areas`` are those before the first and before the second bottleneck. In the second one, the peak must be less by
+    at least 1, and the mean of the ten largest counts by at least 0.1.
     """
 
     def judge(runs: Runs) -> list[Finding]:
@@ -152,7 +162,10 @@ def flow(case: str, line: str, least: float, most: float, source: str) -> Criter
 
 
 def flow_over_all(case: str, line: str, most: float, source: str) -> Criterion:
-    """Check the mean flow at a line until the last passage against an upper limit [1/s]; nan if an agent stayed."""
+    """Check the number of agents over the time at which the last one first crosses a line [1/s]: ``most`` or less.
+
+    The figure is nan if an agent never crosses the line.
+    """
 
     def judge(runs: Runs) -> list[Finding]:
         last = float(runs[case].times_at(line).max())
@@ -163,7 +176,10 @@ def flow_over_all(case: str, line: str, most: float, source: str) -> Criterion:
 
 
 def keeps_together(case: str, group: str, least: float, source: str) -> Criterion:
-    """Check the share of time in which party members have another member within 1.5 m against a lower limit."""
+    """Check the share of time in which members of a group's parties have another member within 1.5 m.
+
+    It must be ``least`` or more.
+    """
 
     def judge(runs: Runs) -> list[Finding]:
         share = runs[case].summary["together"][group]
@@ -174,7 +190,7 @@ def keeps_together(case: str, group: str, least: float, source: str) -> Criterio
 
 
 def no_more_flow_behind(case: str, lines: tuple[str, str], source: str) -> Criterion:
-    """Check that the flow at the second line exceeds that at the first by no more than a tolerance of 0.05 [1/s]."""
+    """Check that the flow at the second line is at most 0.05 /s above the flow at the first."""
 
     def judge(runs: Runs) -> list[Finding]:
         first, second = (flow_of(runs[case], line) for line in lines)
@@ -194,7 +210,7 @@ def flow_grows(cases: Sequence[str], line: str, source: str) -> Criterion:
 
 
 def flow_per_meter(case: str, line: str, least: float, source: str) -> Criterion:
-    """Check the flow across a line, for each meter of it on the free floor [1/(m s)], against a lower limit."""
+    """Check the flow across a line, divided by its length on the free floor [1/(m s)]: ``least`` or more."""
 
     def judge(runs: Runs) -> list[Finding]:
         value = flow_of(runs[case], line) / runs[case].measured.lines[line].width
@@ -221,7 +237,7 @@ def times_grow(cases: Sequence[str], line: str, group: str, source: str) -> Crit
 
 
 def speed_in(case: str, area: str, band: tuple[float, float], source: str) -> Criterion:
-    """Check the mean speed in an area [m/s]."""
+    """Check the mean speed in an area [m/s] against ``band``, its least and greatest value."""
 
     def judge(runs: Runs) -> list[Finding]:
         value = runs[case].summary["areas"][area]["speed"]
@@ -233,8 +249,8 @@ def speed_in(case: str, area: str, band: tuple[float, float], source: str) -> Cr
 def speed_at_density(case: str, area: str, bands: Sequence[tuple[float, float, float]], source: str) -> Criterion:
     """Check the mean speed in an area [m/s] against the band of the density measured there.
 
-    ``bands`` holds density [1/m2], least and greatest speed [m/s], by density; bands in between are interpolated.
-    Below the first and above the last density, their bands count.
+    ``bands`` holds rows of density [1/m2], least and greatest speed [m/s], by ascending density. Bands between two
+    rows are interpolated; below the first and above the last density, the bands of these rows count.
     """
     densities, least, most = np.array(bands).T
 
@@ -259,7 +275,10 @@ def speeds_fall(cases: Sequence[str], area: str, source: str) -> Criterion:
 
 
 def takes_between(short: str, case: str, long: str, source: str) -> Criterion:
-    """Check that a case takes a time between those of two others [s]: until the last agent leaves, and in the mean."""
+    """Check that a case takes at least as long as ``short`` and at most as long as ``long`` [s].
+
+    This must hold for two figures: the time at which the last agent leaves, and the mean over all agents.
+    """
 
     def judge(runs: Runs) -> list[Finding]:
         last = [runs[each].last for each in (short, case, long)]
@@ -273,7 +292,7 @@ def takes_between(short: str, case: str, long: str, source: str) -> Criterion:
 
 
 def leaves_through(case: str, assigned: Mapping[str, int], source: str) -> Criterion:
-    """Check the number of agents that leave through each exit."""
+    """Check that exactly the ``assigned`` number of agents leaves through each exit."""
 
     def judge(runs: Runs) -> list[Finding]:
         used = runs[case].summary["exits"]
@@ -309,17 +328,20 @@ def close_to_best(case: str, fixed: Sequence[str], share: float, source: str) ->
 
 
 def flow_of(run: Observed, line: str) -> float:
-    """Return the flow across a line [1/s]; nan if too few agents cross it."""
+    """Return the flow across a line [1/s], as :func:`~crowdsim.recording.measured.flow_of`; nan if it has none."""
     value = run.summary["lines"][line]["flow"]
     return float("nan") if value is None else float(value)
 
 
 def _ratio(more: float, less: float) -> float:
-    """Return the ratio of two times; nan if one is infinite, as agents stayed, or ``less`` is 0."""
+    """Return the quotient of the times ``more`` and ``less`` [s].
+
+    It is nan if one of them is infinite, because agents stayed, or if ``less`` is 0.
+    """
     return more / less if np.isfinite(more) and np.isfinite(less) and less > 0.0 else float("nan")
 
 
 def _worst(values: NDArray[np.float64], least: float, most: float) -> float:
-    """Return the value (of n) farthest from the middle of a band; nan if any value is unknown."""
+    """Return that of ``values`` (n,), n > 0, which is farthest from the middle of a band; nan if any value is nan."""
     off = np.abs(values - 0.5 * (least + most))
     return float("nan") if np.isnan(off).any() else float(values[int(np.argmax(off))])

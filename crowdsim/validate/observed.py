@@ -37,10 +37,10 @@ class Observed(NamedTuple):
     groups : tuple of str
         Group of each agent.
     set_out : (n,) float64
-        Time at which each was first SET_OUT from its start, less the time that this takes at its speed [s]; nan for
-        never.
+        Time at which each was first SET_OUT from its start, less the time that it takes to walk so far at its drawn
+        speed [s]; nan for never.
     left : (n,) float64
-        Time at which each left [s]; nan for never.
+        Time at which each left, the last time if it left several times [s]; nan for never.
     speeds, delays : (n,) float64
         Drawn walking speeds [m/s] and delays [s].
     crossed : dict of str to (n, 2) float64
@@ -76,8 +76,9 @@ class Observed(NamedTuple):
 def observe(scenario: Scenario, recording: Recording, seconds: float) -> Observed:
     """Read from a recording what the criteria need; ``seconds`` is the duration of the computation [s].
 
-    An agent has set out when it is ``SET_OUT`` meters from its start, less the time that these take at its own
-    speed. It has left in the first step in which it is absent again; if it comes and leaves twice, the last one counts.
+    An agent sets out at the time at which it is first ``SET_OUT`` meters from its start, less the time that these
+    meters take at its drawn speed. It leaves in the first step in which it is absent again. If it comes and leaves
+    several times, the last time counts.
     """
     cast = place_crowd(scenario)
     rate = scenario.steps_per_second
@@ -86,12 +87,12 @@ def observe(scenario: Scenario, recording: Recording, seconds: float) -> Observe
     set_out, left = np.full(cast.head_count, np.nan), np.full(cast.head_count, np.nan)
     outside, there = 0, np.zeros(cast.head_count, np.bool_)
     crossed = {name: np.full((cast.head_count, 2), np.nan) for name in recording.measured.lines}
-    # Steps of first crossings, with fractions, of which the whole part is used: the last step before the crossing.
-    # Without the rounding, a crossing at a step could come out just below it.
+    # First crossings in steps, with fractions; their whole part is the last step before the crossing. Without the
+    # rounding, a crossing exactly at a step could come out just below it.
     steps = {
         name: (rate * _first_times(line, cast.head_count)).round(6) for name, line in recording.measured.lines.items()
     }
-    # Read many steps at once, as a file is slow to open for each.
+    # Read many steps at once: to read each alone is slow.
     for begin in range(0, recording.steps, STEPS_AT_ONCE):
         end = min(begin + STEPS_AT_ONCE, recording.steps)
         x, y = (np.asarray(column[begin:end], np.float64) for column in (recording.x, recording.y))

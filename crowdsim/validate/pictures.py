@@ -13,13 +13,16 @@ from crowdsim.scenario.scenario import Scenario
 
 _COLORS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b")
 _INCHES = 7.0
-"""Longer side of the floor in the picture."""
+"""Longer side of the floor in the picture [inches]."""
 _EVERY = 2
 """Steps between two points of a drawn track."""
 
 
 def draw_run(scenario: Scenario, recording: Recording, picture: Path) -> None:
-    """Draw the tracks of a run into the file ``picture``, each group in a color of its own, fainter if it is large."""
+    """Draw floor, areas, lines and the tracks of a run into the file ``picture``.
+
+    Each of the first six groups has a color of its own; further groups repeat them. Large groups are fainter.
+    """
     from matplotlib.figure import Figure
 
     xmin, ymin, xmax, ymax = scenario.environment.floor.bounds

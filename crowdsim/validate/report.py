@@ -19,7 +19,11 @@ COLUMNS = ("test", "figure", "least", "median", "most", "band", "passed", "sourc
 
 
 def rows_of(outcomes: Sequence[Outcome]) -> list[dict[str, str]]:
-    """Return a row for each figure: least, median and greatest value over the seeds, and how many are in the band."""
+    """Return a row of texts by COLUMNS for each figure of each test.
+
+    It holds the least, median and greatest value over the seeds, and how many values are in the band. All three are nan
+    if a value is nan; the median is also nan if a value is infinite.
+    """
     rows = []
     for outcome in outcomes:
         for findings in outcome.findings:
@@ -43,7 +47,11 @@ def rows_of(outcomes: Sequence[Outcome]) -> list[dict[str, str]]:
 
 
 def band_of(findings: Sequence[Finding]) -> str:
-    """Return the band of a figure; if bands depend on the seed, their union."""
+    """Return in words the band of a figure, given by its findings for all seeds.
+
+    If bands depend on the seed, it reaches from the least of their lower ends to the greatest of their upper ends. An
+    infinite upper end is not named, and a band of one value is that value.
+    """
     least, most = min(finding.least for finding in findings), max(finding.most for finding in findings)
     if math.isinf(most):
         return f"at least {_number(least)}"
@@ -53,10 +61,10 @@ def band_of(findings: Sequence[Finding]) -> str:
 
 
 def as_json(outcomes: Sequence[Outcome], locomotion: str) -> dict[str, Any]:
-    """Return all results for programs; figures that are unknown or infinite are None."""
+    """Return all results for programs; values and ends of bands that are nan or infinite are None."""
 
     def figure(findings: Sequence[Finding]) -> dict[str, Any]:
-        """Return one figure with its values and bands in all runs."""
+        """Return one figure, given by its findings for all seeds, with their values and bands."""
         first = findings[0]
         return {
             "what": first.what,
@@ -88,7 +96,7 @@ def as_json(outcomes: Sequence[Outcome], locomotion: str) -> dict[str, Any]:
     }
 
 
-# Of `Outcome.verdict`, in the words of the page.
+# The values of `Outcome.verdict`, in the words of the page.
 _VERDICTS = {
     "passed": "passed",
     "departs": "departs from the guideline on purpose",
@@ -151,7 +159,10 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str, page: Path) -> str
 
 
 def as_html(outcomes: Sequence[Outcome], locomotion: str, pictures: Path) -> str:
-    """Return one page of HTML that contains the pictures, those of the folder ``pictures``, one of each test."""
+    """Return one page of HTML with the pictures in it, ``pictures/TEST.png`` of each test.
+
+    ``outcomes`` is not empty, and all have the same seeds; ``locomotion`` is the level of the agents, for the title.
+    """
     parts = [f"<h1>Validation, {html.escape(locomotion)} agents, seeds {_span(outcomes[0].seeds)}</h1>"]
     for outcome in outcomes:
         verdict = outcome.verdict
@@ -185,15 +196,17 @@ def as_html(outcomes: Sequence[Outcome], locomotion: str, pictures: Path) -> str
 
 
 def _span(seeds: Sequence[int]) -> str:
+    """Return the only seed, or the first and the last one of consecutive seeds."""
     return str(seeds[0]) if len(seeds) == 1 else f"{seeds[0]} to {seeds[-1]}"
 
 
 def _number(value: float) -> str:
-    """Return whole numbers without a point, others with three digits, and ``nan`` or ``inf``."""
+    """Return whole numbers without a point, others with three significant digits, and ``nan`` or ``inf``."""
     if not math.isfinite(value):
         return str(value)
     return f"{value:.0f}" if value == round(value) else f"{value:.3g}"
 
 
 def _plain(value: float) -> float | None:
+    """Return the value; None, which JSON can hold, if it is nan or infinite."""
     return value if math.isfinite(value) else None

@@ -20,6 +20,7 @@ from crowdsim.validate.pictures import draw_run
 from crowdsim.validate.suite import FOLDER, Case, Test
 
 Progress = Callable[[int, int, str], None]
+"""Function of the numbers of runs that are done and of all runs, and the names of the run that has just ended."""
 
 
 class Outcome(NamedTuple):
@@ -52,7 +53,10 @@ class Outcome(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Return ``passed``, ``departs`` if only figures that do so on purpose are outside, or ``failed``."""
+        """Return ``passed`` if all figures are in their bands, ``departs`` or ``failed`` if not.
+
+        It is ``departs`` if the test names all figures outside as departing on purpose.
+        """
         outside = {finding.what for row in self.findings for finding in row if not finding.passed}
         if not outside:
             return "passed"
@@ -83,7 +87,12 @@ def run_tests(
     pictures : Path or None
         Folder for a picture of each test's first case with the first seed.
     progress : callable or None
-        Called after each run as ``progress(done, all, what)``.
+        Called after each run as ``progress(done, all, what)``: numbers of runs, and the names of test, case and seed.
+
+    Returns
+    -------
+    list of Outcome
+        A result for each test, in their order.
     """
     tasks = [(test, case, seed) for test in tests for case in test.cases for seed in seeds]
     found: dict[tuple[str, str, int], Observed] = {}
@@ -119,7 +128,7 @@ def judge(test: Test, seeds: Sequence[int], found: dict[tuple[str, str, int], Ob
 
 
 def load_case(case: Case, seed: int, locomotion: str) -> Scenario:
-    """Return the scenario of a case, with ``locomotion`` set for all groups."""
+    """Return the scenario of a case with its changes, the seed, and the level ``locomotion`` for all groups."""
     file = FOLDER / f"{case.scenario}.yaml"
     changes = [f"seed={seed}", *case.changes]
     # Loaded a first time to count the groups, each of which needs a change of its own.
@@ -128,7 +137,7 @@ def load_case(case: Case, seed: int, locomotion: str) -> Scenario:
 
 
 def run_case(case: Case, seed: int, locomotion: str, picture: Path | None = None) -> Observed:
-    """Run a case in this process; draw it into the file ``picture`` unless that is None; return what criteria need."""
+    """Run a case in this process and return what criteria need; draw the run into ``picture`` if that file is given."""
     scenario = load_case(case, seed, locomotion)
     with tempfile.TemporaryDirectory() as folder:
         started = time.perf_counter()
@@ -140,5 +149,6 @@ def run_case(case: Case, seed: int, locomotion: str, picture: Path | None = None
 
 
 def _draw(scenario: Scenario, recording: Recording, picture: Path) -> None:
+    """Draw a run into the file ``picture``; make its folder if necessary."""
     picture.parent.mkdir(parents=True, exist_ok=True)
     draw_run(scenario, recording, picture)

@@ -19,7 +19,7 @@ NIST = "NIST TN 1822"
 
 
 class Case(NamedTuple):
-    """A scenario of the folder, with overrides."""
+    """A run of a test: a scenario of FOLDER, by the name of its file without ``.yaml``, with changes ``key=value``."""
 
     name: str
     scenario: str
@@ -74,10 +74,10 @@ _WIDTHS = {
 _AGAINST = (0, 10, 50, 100)  # people who come towards 100 others in a corridor, as in the guideline
 
 _ONE_WAY = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
-"""Densities in the periodic corridor, whose floor has 52 m2 [1/m2]."""
+"""Densities in the periodic corridor [1/m2], whose floor has 52 m2."""
 
 _BOTH_WAYS = {1.0: 1.0, 2.0: 0.65}
-"""Least mean speed [m/s] by density of people who walk both ways [1/m2]."""
+"""By density of people who walk both ways [1/m2]: the least mean speed [m/s]."""
 
 _CORNER = f"{RIMEA}, test 15: between the straight corridors as long as the inner and the outer wall"
 
@@ -90,7 +90,7 @@ FILE_SPEEDS = (
     (1.0989, 0.3157, 0.8395),
     (1.2989, 0.1872, 0.6077),
 )
-"""Density in single file [1/m], and the 10 and 90 % quantiles of the speeds measured at it [m/s]."""
+"""Rows of density in single file [1/m], and the 10 and 90 % quantiles of the speeds measured at it [m/s]."""
 
 _RING = 17.3
 """Length of the ring along the middle of its lane [m]."""
@@ -130,14 +130,14 @@ def _ring(count: int) -> Case:
 
 
 def _ring_band(count: int) -> tuple[float, float]:
-    """Return the band of the mean speed of ``count`` people in the ring [m/s]."""
+    """Return the band of the mean speed of ``count`` people in the ring [m/s], interpolated between FILE_SPEEDS."""
     density, least, most = np.array(FILE_SPEEDS).T
     at = count / _RING
     return float(np.interp(at, density, least)), float(np.interp(at, density, most))
 
 
 def _split(near: float) -> Case:
-    """Return the room with two exits: those nearest to the near one, a share ``near`` of the people, leave there."""
+    """Return the room with two exits: the share ``near`` of the people, those nearest to the near exit, leave there."""
     border = 0.5 + 14.5 * near  # people start from x = 0.5 to 15 m, as dense on both sides of the border
     counts = round(300 * near), 300 - round(300 * near)
     starts = (0.5, border), (border, 15.0)
@@ -147,7 +147,7 @@ def _split(near: float) -> Case:
 
 
 def _counterflow(count: int) -> Case:
-    """Return the corridor with ``count`` people who come the other way; without any, their group has to be missing."""
+    """Return the corridor with ``count`` people who come the other way; for 0, a scenario without their group."""
     if count == 0:
         return Case("none against", "imo_08_one_way")
     return Case(f"{count} against", "imo_08_both_ways", (f"agents.1.count={count}",))

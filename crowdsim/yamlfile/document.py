@@ -88,7 +88,10 @@ class Document:
     complete: bool = False
 
     def position(self, path: Path, of_key: bool = False) -> Position:
-        """Return the position of the value (or key) at ``path``, or of the closest enclosing entry that exists."""
+        """Return the position of the value at ``path``, or of the closest enclosing entry that exists.
+
+        With ``of_key``, return the position of its key, if that is known.
+        """
         if of_key and path in self.keys:
             return self.keys[path]
         while path and path not in self.values:
@@ -96,7 +99,7 @@ class Document:
         return self.values.get(path, Position(self.file, 1, 1))
 
     def problem(self, path: Path, message: str, of_key: bool = False) -> Problem:
-        """Return a problem with the entry at ``path``, with its position."""
+        """Return a problem with the entry at ``path``, with the position of its value, or of its key if ``of_key``."""
         position = self.position(path, of_key)
         return Problem(position.file, position.line, position.column, dotted(path), message)
 
@@ -107,7 +110,7 @@ def dotted(path: Path) -> str:
 
 
 def shorten(text: str, limit: int = 60) -> str:
-    """Return the text on one printable line of at most ``limit`` characters."""
+    """Return the text on one printable line of at most ``limit`` characters, cut off with ``...`` if necessary."""
     line = " ".join(text.encode("utf-8", "replace").decode("utf-8").split())
     line = "".join(letter if letter.isprintable() else "?" for letter in line)
     return line if len(line) <= limit else line[: limit - 3] + "..."
@@ -130,7 +133,7 @@ def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
     try:
         return data.decode("utf-8"), []
     except UnicodeDecodeError as error:
-        # A file that is too long may be cut within a character; it is refused for its length.
+        # A file that is too long may be cut within a character; let read_document refuse it for its length.
         if len(data) > MAX_BYTES:
             return data.decode("utf-8", "replace"), []
         lines = data[: error.start].decode("utf-8").split("\n")
@@ -139,7 +142,10 @@ def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
 
 
 def read_document(text: str, file: str) -> tuple[Document, list[Problem]]:
-    """Read one YAML document; return everything that could be read, and what is wrong."""
+    """Read one YAML document; return everything that could be read, and what is wrong.
+
+    ``file`` is its name in messages. After a syntax error nothing more is read, and the document is not ``complete``.
+    """
     if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
         message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; is it the right file?"
         return Document(file), [Problem(file, 1, 1, "", message)]
@@ -152,7 +158,7 @@ def read_document(text: str, file: str) -> tuple[Document, list[Problem]]:
 
 
 class _Stop(Exception):
-    """Raised if the parser cannot go on."""
+    """Raised if the parser cannot go on; line and column count from 1."""
 
     def __init__(self, line: int, column: int, message: str) -> None:
         super().__init__(message)
@@ -174,6 +180,7 @@ def _events(text: str) -> Iterator[Event]:
                 line, column = mark.line + 1, mark.column + 1
             raise _Stop(line, column, _syntax_message(error)) from None
         except YAMLError as error:
+            # A character that YAML does not allow: the error has an offset in the text, not a line.
             offset = getattr(error, "position", None)
             if isinstance(offset, int):
                 line, column = text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)
@@ -196,7 +203,10 @@ def _syntax_message(error: MarkedYAMLError) -> str:
 
 
 class _Reader:
-    """Builds values from events by recursive descent, no deeper than :data:`MAX_DEPTH`."""
+    """Builds values from events by recursive descent, no deeper than :data:`MAX_DEPTH`.
+
+    ``path`` in methods is the path of the value that is read.
+    """
 
     def __init__(self, events: Iterator[Event], file: str) -> None:
         self.events = events
@@ -204,7 +214,7 @@ class _Reader:
         self.problems: list[Problem] = []
 
     def read(self) -> None:
-        """Read all events; a second document is refused. Without any, the value stays None."""
+        """Read all events; refuse a second document. If the text holds no document, the value stays None."""
         documents = 0
         for event in self.events:
             if isinstance(event, DocumentStartEvent):
@@ -217,7 +227,10 @@ class _Reader:
         self.document.complete = True
 
     def _value(self, event: Event, path: Path) -> Any:
-        """Return the value that begins with ``event``, and record its position."""
+        """Return the value that begins with ``event``, and record its position, and the problem if there is one.
+
+        Raise _Stop if it is nested deeper than MAX_DEPTH.
+        """
         self.document.values[path] = Position(self.document.file, *_spot(event))
         value: Any = None
         complaint = _complaint(event)
@@ -236,13 +249,18 @@ class _Reader:
         return value
 
     def _list(self, path: Path) -> list[Any]:
+        """Read a list up to its end; its start has been read."""
         values: list[Any] = []
         while not isinstance(event := next(self.events), SequenceEndEvent):
             values.append(self._value(event, (*path, len(values))))
         return values
 
     def _mapping(self, path: Path) -> dict[str, Any]:
-        """Read a mapping up to its end; note where keys stand, and as problems keys that are doubled or no words."""
+        """Read a mapping up to its end; its start has been read. Record the positions of its keys.
+
+        Keys that are given twice, are no words or are not allowed are problems; of the same keys, the first value
+        counts.
+        """
         values: dict[str, Any] = {}
         while not isinstance(event := next(self.events), MappingEndEvent):
             position = Position(self.document.file, *_spot(event))
@@ -278,6 +296,7 @@ class _Reader:
 
 
 def _spot(event: Event) -> tuple[int, int]:
+    """Return line and column at which an event begins, both from 1."""
     return event.start_mark.line + 1, event.start_mark.column + 1
 
 
@@ -298,7 +317,10 @@ def _complaint(event: Event) -> str | None:
 
 
 def _scalar(event: ScalarEvent) -> Any:
-    """Return the value of a scalar by the core schema; quoted and block scalars are text."""
+    """Return the value of a scalar by the core schema; quoted and block scalars are text.
+
+    Raise ValueError for an integer of more than _MAX_DIGITS characters.
+    """
     text: str = event.value
     if not event.implicit[0]:
         return text

@@ -15,6 +15,7 @@ from pydantic_core import ErrorDetails
 from crowdsim.errors import Problem
 from crowdsim.yamlfile.document import Document, Path, shorten
 
+# By pydantic's kind of error: the name of the bound in its context, and the words for a message.
 _BOUNDS = {
     "greater_than_equal": ("ge", "at least"),
     "greater_than": ("gt", "greater than"),
@@ -24,7 +25,11 @@ _BOUNDS = {
 
 
 def schema_problems(error: ValidationError, document: Document, model: type[BaseModel]) -> list[Problem]:
-    """Return the problems of ``error`` with the values of ``document``; ``model`` is the schema of the document."""
+    """Return the problems of ``error``, with the positions of their entries in ``document``.
+
+    ``model`` is the schema of the document. Errors that follow from a broken entry, or from another error, are left
+    out.
+    """
     problems = []
     for detail in error.errors(include_url=False):
         path: Path = detail["loc"]
@@ -39,7 +44,10 @@ def schema_problems(error: ValidationError, document: Document, model: type[Base
 
 
 def nearest(word: str, names: Iterable[str], otherwise: str) -> str:
-    """Return ``did you mean 'x'?`` with the most similar of ``names``, else ``otherwise`` followed by all names."""
+    """Return ``did you mean 'x'?`` with the most similar of ``names``.
+
+    If none is similar, return ``otherwise`` followed by all names.
+    """
     names = list(names)
     close = difflib.get_close_matches(word[:80].lower(), names, n=1)
     return f"did you mean '{close[0]}'?" if close else f"{otherwise}: {', '.join(names) or 'none'}"
@@ -47,6 +55,7 @@ def nearest(word: str, names: Iterable[str], otherwise: str) -> str:
 
 def _follows_from_another(detail: ErrorDetails) -> bool:
     """Return whether an error only repeats that a list has bad items, or names a second missing item of a list."""
+    # Pydantic counts good items only: the list as given may be long enough.
     if detail["type"] == "too_short":
         return bool(len(detail["input"]) >= detail["ctx"]["min_length"])
     last = detail["loc"][-1] if detail["loc"] else None
@@ -84,7 +93,10 @@ def _message(detail: ErrorDetails, path: Path, model: type[BaseModel]) -> str:
 
 
 def _type_message(kind: str, value: Any, annotation: Any) -> str:
-    """Return what was expected at a value of the wrong type, and what stands there."""
+    """Return what was expected at a value of the wrong type, and what stands there.
+
+    ``kind`` is pydantic's kind of error, ``annotation`` the type that the schema requires.
+    """
     got = _describe(value)
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"expected a mapping with keys among {', '.join(_keys(annotation))}, got {got}"
@@ -105,6 +117,7 @@ def _type_message(kind: str, value: Any, annotation: Any) -> str:
 
 
 def _literal_message(value: Any, expected: str) -> str:
+    """Return a message on a value that is none of those ``expected``, as pydantic lists them in quotes."""
     names = re.findall(r"'([^']*)'", expected)
     if isinstance(value, str) and names:
         return f"unknown value '{shorten(value)}'; {nearest(value, names, 'the values here are')}"
@@ -112,7 +125,10 @@ def _literal_message(value: Any, expected: str) -> str:
 
 
 def _wanted_list(annotation: Any, context: dict[str, Any]) -> str:
-    """Return in words how long a list is to be."""
+    """Return in words how long a list must be: by the type of a tuple of fixed length, else by the bound exceeded.
+
+    ``annotation`` is the type that the schema requires, ``context`` the context of pydantic's error, with the bound.
+    """
     arguments = typing.get_args(_bare(annotation))
     if arguments and arguments[-1] is not Ellipsis:
         return f"a list of {len(arguments)} numbers"
@@ -146,7 +162,7 @@ def _bare(annotation: Any) -> Any:
 
 
 def _annotation(model: type[BaseModel], path: Path) -> Any:
-    """Return the type that the schema requires at ``path``."""
+    """Return the type that the schema ``model`` requires at ``path``, as :func:`_bare` gives it."""
     annotation: Any = model
     for part in path:
         annotation = _bare(annotation)
@@ -163,5 +179,6 @@ def _annotation(model: type[BaseModel], path: Path) -> Any:
 
 
 def _keys(annotation: Any) -> list[str]:
+    """Return the keys of a model as a file has them; none for other types."""
     fields = getattr(annotation, "model_fields", {})
     return [field.alias or name for name, field in fields.items()]

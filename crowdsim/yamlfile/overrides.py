@@ -13,8 +13,8 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> list[Proble
     """Write each override, such as ``agents.0.count=4``, into the document, in order; return what is wrong with them.
 
     The value is YAML, so that ``floor={rectangle: [0, 0, 4, 4]}`` works. Absent keys are added (the schema later
-    decides whether they are allowed), list entries are not. Problems that the schema finds with a value are reported at
-    ``--set path`` instead of the file.
+    decides whether they are allowed); absent list entries are not, but a problem. Problems that the schema finds with a
+    value are reported at ``--set path`` instead of the file.
     """
     problems = []
     for override in overrides:
@@ -36,10 +36,12 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> list[Proble
 
 
 def _write(document: Document, parts: list[str], value: Document, position: Position) -> str | None:
-    """Set the entry at ``parts`` to ``value``, all at ``position``; return what is wrong, None if nothing is.
+    """Set the entry of a document at the path ``parts`` to ``value``; return what is wrong, None if nothing is.
 
-    Mappings that are missing on the way are made; list entries must be there.
+    Mappings that are missing on the way are made; list entries must be there. ``position`` becomes the position of the
+    entry and of all in it.
     """
+    # The file is empty.
     if document.value is None:
         document.value = {}
     container: Any = document.value

@@ -13,7 +13,7 @@ _WIDTH = 100
 """Column after which lines are broken [characters]."""
 
 _PLAIN = re.compile(r"[^\W\d_](?:[\w./-]| (?=[\w./-]))*")
-"""Text that is written without quotes, unless it is a word such as ``true``. YAML cannot read it as anything else."""
+"""Text that is written without quotes, unless it is a word such as ``true``: YAML can read it as text only."""
 
 
 class _Representer(SafeRepresenter):

@@ -37,7 +37,11 @@ def measure(
     levels: tuple[int, ...] = LEVELS,
     mixed: int = MIXED,
 ) -> Measurement:
-    """Time crowds of many sizes; ``rvo2`` is a folder with the sources of RVO2."""
+    """Time steered, captured and mixed crowds of many sizes.
+
+    ``rvo2`` is a folder with the sources of RVO2, or None. ``crowds``, ``levels`` and ``mixed`` are as CROWDS, LEVELS
+    and MIXED.
+    """
     rows: list[dict[str, Any]] = []
     figures = {"frames_a_second": round(frames_a_second(SIMULATED, POSED), 1)}
     with tempfile.TemporaryDirectory() as folder:
@@ -49,6 +53,6 @@ def measure(
                 if key not in ("agents", "density") and value is not None:
                     figures[f"{agents}_at_{density:g}_{key}"] = float(value)
         found = level_figures(levels, mixed, Path(folder))
-    # Endings of the names of those figures that are shown below the table.
+    # The figures of captured and mixed crowds whose names end in these are shown below the table.
     shown = ("choose_ms", "search_ms", "whole_ms", "steps_a_second", "admitted_in_second", "times_a_tenfold")
     return Measurement(rows, figures | found, ("frames_a_second", *(name for name in found if name.endswith(shown))))

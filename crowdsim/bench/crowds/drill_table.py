@@ -46,8 +46,11 @@ KEYS = (
     *("drill", "runs", "failed", "missing", "last_s", "last_s_median", "flow_per_m", "flow_per_m_least"),
     *("speed", "speed_least", "speed_most", "overtaken", "acceleration_p95"),
 )
-"""Columns of the table. ``failed``: runs that miss their bar. ``overtaken``: overtakings in single file, over all
-runs."""
+"""Columns of the table. ``failed``: runs that miss their bar. ``missing``: agents that do not arrive, in all runs.
+``last_s``: last arrival [s], the latest and the median of the runs. ``flow_per_m``: flow per meter of a bottleneck
+[1/(m s)], ``speed`` in corridors [m/s]: medians of the runs, with the least and the greatest. ``overtaken``: number of
+overtakings in single file, in all runs. ``acceleration_p95``: 95 % quantile of accelerations, the largest of the runs
+[m/s2]."""
 
 
 def measure() -> Measurement:
@@ -64,13 +67,13 @@ def measure() -> Measurement:
 
 
 def _row(drill: str, failed: Sequence[bool], **columns: float) -> dict[str, Any]:
-    """Return a row of the table; columns without meaning for a drill stay empty."""
+    """Return a row of the table, with ``failed`` by run; columns without meaning for a drill are None."""
     row: dict[str, Any] = dict.fromkeys(KEYS)
     return row | {"drill": drill, "runs": len(failed), "failed": sum(failed)} | columns
 
 
 def _arrivals(results: Sequence[DrillResult]) -> dict[str, float]:
-    """Return how many are missing in all runs, their last arrival and its median [s], and the largest acceleration."""
+    """Return the columns ``missing``, ``last_s``, ``last_s_median`` and ``acceleration_p95``, see KEYS."""
     last = [_last(result) for result in results]
     return {
         "missing": int(sum(np.isnan(result.arrived).sum() for result in results)),
@@ -86,6 +89,7 @@ def _last(result: DrillResult) -> float:
 
 
 def _is_late(result: DrillResult, seconds: float) -> bool:
+    """Return whether an agent did not arrive, or arrived after ``seconds``."""
     return bool(np.isnan(result.arrived).any()) or _last(result) > seconds
 
 
@@ -96,7 +100,10 @@ def _walked(drill: Drill, seconds: float) -> dict[str, Any]:
 
 
 def _bottleneck(drill: Drill, width: float) -> dict[str, Any]:
-    """Return the row of a drill through a gap of ``width`` [m]: flows per meter over all seeds, and arrivals."""
+    """Return the row of a drill through a gap of ``width`` [m].
+
+    A run fails if an agent does not arrive in time, or if its flow per meter is below LEAST_FLOW.
+    """
     results = [run_drill(drill, seed) for seed in SEEDS]
     flows = [result.flow() / width for result in results]
     failed = [_is_late(result, drill.seconds) or flow < LEAST_FLOW for result, flow in zip(results, flows, strict=True)]
@@ -112,14 +119,17 @@ def _circle(count: int, most: float) -> dict[str, Any]:
 
 
 def _endless(density: float, both_ways: bool) -> dict[str, Any]:
-    """Return the row of an endless corridor at a density [1/m2], whose mean speed must lie in its band."""
+    """Return the row of an endless corridor, whose mean speed must lie in its band.
+
+    ``density`` [1/m2] is one of BOTH_WAYS if half of the people walk each way, else one of ONE_WAY.
+    """
     results = [run_endless(density, seed, both_ways=both_ways) for seed in SEEDS]
     band = (BOTH_WAYS[density], np.inf) if both_ways else ONE_WAY[density]
     return _measured(f"{'both ways' if both_ways else 'one way'} at {density:g} /m2", results, band)
 
 
 def _single_file(density: float, width: float) -> dict[str, Any]:
-    """Return the row of people in single file at a density [1/m] in a corridor of ``width`` [m]."""
+    """Return the row of people in single file at a density [1/m], one of BANDS, in a corridor of ``width`` [m]."""
     results = [run_single_file(density, width, seed) for seed in SEEDS]
     name = f"single file in {width:g} m at {density:g} /m (RiMEA 16)"
     overtaken = sum(result.overtaken for result in results)
@@ -127,7 +137,7 @@ def _single_file(density: float, width: float) -> dict[str, Any]:
 
 
 def _measured(name: str, results: Sequence[EndlessResult], band: tuple[float, float]) -> dict[str, Any]:
-    """Return a row of speeds in endless corridors, which fail outside of the band [m/s]."""
+    """Return a row of speeds in endless corridors; a run fails if its speed is outside of the band [m/s]."""
     speeds = [result.speed for result in results]
     return _row(
         name,

@@ -46,9 +46,11 @@ THERE = 0.3
 """Distance from its goal at which an agent of a circle has arrived [m]."""
 
 State = NDArray[Any]
-"""Agents, ROW[n]."""
+"""Agents, ROW[n]: records of :data:`crowdsim.steering.row_kernels.ROW`."""
 Guide: TypeAlias = Callable[[State], None]
-"""Function that sets gx, gy and togo of all agents, togo to 0 if they have arrived, and may set turn and held."""
+"""Function that sets the fields gx, gy and togo of all rows, togo to 0 for agents that have arrived.
+
+It may also set turn and held."""
 
 
 @cache
@@ -88,7 +90,7 @@ class DrillResult:
     acceleration: float
 
     def flow(self) -> float:
-        """Return the flow of arrivals [1/s], as of lines; 0 for fewer than 20."""
+        """Return the flow of arrivals [1/s], as :func:`~crowdsim.recording.measured.flow_of`; 0 if it gives none."""
         return flow_of(np.sort(self.arrived[np.isfinite(self.arrived)])) or 0.0
 
 
@@ -120,7 +122,7 @@ def bottleneck(width: float) -> Drill:
 
 
 def crossing(each: int) -> Drill:
-    """Return two crossing corridors, 4 m wide, walked in all four directions, by ``each`` people in each."""
+    """Return two crossing corridors, 4 m wide, which ``each`` people walk in each of the four directions."""
     area = union_all([box(-14, -2, 14, 2), box(-2, -14, 2, 14)])
     east, west = box(12, -1.7, 13.7, 1.7), box(-13.7, -1.7, -12, 1.7)
     north, south = box(-1.7, 12, 1.7, 13.7), box(-1.7, -13.7, 1.7, -12)
@@ -139,9 +141,9 @@ def run_drill(drill: Drill, seed: int, *, rules: Rules | None = None, threads: i
 
 
 def run_from(drill: Drill, state: State, *, rules: Rules | None = None, threads: int = 1) -> DrillResult:
-    """Run a drill from a state, in which a row's goal is the index of its group and its id the index of the row.
+    """Run a drill from a state, in which a row's ``goal`` is the index of its group and its ``id`` that of the row.
 
-    ``state`` is changed.
+    ``state`` is changed, see :func:`walk`.
     """
     need, asked = _needs()
     segments = outline_segments(drill.area)
@@ -189,7 +191,8 @@ def walk(
     """Step agents until all have arrived, for at most ``seconds``; an agent that has arrived leaves.
 
     ``guide`` is called before each step: it sets ``gx``, ``gy`` and ``togo`` of all rows, the latter to 0 for those
-    that have arrived. The ``id`` of a row is its index in ``state``, which is changed until the first agent leaves.
+    that have arrived. The ``id`` of a row is its index in ``state``. That array is changed in place until the first
+    agent leaves; then a copy of the rest goes on.
     """
     arrived = np.full(len(state), np.nan)
     changes = []
@@ -209,7 +212,10 @@ def walk(
 
 
 def circle_state(count: int, seed: int) -> State:
-    """Return agents on a circle, facing the opposite points, each with a goal of its own."""
+    """Return agents CIRCLE_SPACING apart on a circle around (0, 0), facing the opposite points.
+
+    Each has a goal of its own. The seed moves them along the circle by up to a tenth of the spacing.
+    """
     rng = np.random.default_rng(seed)
     radius = CIRCLE_SPACING * count / (2.0 * math.pi)
     angles = 2.0 * math.pi * (np.arange(count) + rng.uniform(-0.1, 0.1, count)) / count
@@ -236,7 +242,8 @@ def make_agents(
 ) -> State:
     """Return agents of usual breadth and speed at ``places`` (n, 2) [m], facing along ``facing`` (n, 2), of any length.
 
-    They stand, with ids 0 to n - 1; where they are guided (``gx``, ``gy``, ``togo``) is left to the caller.
+    ``goals`` (n,) are numbers of goals. Agents stand, with ids 0 to n - 1; their guidance (``gx``, ``gy``, ``togo``) is
+    left to the caller.
     """
     count = len(places)
     state = np.zeros(count, ROW)
@@ -258,7 +265,8 @@ def scatter(
 ) -> NDArray[np.float64]:
     """Return random places (count, 2) in a rectangle (x0, y0, x1, y1), at least ``apart`` from each other [m].
 
-    Raise ValueError if they find no room. Cells are 1 m wide, so ``apart`` is at most that.
+    ``apart`` must be 1 m at most, the width of the cells in which neighbors are looked up. Raise ValueError if 2000
+    draws for each place do not give all of them.
     """
     cells: dict[tuple[int, int], list[NDArray[np.float64]]] = {}
     found: list[NDArray[np.float64]] = []

@@ -106,7 +106,10 @@ def with_copies(state: NDArray[Any], length: float = LENGTH) -> NDArray[Any]:
 
 
 def shift(state: NDArray[Any], by: float | NDArray[np.float64]) -> None:
-    """Move agents (ROW[n]) in place, ``by`` meters along +x, with their keys: those farther along have priority."""
+    """Move agents (ROW[n]) in place along +x, by a number or by (n,) [m].
+
+    Their ``key`` is the way left: it changes with the place, so that those farther along keep their priority.
+    """
     state["x"] += by
     state["key"] -= state["gx"] * by
 

@@ -63,7 +63,7 @@ _LEGS = (6.0, 12.0)  # meters
 
 
 def captured_square(agents: int, seed: int = 1) -> tuple[Scenario, Placement]:
-    """Return an open square with ``agents`` captured agents that walk to and fro endlessly."""
+    """Return an open square, and the cast of ``agents`` captured agents who walk to and fro on it endlessly."""
     rng = np.random.default_rng(seed)
     side = math.sqrt(agents / DENSITY)
     across = math.ceil(math.sqrt(agents))
@@ -89,7 +89,7 @@ def captured_square(agents: int, seed: int = 1) -> tuple[Scenario, Placement]:
 
 
 def _place_off(rng: np.random.Generator, start: NDArray[np.float64], side: float) -> NDArray[np.float64]:
-    """Return a place on the square 6 to 12 m away."""
+    """Return a random place (2,) on a square of ``side`` [m], 6 to 12 m from ``start`` and not near the edge."""
     while True:
         angle, leg = rng.uniform(-math.pi, math.pi), rng.uniform(*_LEGS)
         place: NDArray[np.float64] = start + leg * np.array([math.cos(angle), math.sin(angle)])
@@ -98,10 +98,14 @@ def _place_off(rng: np.random.Generator, start: NDArray[np.float64], side: float
 
 
 def staged_step(crowd: CapturedCrowd, writer: RecordingWriter | None = None) -> list[float]:
-    """Take a step to the same state as the crowd itself does; return the processor time of each of STAGES [s]."""
+    """Take a step to the same state as the crowd itself does; return the processor time of each of STAGES [s].
+
+    Each call of ``mark`` ends a stage, in their order. The step is recorded if there is a ``writer``.
+    """
     marks = [time.process_time()]
 
     def mark() -> None:
+        """Note the end of a stage."""
         marks.append(time.process_time())
 
     view = crowd.world.view()
@@ -176,7 +180,10 @@ def captured_row(agents: int, folder: Path) -> dict[str, Any]:
 
 
 def mixed_row(agents: int) -> dict[str, Any]:
-    """Return wall-clock milliseconds per step of ``agents`` auto agents on a square, and the share captured."""
+    """Return wall-clock milliseconds per step of ``agents`` auto agents on a square, and the share captured at the end.
+
+    The first STEPS steps are not timed.
+    """
     scenario = parse_scenario(square_scenario(agents, DENSITY).replace("steered", "auto"))
     crowd = MixedCrowd(scenario, 2, None)
     times = []
@@ -201,7 +208,8 @@ def mixed_row(agents: int) -> dict[str, Any]:
 def level_figures(levels: tuple[int, ...], mixed: int, folder: Path) -> dict[str, float]:
     """Return figures by name, such as ``captured_3000_choose_ms`` and ``mixed_3000_whole_ms``.
 
-    ``times_a_tenfold`` is the growth of a step's time per tenfold number of agents, between two crowds.
+    ``times_a_tenfold`` is the factor by which a step's time grows with ten times as many agents, derived from two
+    successive numbers of ``levels``, which ascend.
     """
     figures: dict[str, float] = {}
     rows = [captured_row(agents, folder) for agents in levels]

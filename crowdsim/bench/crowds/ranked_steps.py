@@ -19,7 +19,7 @@ from crowdsim.crowd.simulation import Simulation
 from crowdsim.scenario.loader import load_scenario
 
 _SETTLES = 3
-"""Number of steps at the beginning that are not counted, in which everybody enters."""
+"""Number of steps at the beginning that are not counted, in which all agents enter."""
 
 
 class CountedCalls:
@@ -41,6 +41,7 @@ class CountedCalls:
         called = getattr(self._comm, name)
 
         def counted(*arguments: Any, **named: Any) -> Any:
+            """Call the method, and add its CPU time to that inside of calls."""
             begin = time.process_time()
             try:
                 return called(*arguments, **named)
@@ -53,11 +54,12 @@ class CountedCalls:
 def main(scenario: str) -> None:
     """Run the scenario on all processes, as ``crowdsim run`` does; rank 0 prints times and the state hash as JSON.
 
-    ``step_ms`` is the median of a step. ``run_ms`` is the time of a step from the first one counted until the recording
-    is written, which several processes join of their parts at the end. ``work_ms`` is the CPU time of the busiest
-    process in the same time, without its calls of MPI's communicator: on a busy machine it says more than times of a
-    clock. ``exchange_ms`` is the median time of the exchange of ghosts in rank 0, ``sent_kb`` what the process that
-    sends most sends in a step, a mean. The first steps count in none of these.
+    ``step_ms`` is the median time of a step. ``run_ms`` is a mean: the time from the first step counted until the
+    recording is written, divided by the number of steps; several processes join the recording from their parts at the
+    end. ``work_ms`` is the CPU time of the busiest process over the same time, divided in the same way, without its
+    calls of MPI's communicator: on a busy machine it says more than times of a clock. ``exchange_ms`` is the median
+    time of the exchange of ghosts in rank 0, ``sent_kb`` the mean of what the process that sends most sends in a step
+    [kB]. The first _SETTLES steps count in none of these.
     """
     comm = CountedCalls(world_of_ranks())
     loaded = load_scenario(scenario)

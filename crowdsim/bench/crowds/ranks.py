@@ -133,7 +133,8 @@ def measure(count: int = COUNT, seconds: float = 12.0, rounds: int = 3) -> Measu
     figures["step_speed_up_of_two"] = round(times[1]["step_ms"] / times[2]["step_ms"], 2)
     figures["speed_up_of_two"] = round(one / two, 2)
     figures["work_speed_up_of_two"] = round(times[1]["work_ms"] / times[2]["work_ms"], 2)
-    # run_ms, a step with its part of the writing, is whole + divided on one process, whole + divided / 2 on two.
+    # run_ms, a step with its part of the writing, is whole + divided on one process, whole + divided / 2 on two. In
+    # noisy times the difference may be negative, which has no meaning.
     whole = max(2.0 * two - one, 0.0)
     # What each process does again grows with the whole crowd, what the regions share stays the same.
     unknown = {
@@ -181,7 +182,7 @@ def _compare(mpiexec: str, folder: str, count: int, seconds: float) -> int:
 
 
 def _run(mpiexec: str, number: int, folder: str, file: str = "square.yaml") -> dict[str, Any]:
-    """Return the figures of one run on ``number`` processes."""
+    """Return the figures of one run of the scenario ``file`` in ``folder`` on ``number`` processes."""
     command = [mpiexec, "-n", str(number), sys.executable, "-m", "crowdsim.bench.crowds.ranked_steps", file]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     if done.returncode:

@@ -72,7 +72,10 @@ class AroundResult:
         return float(self.short.arrived.mean()), float(self.corner.arrived.mean()), float(self.long.arrived.mean())
 
     def lies_between(self) -> bool:
-        """Return whether all arrive, and the corner takes a time between those of the short and the long corridor."""
+        """Return whether all arrive, and the corner is between the short and the long corridor.
+
+        This must hold for the last arrival and for the mean arrival time.
+        """
         return all(short < corner < long for short, corner, long in (self.lasts(), self.means()))
 
 
@@ -99,6 +102,7 @@ def around_corner() -> Drill:
 
 
 def _drill(name: str, parts: list[Polygon], goal: Polygon) -> Drill:
+    """Return a drill in the union of ``parts``, whose people start in the first START meters and go to ``goal``."""
     return Drill(name, union_all(parts), (Group(COUNT, (0.0, 0.0, START, WIDTH), goal),), SECONDS)
 
 

@@ -29,8 +29,8 @@ STEPS = 60
 def frames_a_second(simulated: int, posed: int) -> float:
     """Return frames per second of ``simulated`` agents at 0.25 /m2, with ``posed`` bodies posed in every frame.
 
-    One thread steps the crowd while another poses bodies. Each step has FRAMES_A_STEP frames, so the goal is 30.
-    Drawing is not included.
+    One thread steps the crowd while another poses bodies, FRAMES_A_STEP times in each step. From 30 frames per second
+    on, both keep up with real time. Drawing is not included.
     """
     clips = gait_clips(load_behavior_set(("lateral", "arm_constrained", "frontal"), [(0.0, 2.0)]))
     clip = deform_clip(clips[-1])
@@ -52,7 +52,7 @@ def frames_a_second(simulated: int, posed: int) -> float:
 
 
 def _show(bodies: LiveBodies, clip: DeformedClip, samples: NDArray[np.float64]) -> None:
-    """Take in a step, and pose all bodies for the frames up to the next one."""
+    """Take in the ``samples`` (n, 4) of a step, see :func:`_samples`, and pose all bodies for its frames."""
     bodies.add(samples)
     for frame in range(FRAMES_A_STEP):
         roots, rotations = bodies.pose(frame / FRAMES_A_STEP / STEERING_RATE)

@@ -39,7 +39,7 @@ WINDOW = 10.0
 
 
 def measure(minutes: float = MINUTES) -> Measurement:
-    """Run the plaza for ``minutes`` of simulated time; raise CrowdSimError below LEAST or above a day."""
+    """Run the plaza for ``minutes`` of simulated time; raise CrowdSimError if they are below LEAST or above a day."""
     if not LEAST <= minutes <= 24.0 * 60.0:
         raise CrowdSimError(f"a soak of {minutes:g} minutes is too short or too long; give {LEAST:g} to 1440")
     scenario = plaza(60.0 * minutes)
@@ -119,10 +119,13 @@ class Samples:
             self.cpu.append((used - self._used) / self._each)
             self._used = used
             self._steps.clear()
-        self._ended = time.perf_counter()
+        self._ended = time.perf_counter()  # not `now`: sampling is no part of the next step
 
     def slopes(self) -> tuple[float, float, float]:
-        """Return the relative growth of memory, step time and its CPU time while sources are active and settled."""
+        """Return the growth, as of :func:`growth`, of memory, step time and CPU time of a step.
+
+        Windows before SETTLES, and those of the last EMPTIES seconds, do not count.
+        """
         first = round(SETTLES * len(self.memory))
         last = len(self.memory) - round(EMPTIES / WINDOW)
         memory, seconds, cpu = (growth(np.array(each[first:last])) for each in (self.memory, self.seconds, self.cpu))
@@ -130,7 +133,7 @@ class Samples:
 
 
 def growth(values: NDArray[np.float64]) -> float:
-    """Return how much evenly spaced ``values`` (n,) grow from first to last, as a share of their median; 0 of one.
+    """Return how much evenly spaced ``values`` (n,) grow from first to last, as a share of their median; 0 if n < 2.
 
     The slope is the median over all pairs (Theil-Sen estimator), which outliers do not affect.
     """

@@ -25,9 +25,9 @@ _STAGES = ("sort", "look", "decide", "commit")
 
 
 def step_row(agents: int, density: float, rvo2: Rvo2 | None) -> dict[str, Any]:
-    """Return microseconds per agent and step by stage, with one and two threads, and those of RVO2 if given.
+    """Return microseconds per agent and step at a ``density`` [1/m2]: by stage, and in all with one and two threads.
 
-    Agents have a ``density`` [1/m2].
+    ``rvo2_us`` is the time of RVO2, and ``times_rvo2`` ours on one thread as a multiple of it; None without ``rvo2``.
     """
     steps = min(max(AGENT_STEPS // agents, 12), 200)
     stages = _stage_times(agents, density, steps)
@@ -64,7 +64,7 @@ def open_square(agents: int, density: float, seed: int = 1) -> tuple[State, floa
 def turn_back(state: State, side: float, margin: float = 0.0) -> None:
     """Let agents of a square that are nearer than ``margin`` to its edge, or outside, head for its middle.
 
-    Sets ``gx`` and ``gy`` of their rows. ``side`` is that of the square [m], ``margin`` is in meters.
+    This sets ``gx`` and ``gy`` of their rows. ``side`` is that of the square [m], ``margin`` is in meters.
     """
     low, high = margin, side - margin
     out = (state["x"] < low) | (state["x"] > high) | (state["y"] < low) | (state["y"] > high)
@@ -74,7 +74,7 @@ def turn_back(state: State, side: float, margin: float = 0.0) -> None:
 
 
 def _step_times(agents: int, density: float, steps: int, threads: int) -> float:
-    """Return the median time of a step for each agent [us], agents at a density [1/m2] on an open square."""
+    """Return the median time of a step on an open square at a density [1/m2], divided by the number of agents [us]."""
     state, side = open_square(agents, density)
     walls = build_walls([])
     times = []
@@ -88,7 +88,10 @@ def _step_times(agents: int, density: float, steps: int, threads: int) -> float:
 
 
 def _stage_times(agents: int, density: float, steps: int) -> np.ndarray:
-    """Return the time of each stage for each agent (steps - 3, 4) [us]: sort, look, decide, commit."""
+    """Return the times of sort, look, decide and commit in each step, divided by the number of agents [us].
+
+    The shape is (steps - 3, 4): the first three steps warm up.
+    """
     state, side = open_square(agents, density)
     walls = build_walls([])
     times = []

@@ -43,6 +43,7 @@ def square_scenario(agents: int, density: float, seed: int = 1) -> str:
     A quarter of them starts in each quadrant.
     """
     side = math.sqrt(agents / density)
+    # Goals are strips along the sides, 0.5 m off the edge; starts keep 0.3 m from it.
     deep, far = max(0.05 * side, 2.0), side - 0.5
     west, east = [0.5, 0.5, deep, far], [side - deep, 0.5, far, far]
     south, north = [0.5, 0.5, far, deep], [0.5, side - deep, far, far]

@@ -38,12 +38,12 @@ FINE, REFUSED, ANEW, FAKE = "fine", "refused", "anew", "fake"
 
 
 def edited_mesh(number: int) -> str:
-    """Apply a random sequence of edits to a mesh."""
+    """Apply a random sequence of edits to a mesh; "refused" if one of them was."""
     return REFUSED if edit_at_random(number) else FINE
 
 
 def mutated_scenario(number: int) -> str:
-    """Load and check a built-in scenario with random faults."""
+    """Load and check a built-in scenario with random faults: "fine" or "refused"."""
     from crowdsim.scenario.check import check_scenario
     from crowdsim.scenario.loader import load_scenario
 
@@ -61,7 +61,7 @@ def mutated_scenario(number: int) -> str:
 
 
 def mutated_clip(number: int) -> str:
-    """Read a clip with random faults."""
+    """Read a clip with random faults: "fine" or "refused"."""
     from crowdsim.motion.captures.reader import read_capture
 
     path = _folder() / "clip.bvh"
@@ -76,8 +76,8 @@ def mutated_clip(number: int) -> str:
 def mutated_recording(number: int) -> str:
     """Read all of a recording with random faults.
 
-    Odd numbers damage its bytes: what is read must then be what was written. Even ones change its datasets by HDF5,
-    which removes the checksums of those it writes anew.
+    Odd numbers damage its bytes: all values that can be read must then be those that were written (else "fake"). Even
+    numbers change its datasets by HDF5, which removes the checksums of those it writes anew: other values are "fine".
     """
     rng = np.random.default_rng(number)
     given = number // 2 % len(_recordings())
@@ -96,7 +96,10 @@ def mutated_recording(number: int) -> str:
 
 
 def damaged_map(number: int) -> str:
-    """Request cached motion maps whose file has random faults."""
+    """Request cached motion maps whose file has random faults.
+
+    They must be equal to the undamaged ones (else "fake"); a warning tells that they were made anew.
+    """
     from crowdsim.following.maps.map_file import maps_in_file
 
     graph, folder = _graph(), _folder() / "maps"
@@ -114,7 +117,10 @@ def damaged_map(number: int) -> str:
 
 
 def damaged_kernel(number: int) -> str:
-    """Call a cached kernel whose file has random faults, in a new process."""
+    """Call a cached kernel whose file has random faults, in a new process.
+
+    It must return what the undamaged one does (else "fake"); a warning tells that it was compiled anew.
+    """
     kept = _folder() / "kernels"
     if not kept.exists():
         _call_kernel(kept)
@@ -122,7 +128,7 @@ def damaged_kernel(number: int) -> str:
     shutil.copytree(kept, folder)
     try:
         files = sorted(path for path in folder.rglob("*.nb?"))
-        file = files[number % len(files)]
+        file = files[number % len(files)]  # numba's index (.nbi) or compiled code (.nbc)
         file.write_bytes(mutated(file.read_bytes(), np.random.default_rng(number)))
         done = _call_kernel(folder)
     finally:
@@ -135,7 +141,10 @@ def damaged_kernel(number: int) -> str:
 
 
 def killed_run(number: int) -> str:
-    """Kill a run at a random moment and recover it: every step that it reported must be in the recording."""
+    """Kill a run at a random moment and recover it; "fake" if the recording lacks a step that the run has reported.
+
+    It is also "fake" if a recording that is not complete says that it is.
+    """
     rng = np.random.default_rng(number)
     changes = [f"agents.0.locomotion={('steered', 'captured')[number % 2]}", "agents.0.count=2", f"duration={_SECONDS}"]
     file = _folder() / "killed.h5"
@@ -194,6 +203,7 @@ def _call_kernel(folder: Path) -> subprocess.CompletedProcess[str]:
 
 @cache
 def _graph() -> GraphArrays:
+    """Return the motion graph of the built-in frontal walk."""
     from crowdsim.behaviors.library import load_behavior_set
 
     return load_behavior_set(["frontal"], [(0.1, 2.0)]).graph.arrays
@@ -201,7 +211,7 @@ def _graph() -> GraphArrays:
 
 @cache
 def _recorded(number: int) -> dict[str, tuple[Any, ...]]:
-    """Return all values of an undamaged recording."""
+    """Return all values of recording ``number`` of :func:`_recordings`, undamaged, see :func:`all_values`."""
     path = _folder() / "whole.h5"
     path.write_bytes(_recordings()[number])
     return all_values(path)
@@ -211,7 +221,7 @@ def _recorded(number: int) -> dict[str, tuple[Any, ...]]:
 def _recordings() -> list[bytes]:
     """Return the recordings in the folder RECORDINGS, or short real ones.
 
-    These are of all levels, of two groups with a measured area, and of a changing place.
+    The short ones are of all levels, of two groups with a measured area, and of a changing place.
     """
     given = os.environ.get(RECORDINGS)
     if given:

@@ -27,7 +27,8 @@ _ROOM = 12.0
 def edit_at_random(seed: int, steps: int = STEPS) -> int:
     """Insert, move and remove shapes on one of :data:`GROUNDS`, by ``seed``; return the number of refused edits.
 
-    At the end all shapes are removed in another order. All exceptions of edits except GeometryError are raised.
+    At the end all shapes that are left are removed in random order. Only GeometryError counts as a refusal; other
+    exceptions are not caught.
     """
     rng = np.random.default_rng(seed)
     mesh = NavMesh(_ground(GROUNDS[seed % len(GROUNDS)], rng))
@@ -80,13 +81,16 @@ def _apartment() -> shapely.Polygon | shapely.MultiPolygon:
 
 
 def _shape(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry | NDArray[np.float64]:
-    """Return a random shape of a random kind, on or near features of the mesh."""
+    """Return a random shape of a random kind, on or near features of the mesh.
+
+    It is a geometry, corners (n, 2) or a point (2,) [m].
+    """
     shape: BaseGeometry | NDArray[np.float64] = _SHAPES[int(rng.integers(len(_SHAPES)))](mesh, rng)
     return shape
 
 
 def _places(mesh: NavMesh, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Return places (count, 2) [m]: anywhere, on whole coordinates, at or a few cells beside vertices and edges.
+    """Return random places (count, 2) [m]: anywhere, on whole coordinates, or within a few cells of vertices and edges.
 
     ``cell`` is the side of a grid cell, to which the mesh rounds all coordinates.
     """
@@ -116,22 +120,24 @@ def _corners(mesh: NavMesh, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def _point(mesh: NavMesh, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return a single place (2,) [m]."""
     place: NDArray[np.float64] = _places(mesh, rng, 1)[0]
     return place
 
 
 def _points(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry:
-    """Return two to five points, most of them a few grid cells apart."""
+    """Return two to five points, each within three grid cells of one place along both axes."""
     around = _places(mesh, rng, 1) + float(mesh.arrays.frame["cell"][0]) * rng.integers(-3, 4, (5, 2))
     return shapely.multipoints(around[: int(rng.integers(2, 6))])
 
 
 def _line(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry:
+    """Return a polyline of two to five places; it may cross itself."""
     return shapely.linestrings(_places(mesh, rng, int(rng.integers(2, 6))))
 
 
 def _sliver(mesh: NavMesh, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return a triangle or quadrangle that is only a few grid cells thick."""
+    """Return the corners (3 or 4, 2) [m] of a triangle or quadrangle that is only a few grid cells thick."""
     cell = float(mesh.arrays.frame["cell"][0])
     one, other = _places(mesh, rng, 2)
     middle = one + rng.random() * (other - one) + cell * rng.integers(-3, 4, 2)
@@ -141,11 +147,12 @@ def _sliver(mesh: NavMesh, rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 def _polygon(mesh: NavMesh, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return three to six corners in any order."""
+    """Return three to six corners (n, 2) [m] in any order, so that sides may cross."""
     return _places(mesh, rng, int(rng.integers(3, 7)))
 
 
 def _box(mesh: NavMesh, rng: np.random.Generator) -> BaseGeometry:
+    """Return a box along the axes between two places; it may have no area."""
     one, other = _places(mesh, rng, 2)
     return shapely.box(*np.minimum(one, other), *np.maximum(one, other))
 

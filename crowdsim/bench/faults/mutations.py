@@ -73,13 +73,16 @@ def mutate_parts(path: Path, rng: np.random.Generator) -> None:
 
 
 def _mutate_part(file: h5py.File, name: str, rng: np.random.Generator) -> None:
-    """Damage a dataset: delete it, or change its length, shape, type, content or kind."""
+    """Damage the dataset ``name``: delete it, or change its length, shape, type or content.
+
+    Scalars, texts and empty datasets are not changed but replaced by something else.
+    """
     values = file[name][()]
     kind = int(rng.integers(5))
     if kind == 0:
         del file[name]
         return
-    # Scalars, texts and empty ones are replaced by something of another kind, without the attributes.
+    # The attributes are lost, too.
     if not isinstance(values, np.ndarray) or values.dtype == object or values.size == 0:
         del file[name]
         file[name] = ("nan", 7, [1.5, 2.5], [["a"]])[int(rng.integers(4))]

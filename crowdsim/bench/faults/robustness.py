@@ -40,7 +40,7 @@ def measure() -> Measurement:
 
 
 def _share() -> float:
-    """Return the share of cases to run, in (0, 1], from the environment."""
+    """Return the share of cases to run, in (0, 1], from the environment; raise CrowdSimError for any other value."""
     text = os.environ.get(SHARE, "1")
     try:
         share = float(text)

@@ -57,7 +57,10 @@ Floats = NDArray[np.float64]
 
 
 def walk_auto(drill: Drill, state: Any, watch: Watch | None = None) -> MixedResult:
-    """Walk the people of a state through a drill as auto agents; a row's goal is the index of its group."""
+    """Walk the people of ``state`` (ROW[n], in the order of their groups) through a drill as auto agents.
+
+    A row's ``goal`` is the index of its group.
+    """
     scenario = scenario_of(drill)
     return walk_mixed(scenario, cast_of(scenario, state), watch)
 
@@ -65,7 +68,10 @@ def walk_auto(drill: Drill, state: Any, watch: Watch | None = None) -> MixedResu
 def _row(
     case: str, bar: str, steered: str, auto: str, failed: Sequence[bool], results: Sequence[MixedResult]
 ) -> dict[str, Any]:
-    """Return the row of a case, with the columns KEYS."""
+    """Return the row of a case, with the columns KEYS; the first four are texts.
+
+    ``results`` are those of the auto runs, ``failed`` says of each whether it misses the bar.
+    """
     return {
         "case": case,
         "bar": bar,
@@ -85,6 +91,7 @@ def _last(arrived: Floats) -> float:
 
 
 def _late(arrived: Floats, seconds: float) -> bool:
+    """Return whether an agent did not arrive, or arrived after ``seconds``."""
     return bool(np.isnan(arrived).any()) or _last(arrived) > seconds
 
 
@@ -98,7 +105,7 @@ def walked(drill: Drill, seconds: float) -> dict[str, Any]:
 
 
 def neck(drill: Drill, width: float) -> dict[str, Any]:
-    """Return the row of a bottleneck of ``width`` [m], whose flow per meter must be LEAST_FLOW at least."""
+    """Return the row of a bottleneck of ``width`` [m]: all must arrive, with a flow per meter of LEAST_FLOW or more."""
     results = [walk_auto(drill, draw_agents(drill, seed)) for seed in SEEDS]
     flows = [DrillResult(result.arrived, 0.0).flow() / width for result in results]
     failed = [bool(np.isnan(r.arrived).any()) or flow < LEAST_FLOW for r, flow in zip(results, flows, strict=True)]
@@ -107,14 +114,14 @@ def neck(drill: Drill, width: float) -> dict[str, Any]:
 
 
 def circle(count: int, most: float) -> dict[str, Any]:
-    """Return the row of a circle on which all change sides, in at most ``most`` times the time of a single agent."""
+    """Return the row of a circle on which all change sides; they may take ``most`` times as long as a single agent."""
     results, steered, free = [], [], 0.0
     for seed in SEEDS:
         there, free = run_circle(count, seed)
         steered.append(_last(there.arrived) / free)
         state = circle_state(count, seed)
         state["goal"] = np.arange(count)
-        edge = CIRCLE_SPACING * count / (2.0 * math.pi) + 3.0
+        edge = CIRCLE_SPACING * count / (2.0 * math.pi) + 3.0  # of the floor [m], 3 m outside of the circle
         square = box(-edge, -edge, edge, edge)
         # Only the number of groups matters: ``state`` has the starts, ``goals`` the goals.
         groups = (Group(1, square.bounds, square),) * count

@@ -18,7 +18,7 @@ TIMES = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Times within a step at which gaps are measured, as parts of the step."""
 
 FAR = 1.0
-"""Distance between the centers of two bodies beyond which they are ignored [m]; also the largest gap that is told."""
+"""Distance between the centers of two bodies beyond which they are ignored [m]; also the largest gap returned."""
 
 KINDS = ("steered_steered", "steered_captured", "captured_captured")
 
@@ -47,7 +47,7 @@ class LeastGaps:
         self._before: NDArray[Any] | None = None
 
     def watch(self, _: float, crowd: MixedCrowd) -> None:
-        """Add one step; called after it."""
+        """Measure the step that ``crowd`` has just done; the time, the first argument, is not needed."""
         others = crowd.captured_as_seen()
         rows, captured = crowd.everybody(), len(others.rows)
         # 0 steered, 1 captured: the sum of a pair's is its number in KINDS.
@@ -65,7 +65,11 @@ class LeastGaps:
         self._before = rows
 
     def _bodies(self, rows: NDArray[Any], kind: NDArray[np.int64]) -> None:
-        """Measure all pairs of bodies that are near each other."""
+        """Measure all pairs of bodies that are near each other.
+
+        ``rows`` are ROW[n], records of :mod:`crowdsim.steering.row_kernels`; ``kind`` (n,) is 1 for captured bodies,
+        else 0.
+        """
         pairs = near_pairs(np.column_stack((rows["x"], rows["y"])))
         begin, end = cores(rows)
         radii = rows["radius"]
@@ -75,7 +79,7 @@ class LeastGaps:
             self.gaps[name] = min(self.gaps[name], float(gap.min(initial=FAR)))
 
     def _ways(self, crowd: MixedCrowd) -> None:
-        """Measure captured bodies on their ways as reserved in this step, or in one before."""
+        """Measure pairs of captured bodies on the ways that they have reserved, at TIMES within the step just done."""
         view, step = crowd.captured.world.view(), crowd.step_count - 1
         frames = CAPTURE_RATE // STEERING_RATE
         for part in TIMES:
@@ -95,10 +99,11 @@ class LeastGaps:
             self.reserved = min(self.reserved, float(gap.min(initial=FAR)))
 
     def _ahead(self, steered: NDArray[Any], segments: Floats) -> None:
-        """Measure steered bodies against all later pieces of reserved ways.
+        """Measure ``steered`` bodies (ROW[n]) against all pieces of reserved ways that are still to be walked.
 
-        ``segments`` (k, 5) hold both ends x, y, x, y and the radius [m], enlarged by TRACK_ROOM. The quarter pieces of
-        bent tracks are enlarged by their REST instead: their gaps come out larger, by TRACK_ROOM less REST at most.
+        ``segments`` (k, 5) hold both ends x, y, x, y and the radius [m], enlarged by TRACK_ROOM, which is taken off
+        again. The quarter pieces of bent tracks are enlarged by REST of their sample instead (see
+        :mod:`crowdsim.crowd.state.components`), so that their gaps come out larger by TRACK_ROOM - REST.
         """
         middles = 0.5 * (segments[:, :2] + segments[:, 2:4])
         longest = 0.5 * float(np.hypot(*(segments[:, 2:4] - segments[:, :2]).T).max())
@@ -114,9 +119,10 @@ class LeastGaps:
 
 
 def between(before: NDArray[Any] | None, rows: NDArray[Any], part: float) -> NDArray[Any]:
-    """Return bodies (ROW) interpolated from the rows ``before`` to those one step later; without new ones.
+    """Return the bodies of both steps, interpolated from the rows ``before`` (ROW) to ``rows``, those one step later.
 
-    There are none if ``before`` is None. ``part`` is the share of the step, 0 to 1. Radii are those of the later step.
+    There are none if ``before`` is None. ``part`` is the share of the step, 0 to 1. Of the fields, x, y, hx, hy and
+    half are interpolated; all others are those of the later step.
     """
     if before is None:
         return rows[:0]
@@ -151,7 +157,10 @@ def cores(rows: NDArray[Any]) -> tuple[Floats, Floats]:
 
 
 def core_gaps(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
-    """Return distances (k,) between segments from ``a`` to ``b`` and from ``c`` to ``d``, each (k, 2) [m]."""
+    """Return distances (k,) between segments from ``a`` to ``b`` and from ``c`` to ``d``, each (k, 2) [m].
+
+    Segments that cross have 0; else the distance is the least of an end of one segment from the other segment.
+    """
     ends = [_off(a, c, d), _off(b, c, d), _off(c, a, b), _off(d, a, b)]
     apart = np.minimum.reduce(ends)
     crosses = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
@@ -159,7 +168,7 @@ def core_gaps(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
 
 
 def _off(point: Floats, begin: Floats, end: Floats) -> Floats:
-    """Return distances of points from segments [m]."""
+    """Return distances (k,) of points (k, 2) from segments [m]; a segment may be a point."""
     along = end - begin
     square = np.maximum((along * along).sum(axis=1), 1e-300)
     share = np.clip(((point - begin) * along).sum(axis=1) / square, 0.0, 1.0)
@@ -167,6 +176,6 @@ def _off(point: Floats, begin: Floats, end: Floats) -> Floats:
 
 
 def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
-    """Return twice the signed areas of triangles, positive if a point lies to the left of a line."""
+    """Return twice the signed areas (k,) of triangles [m2], positive if ``point`` lies left of ``begin`` to ``end``."""
     u, v = end - begin, point - begin
     return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])

@@ -45,14 +45,17 @@ BARS = {
 
 
 def times_alone(scenario: Scenario) -> MixedResult:
-    """Walk the same people from and to the same places, each alone in the world."""
+    """Walk the same people from and to the same places, each alone in the world: they start ALONE_SECONDS apart.
+
+    Raise AssertionError if one is still there when the next one starts.
+    """
     cast = place_crowd(scenario)
     steps = round(ALONE_SECONDS * STEERING_RATE)
     alone = cast._replace(start_steps=np.arange(cast.head_count, dtype=np.int64) * steps)
     most = 0
 
     def watch(_: float, crowd: MixedCrowd) -> None:
-        """Note how many are there at once, which must be one."""
+        """Note the largest number of agents that are there at once; the time is not needed."""
         nonlocal most
         most = max(most, len(crowd.everybody()))
 
@@ -63,7 +66,7 @@ def times_alone(scenario: Scenario) -> MixedResult:
 
 
 def share_row(name: str, seed: int) -> dict[str, Any]:
-    """Return the results of a scenario with a seed."""
+    """Return the results of a scenario with a seed; ``failed`` is 1 if an agent does not arrive, or a bar is missed."""
     scenario = load_scenario(name, (f"seed={seed}", f"steps_per_second={STEERING_RATE}"))
     bar = BARS[name]
     result = walk_mixed(scenario)

@@ -53,13 +53,14 @@ class Square:
 
 
 def draw_square(count: int, density: float, seed: int) -> Square:
-    """Return people all over a square, a quarter of them heading for the part of each side straight ahead.
+    """Return people all over a square at a ``density`` [1/m2], about a quarter of them heading for each side.
 
-    No one begins in the strip of its goal side.
+    A goal is the part of the side that is straight ahead. No one begins in the strip of its goal side. Rows are in the
+    order of their goals.
     """
     rng = np.random.default_rng(seed)
     side = math.sqrt(count / density)
-    deep = max(0.05 * side, 1.5)
+    deep = max(0.05 * side, 1.5)  # of the strips with goals along the sides [m]
     places = scatter(rng, count, (OFF_EDGE, OFF_EDGE, side - OFF_EDGE, side - OFF_EDGE), APART)
     ways = np.arange(count) % 4  # east, west, north, south
     ahead = np.where(ways % 2 == 0, side - places[np.arange(count), ways // 2], places[np.arange(count), ways // 2])
@@ -90,7 +91,11 @@ def _strip(piece: int, side: float, deep: float) -> Polygon:
 
 
 def square_row(count: int, density: float, seed: int) -> tuple[dict[str, Any], LeastGaps]:
-    """Return arrivals here and in JuPedSim, and the smallest gaps between bodies."""
+    """Return the row of a square at a density [1/m2], with arrivals here and in JuPedSim, and the smallest gaps here.
+
+    ``failed`` is 1 if an agent is missing here. It is also 1 if all arrive in JuPedSim, and the last one here takes
+    more than SLOWER times as long.
+    """
     square = draw_square(count, density, seed)
     scenario = scenario_of(square.drill, seed)
     gaps = LeastGaps()

@@ -19,7 +19,7 @@ EACH = 30
 
 DENSE_SEEDS = tuple(range(1, 47))
 NORMAL_SEEDS = tuple(range(1, 14))
-"""Seeds of halls with the clutter named so, and of their people. Rules for jams were chosen on those of dense ones."""
+"""Seeds of halls with dense and with normal clutter, and of their people. Rules for jams were chosen on dense ones."""
 
 SECONDS = 400.0
 """Time after which those who have not arrived count as missing [s]."""
@@ -61,7 +61,10 @@ def measure(dense: Sequence[int] = DENSE_SEEDS, normal: Sequence[int] = NORMAL_S
 
 
 def _row(density: str, seeds: Sequence[int], locomotion: str, each: int) -> dict[str, Any]:
-    """Return how many halls are crossed by all, and how many people are missing, of halls of these seeds."""
+    """Return the row of the halls of these seeds: how many are crossed by all, and how many people are missing.
+
+    ``each`` is the number of people in each direction. ``mean_s`` is that of those who arrive [s], nan if none does.
+    """
     missing, means = [], []
     for seed in seeds:
         with Simulation(strewn_hall(density, seed, locomotion, each)) as simulation:

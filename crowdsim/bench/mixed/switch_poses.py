@@ -40,9 +40,11 @@ Floats = NDArray[np.float64]
 
 
 def switch_rows(recording: Recording) -> list[dict[str, float]]:
-    """Return the figures of each switch that is seen, and that the same agent does not follow by another within LATER.
+    """Return the figures of each switch, except those that are not seen or cannot be measured for LATER seconds.
 
-    ``jump`` [m], ``speed`` and ``lift`` [m/s] are those of :func:`beyond_levels`, ``slip`` [m] is the way of a foot
+    Left out are switches that are taken back at the same moment, that their agent follows by another one within LATER,
+    or around which the agent is absent or the recording begins or ends. ``steered`` is 1 for a switch to steered, else
+    0. ``jump`` [m], ``speed`` and ``lift`` [m/s] are those of :func:`beyond_levels`. ``slip`` [m] is the way of a foot
     that the new level has planted, ``own`` [m] that of the same foot on the new level alone.
     """
     found, rate, roles = recording.switches, recording.steps_per_second, recording.header.motion.skeleton.roles
@@ -79,18 +81,20 @@ def switch_rows(recording: Recording) -> list[dict[str, float]]:
 
 
 def _joints(recording: Recording, times: Floats, agent: int, blended: bool) -> Floats:
-    """Return the joints (T, J, 3) of an agent at some times [m]."""
+    """Return the joints (T, J, 3) [m] of an agent at ``times`` (T,) [s], ``blended`` after a switch or not."""
     return np.array([recording.poses_at(float(time), [agent], blended)[0][0] for time in times], np.float64)
 
 
 def beyond_levels(shown: Floats, plain: Floats) -> tuple[float, float, float]:
-    """Return how far a joint moves in a FRAME [m], and how much the velocity of the root changes to the next one [m/s].
+    """Return the largest motion of a joint in a FRAME [m], and change of the root's velocity between two FRAMEs [m/s].
 
-    The change is given along the floor, as that of the track, and along the vertical. All three are what goes beyond
-    the joint's own: that of the old level just before the switch, that of the new level at the time, or anything
-    between the two. ``shown`` and ``plain`` (T, J, 3) are joints with and without the blend, the root first, the switch
-    at row _BEFORE.
+    The change is given twice: along the floor, as that of the track, and along the vertical. Motions and changes that
+    the levels have themselves do not count. So each of the three figures is a distance: that of the value shown from
+    the segment between the old level's value just before the switch and the new level's value at the same time.
+    ``shown`` and ``plain`` (T, J, 3) are joints with and without the blend [m], the root first, the switch at row
+    _BEFORE.
     """
+    # Row k is the motion from picture k to k + 1, so row _BEFORE - 1 is the last one before the switch.
     moved, own = np.diff(shown, axis=0), np.diff(plain, axis=0)
     jump = _beyond(moved[_BEFORE - 1], moved[_BEFORE:], own[_BEFORE:])
     changed, alone = np.diff(moved[:, 0], axis=0), np.diff(own[:, 0], axis=0)
@@ -104,7 +108,10 @@ def beyond_levels(shown: Floats, plain: Floats) -> tuple[float, float, float]:
 
 
 def _beyond(old: Floats, values: Floats, new: Floats) -> Floats:
-    """Return the distance (T, ...) of ``values`` (T, ..., 3) from the lines between ``old`` (..., 3) and ``new``."""
+    """Return the distance (T, ...) of ``values`` (T, ..., 3) from the segments from ``old`` (..., 3) to ``new``.
+
+    ``new`` has the shape of ``values``.
+    """
     values, new = values - old, new - old
     share = np.sum(values * new, axis=-1) / np.maximum(np.sum(new * new, axis=-1), 1e-12)
     away: Floats = np.linalg.norm(values - np.clip(share, 0.0, 1.0)[..., None] * new, axis=-1)
@@ -112,7 +119,7 @@ def _beyond(old: Floats, values: Floats, new: Floats) -> Floats:
 
 
 def planted_feet(balls: Floats) -> NDArray[np.bool_]:
-    """Return which balls of the feet (T, 2, 3) [m] are down and still, (T, 2)."""
+    """Return which balls of the feet (T, 2, 3) [m] are down and still, (T, 2), in pictures FRAME apart."""
     down = balls[..., 2] < balls[..., 2].min(axis=0) + _DOWN
     still = np.linalg.norm(np.diff(balls[..., :2], axis=0), axis=-1) < _STILL * FRAME
     planted = still & down[1:] & down[:-1]
@@ -133,7 +140,10 @@ def largest_slip(balls: Floats, planted: NDArray[np.bool_]) -> float:
 
 
 def run_rows(name: str, seed: int) -> list[dict[str, Any]]:
-    """Return the figures of all switches of a scenario with a seed, to steered and to captured."""
+    """Return two rows for a scenario with a seed: the figures of all switches to steered, and of those to captured.
+
+    Figures are nan if there is no such switch; ``over`` counts switches beyond the bar.
+    """
     scenario = load_scenario(name, (f"seed={seed}",))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "switches.h5"

@@ -50,7 +50,7 @@ class MixedResult:
     captured : float
         Share of the way that was walked captured.
     stood : float
-        Share of the time in which agents were there that they were on the way and slower than 0.1 m/s.
+        Share of their time in the place in which agents were on their way, but slower than 0.1 m/s.
     gap : float
         Smallest gap between bodies [m], at most CENTER_LIMIT.
     agent_steps : int
@@ -66,7 +66,10 @@ class MixedResult:
 
 
 def scenario_of(drill: Drill, seed: int = 1, goals: list[str] | None = None) -> Scenario:
-    """Return a drill as a scenario of auto agents; ``goals`` gives goals as text if they are not polygons."""
+    """Return a drill as a scenario of auto agents.
+
+    ``goals`` are the goals of its groups as YAML, by default the polygons of the groups.
+    """
     texts = [_polygon(group.goal) for group in drill.groups] if goals is None else goals
     groups = "".join(
         _GROUP.format(number=number, count=group.count, start=list(group.start), goal=text)
@@ -77,11 +80,15 @@ def scenario_of(drill: Drill, seed: int = 1, goals: list[str] | None = None) -> 
 
 
 def _polygon(region: Any) -> str:
+    """Return the outline of a polygon as the text of a goal."""
     return f"{{polygon: {shapely.get_coordinates(region.exterior)[:-1].tolist()}}}"
 
 
 def cast_of(scenario: Scenario, state: State) -> CrowdPlacement:
-    """Return the people of ``state``, in the order of the scenario's groups, with places in their goals."""
+    """Return the cast of a scenario, with starts, headings, speeds, breadths and shares from ``state`` (ROW[n]).
+
+    Rows of ``state`` must be in the order of the scenario's groups. Places in the goals are drawn as for any run.
+    """
     drawn = place_crowd(scenario)
     # Breadths are those of the capsules, from side to side. Nobody waits before the first step; shares break ties.
     walkers = Walkers(
@@ -97,7 +104,10 @@ def cast_of(scenario: Scenario, state: State) -> CrowdPlacement:
 def walk_mixed(
     scenario: Scenario, cast: CrowdPlacement | None = None, watch: Watch | None = None, seconds: float | None = None
 ) -> MixedResult:
-    """Run a scenario to its end, or to ``seconds``; call ``watch`` after each step with the time [s] and the crowd."""
+    """Run a scenario to its end, or for ``seconds``; call ``watch`` after each step with the time [s] and the crowd.
+
+    ``cast`` is by default the one that the scenario draws.
+    """
     crowd = MixedCrowd(scenario, 2, None, cast)  # two threads search motions
     slow = present = 0
     try:
@@ -121,7 +131,7 @@ def walk_mixed(
         crowd.close()
     arrivals = crowd.arrivals
     times = (arrivals - crowd.entered) / STEERING_RATE
-    gap = summary["closest_bodies"]
+    gap = summary["closest_bodies"]  # None if no two bodies came within CENTER_LIMIT
     return MixedResult(
         np.where(arrivals >= 0, (arrivals + 1) / STEERING_RATE, np.nan),
         np.where(arrivals >= 0, times, np.nan),

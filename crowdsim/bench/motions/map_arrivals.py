@@ -54,13 +54,13 @@ class Arrival(NamedTuple):
 def measure_arrivals(
     motions: MotionSet, maps: MotionMaps, ground: Ground, name: str
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
-    """Return rows and figures: how many of the trials are solved, and how many of these meet their requirements.
+    """Return rows and figures, one row for each search of _KEYS: trials solved, and those that meet their requirements.
 
     Required headings are arbitrary for the built-in set, which has turns on the spot, and within 30 degrees of the
     path's end for captured walks. Motions that need only a heading do not have to stand, unless branch kinematics is
     used. A motion meets its requirements if it ends within ARRIVAL (with branch kinematics) or TOLERANCE of the goal
     and 15 degrees of the heading, as searches have to, and no joint leaves its section by more than EXCESS. Largest
-    distances, angles and excesses are -1 if no motion is found.
+    distances, angles and excesses are -1 if no motion is found. Names of figures end with ``name``.
     """
     spread = np.pi if motions.name == "default" else np.radians(30.0)
     turns = np.random.default_rng(1).uniform(-spread, spread, len(ground.trials))
@@ -115,7 +115,10 @@ def _arrivals(
     wanted: list[FollowOptions],
     how: Callable[[Trial, FollowOptions], FollowResult],
 ) -> tuple[list[Arrival], Floats]:
-    """Return the ends of the motions that are found, and the times of all trials [ms]."""
+    """Follow each trial by the function ``how`` with its options in ``wanted``.
+
+    Return the ends of the motions that are found, and the times of all trials [ms].
+    """
     how(ground.trials[0], wanted[0])  # compiles kernels
     arrivals, ms = [], []
     for trial, options in zip(ground.trials, wanted, strict=True):

@@ -53,7 +53,10 @@ SIZES = (0.5, 2.0)
 
 CLEARANCE = 0.5
 LENGTHS = (10.0, 18.0)
+"""Distance of paths from obstacles, and their least and greatest length [m]."""
+
 TOLERANCE = 0.1
+"""Largest distance from the end of a path at which a motion has arrived [m]."""
 
 PASSES = 3
 
@@ -166,13 +169,16 @@ def load_standard(name: str, captures: Path | None, features: MotionSet) -> Moti
 
 
 def make_ground(behavior: int, trials: int, seed: int = 0) -> Ground:
-    """Return a room of obstacles like that of the paper's figure 8, and random paths in it for ``behavior``."""
+    """Return a room of obstacles like that of the paper's figure 8, and ``trials`` random paths in it.
+
+    ``behavior`` is the number of the behavior of all paths.
+    """
     ground = random_ground(GroundKind(SIDE, SIZES, CLEARANCE, LENGTHS), DENSITY, trials, seed)
     return Ground((ground.legs, ground.torso), [as_trial(points, behavior) for points in ground.paths])
 
 
 def as_trial(points: Floats, behavior: int) -> Trial:
-    """Return the path through ``points`` (n, 2) with one behavior."""
+    """Return the path through ``points`` (n, 2) [m] with one behavior, given by its number, as a trial."""
     arc = arc_lengths(points)
     samples = AnnotatedPath(points, arc, (Section(behavior, 0.0, float(arc[-1])),), 0.0).sample()
     return Trial(points, samples, samples.pose[0].copy())
@@ -194,7 +200,7 @@ def follow_all(motions: MotionSet, maps: MotionMaps, ground: Ground) -> list[tup
 
 
 def best_of(search: Callable[[], Any], passes: int = PASSES) -> tuple[Any, float]:
-    """Return the result of ``search``, and its shortest time [ms]."""
+    """Return the result of ``search``, which is called ``passes`` times, and its shortest time [ms]."""
     seconds = []
     for _ in range(passes):
         begin = time.perf_counter()

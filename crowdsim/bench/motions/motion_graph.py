@@ -78,7 +78,7 @@ def measure(captures: Path | None = None, sizes: Sequence[int] = FRAMES) -> Meas
 
 
 def _row(name: str, size: int, kind: str, seconds: float, report: GraphReport) -> dict[str, Any]:
-    """Return the row of a graph that was built from ``size`` frames in so many seconds."""
+    """Return the row of a graph that was built from ``size`` frames in the time ``seconds`` [s]."""
     return {
         "set": name,
         "frames": size,
@@ -104,7 +104,7 @@ def _drift_cm(graph: MotionGraph, clips: list[Clip]) -> dict[str, float]:
 def _timed(
     build: Callable[[Sequence[MotionSource]], MotionGraph], sources: list[MotionSource]
 ) -> tuple[float, MotionGraph]:
-    """Return the median time of building a graph [s], and the graph."""
+    """Return the median time of REPEATS builds of a graph [s], and the graph."""
     seconds = []
     for _ in range(REPEATS):
         begin = time.perf_counter()

@@ -104,6 +104,7 @@ def measure(
                 motions, folder, sizes, max(trials // 10, 1), beside // 4, astar_budget // 10, rows, figures
             )
     names = [motions.name for motions in sets]
+    # Figures whose worst value over all sets is a figure, too.
     worst = {
         "search_ms_median": max,
         "length_ratio_mean": max,
@@ -130,7 +131,7 @@ def _measure_standard(
     rows: list[dict[str, Any]],
     figures: dict[str, float],
 ) -> None:
-    """Add rows and figures of the standard graph of a set's clips."""
+    """Add to ``rows`` and ``figures`` those of the standard graph of a set's clips, with maps of ``sizes`` entries."""
     standard = load_standard(f"{features.name}, standard graph", captures, features)
     ground = make_ground(0, trials)
     for count in sizes:  # what follows the loop is of the last, largest maps
@@ -152,8 +153,9 @@ def _measure_set(
     rows: list[dict[str, Any]],
     figures: dict[str, float],
 ) -> None:
-    """Add rows and figures of one set."""
+    """Add to ``rows`` and ``figures`` those of one set of motions; the parameters are as of :func:`measure`."""
     name = motions.name
+    # Maps of several sizes, along a fifth of the paths.
     fewer = Ground(ground.meshes, ground.trials[: max(len(ground.trials) // 5, 1)])
     for count in entries:
         maps, row = _built(motions, count)
@@ -161,6 +163,7 @@ def _measure_set(
         del maps
         if count == PAPER_ENTRIES:
             figures |= _costs(row, name)
+    # Maps of ``depth``, or as in runs, along all paths.
     maps, row = _built(motions, None, depth)
     if PAPER_ENTRIES not in entries:
         figures |= _costs(row, name)
@@ -170,6 +173,7 @@ def _measure_set(
     figures[f"search_ms_median_{name}"] = rows[-1]["median_ms"]
     figures[f"length_ratio_mean_{name}"] = rows[-1]["length_ratio"]
     figures |= _of_bodies(motions, ground, found, name)
+    # The same maps, but joints may leave the clearance: only the discs of the behaviors are kept clear.
     freely = replace(motions, reach=None)
     free = follow_all(freely, maps, fewer)
     rows.append(row | _summary(freely, fewer, free) | {"search": "maps, discs alone"})
@@ -184,7 +188,7 @@ def _measure_set(
 
 
 def _costs(row: dict[str, Any], name: str) -> dict[str, float]:
-    """Return the figures of a set that tell what its maps cost."""
+    """Return the figures of a set that tell what its maps cost: size [MB], time to build [s] and to load [ms]."""
     return {f"maps_mb_{name}": row["mb"], f"maps_s_{name}": row["build_s"], f"load_ms_{name}": row["load_ms"]}
 
 
@@ -247,7 +251,10 @@ def _summary(
 def _of_bodies(
     motions: MotionSet, ground: Ground, found: Sequence[tuple[FollowResult, float]], name: str
 ) -> dict[str, float]:
-    """Return how far joints leave the clearance of the path on the floor, over all motions found [m]."""
+    """Return figures over all motions found: how far joints leave the clearance of the path at most [m], and how often.
+
+    The second is the percentage of motions in which they leave it by 2 cm at most. Without motions they are inf and 0.
+    """
     excess = [
         most_excess(motions, trial, result)
         for trial, (result, _) in zip(ground.trials, found, strict=True)
@@ -276,7 +283,11 @@ def _first_movement(motions: MotionSet, maps: MotionMaps, ground: Ground) -> flo
 def _beside_astar(
     motions: MotionSet, ground: Ground, found: Sequence[tuple[FollowResult, float]], beside: int, budget: int
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
-    """Return tables 5 and 6: A*, and A* in the channel, each compared with maps on the same trials."""
+    """Return rows and figures of tables 5 and 6: A*, and A* in the channel, each compared with maps on the same trials.
+
+    These are the first ``beside`` trials; ``found`` holds what maps find in all trials, see :func:`_summary`.
+    ``budget`` is the largest number of nodes that A* expands.
+    """
     probes = body_probes(motions.graph, motions.radii)
     options = SearchOptions(goal_tolerance=TOLERANCE, on_the_way=True, branch_kinematics=False, budget=budget)
     chosen = range(min(beside, len(found)))

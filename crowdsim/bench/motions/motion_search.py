@@ -44,6 +44,7 @@ STANDARD_BUDGET = 40
 
 _SEARCHES = ("collision tests", "collision tests, bent", "channel", "channel, bent", "channel, to 1 cm")
 _COMPARED = _SEARCHES[:4]
+"""Searches that are compared over the queries that all of them solve; the one to 1 cm solves fewer."""
 _Found = dict[str, list[tuple[SearchResult, float]]]
 """Results by search: for each query the result and its time [ms]."""
 
@@ -63,7 +64,11 @@ def measure(
     queries: int = 16,
     budget: int = 5_000,
 ) -> Measurement:
-    """Measure tables 2 and 3 on the graph of the built-in behaviors, or of the walks in the folder ``captures``."""
+    """Measure tables 2 and 3 on the graph of the built-in behaviors, or of the walks in the folder ``captures``.
+
+    There is an environment for each of ``densities``, with ``queries`` queries; ``budget`` is the largest number of
+    nodes that a search expands.
+    """
     radii, graphs = _graphs(captures)
     places = [_environment(density, queries, number) for number, density in enumerate(densities)]
     rows: list[dict[str, Any]] = []
@@ -77,6 +82,7 @@ def measure(
                 search: _search_all(search, graph, body_probes(graph, radii), place, budget) for search in _SEARCHES
             }
             for search in _SEARCHES:
+                # The same kind of test with and without bending.
                 alike = [found[other] for other in _COMPARED if other.startswith(search.split(",")[0])]
                 rows.append(_row(name, number, place, search, found[search], _solved(alike)))
                 solved[search] += [found[search][i] for i in _solved([found[other] for other in _COMPARED])]
@@ -119,7 +125,10 @@ def _standard(
 
 
 def _graphs(captures: Path | None) -> tuple[NDArray[np.float64], dict[str, GraphArrays]]:
-    """Return radii of the behaviors (B, layers), and the graphs to compare, for captures with the standard one."""
+    """Return radii of the behaviors (B, layers) [m], and the graphs to compare by name.
+
+    These are the graph with all its edges, the same with few, and for captures also their standard graph.
+    """
     names = () if captures is None else _capture_names(captures)
     loaded, standard = load_behaviors(captures, names), {}
     if captures is not None:
@@ -137,7 +146,7 @@ def _capture_names(captures: Path) -> list[str]:
 
 
 def _solved(searches: Sequence[list[tuple[SearchResult, float]]]) -> list[int]:
-    """Return the queries that all of ``searches`` solved."""
+    """Return the numbers of the queries that all of ``searches``, each a list of results by query, have solved."""
     return [i for i, results in enumerate(zip(*searches, strict=True)) if all(r.status == FOUND for r, _ in results)]
 
 
@@ -153,8 +162,9 @@ def _search_all(
 ) -> list[tuple[SearchResult, float]]:
     """Return the result of each query of an environment, and its shortest time [ms].
 
-    The words of ``name`` say how it is searched: ``bent`` with branch kinematics, ``1 cm`` to that distance from the
-    goal, ``channel`` in the path's channel and not with collision tests.
+    The words of ``name`` say how a query is searched: ``bent`` with branch kinematics, ``1 cm`` to that distance from
+    the goal, ``channel`` in the path's channel and not with collision tests. Each is searched ``passes`` times, with at
+    most ``budget`` nodes expanded.
     """
     options = SearchOptions(branch_kinematics="bent" in name, budget=budget)
     if "1 cm" in name:
@@ -206,9 +216,11 @@ def _means(found: list[tuple[SearchResult, float]]) -> dict[str, float]:
 
 
 def _figures(solved: _Found, tried: _Found) -> dict[str, float]:
-    """Return ratios of collision tests to the channel, and how much bending saves, over all environments.
+    """Return figures over all environments: ratios of collision tests to the channel, and how much bending saves.
 
-    ``solved`` holds the queries that all searches of _COMPARED solve, ``tried`` all.
+    They also hold how many queries each search solves, its mean time over all queries [ms], and the largest distance
+    of the end of a bent motion from the goal [mm]. Ratios and savings over no queries are left out. ``solved`` holds
+    the queries that all searches of _COMPARED solve, ``tried`` all.
     """
     mean = {name: _means(found) for name, found in solved.items()}
     figures = {"compared": float(len(solved["channel"])), "queries": float(len(tried["channel"]))}

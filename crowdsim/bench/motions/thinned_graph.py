@@ -13,10 +13,10 @@ _OF_EDGES = ("edge_transform", "edge_pivot", "edge_low", "edge_high")
 
 
 def thinned(graph: GraphArrays, edges: int) -> GraphArrays:
-    """Return the largest strongly connected part of ``graph`` with ``edges`` of the edges out of each node.
+    """Keep at most ``edges`` edges out of each node of ``graph``; return the largest part that is strongly connected.
 
-    The edges with the largest range of rotation are kept, which are those with the smallest distance; the first of
-    equals. Stop edges, which only the crowd uses, are removed.
+    The edges with the largest range of rotation are kept, which are those with the smallest distance; of equal ones the
+    first. Stop edges, which only the crowd uses, are removed (-1).
     """
     # The rank of an edge among those out of its node, the largest range of rotation first.
     count = len(graph.node_frames)

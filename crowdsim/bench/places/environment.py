@@ -107,9 +107,13 @@ def measure(worlds: Path | None = None) -> Measurement:
 
 
 def prepare(world: Path, seconds: dict[str, float]) -> Prepared:
-    """Turn a world, with the floor in the .wkt beside it, into layers and meshes; note times in ``seconds``."""
+    """Turn a world, with its floor in the file NAME_floor.wkt beside it, into layers and meshes.
+
+    The time of each step is written to ``seconds`` by its name [s].
+    """
 
     def timed(step: str, call: Callable[[], Any]) -> Any:
+        """Return what ``call`` returns, and note its time as that of ``step``."""
         begin = time.perf_counter()
         result = call()
         seconds[step] = time.perf_counter() - begin
@@ -162,7 +166,10 @@ def measure_layers(table: _Table, name: str, prepared: Prepared) -> None:
 
 
 def measure_reach(table: _Table, name: str, prepared: Prepared) -> None:
-    """Measure reached areas by radius, and whether the mesh joins and separates places as they do."""
+    """Measure the pieces of the reached area by radius, and whether components of the mesh agree with them.
+
+    Pieces beyond those required must not be.
+    """
     floor, obstacles = prepared.place.floor, prepared.layers[0].obstacles
     for radius, expected in REACHED[name].items():
         pieces = pieces_reached(floor, obstacles, radius)
@@ -189,7 +196,7 @@ def pieces_reached(floor: BaseGeometry, obstacles: BaseGeometry, radius: float) 
 
 
 def _labels(mesh: NavMesh, pieces: list[BaseGeometry], radius: float) -> list[set[int]]:
-    """Return, for each piece, the mesh components of places all over it."""
+    """Return, for each piece, the components of the mesh for a disc of ``radius`` [m] at places 0.1 m apart in it."""
     labels = []
     for piece in pieces:
         # Shrink a little, because the buffer replaces arcs by polygons.

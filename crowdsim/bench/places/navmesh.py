@@ -54,7 +54,10 @@ class _Table:
         self.figures: dict[str, float] = {}
 
     def add(self, where: BenchMap, what: str, seconds: Floats, **more: float) -> None:
-        """Add a row for the times ``seconds`` (n,) of n calls, or a mean (1,) [s]; ``more`` are columns besides."""
+        """Add a row of the map ``where`` for the times ``seconds`` (n,) of n calls, or a mean (1,) [s].
+
+        ``more`` are further columns, see _COLUMNS.
+        """
         figures = {"median_us": float(np.median(seconds) * 1e6)}
         if len(seconds) > _FEW:
             figures["p95_us"] = float(np.quantile(seconds, 0.95) * 1e6)
@@ -94,11 +97,14 @@ def measure_builds(table: _Table, where: BenchMap) -> None:
 
 
 def measure_paths(table: _Table, where: BenchMap, mesh: NavMesh, optimality: str) -> None:
-    """Time the queries of a map: all but the first one by one, and all in a batch with one and two threads."""
+    """Time the queries of a map: all but the first one by one, and all in a batch with one and two threads.
+
+    ``optimality`` is one of OPTIMALITIES.
+    """
     starts, goals = (np.ascontiguousarray(where.queries[:, part]) for part in (slice(0, 2), slice(2, 4)))
 
     def find(first: int, last: int, workers: int = 1) -> Paths:
-        """Answer the queries from ``first`` to before ``last`` in a batch."""
+        """Return the paths of the queries ``first`` to before ``last``, found in a batch by ``workers`` threads."""
         return mesh.find_paths(starts[first:last], goals[first:last], where.radius, optimality, workers)
 
     paths = find(0, len(starts))
@@ -203,6 +209,7 @@ def _seconds(calls: Iterable[Callable[[], Any]]) -> Floats:
 
 
 def _found(mesh: NavMesh, start: Floats, goal: Floats, radius: float) -> Any:
+    """Return the path between two places (2,) [m] for a disc of ``radius`` [m]; None if there is none."""
     try:
         return mesh.find_path(start, goal, radius)
     except PathNotFound:
@@ -212,7 +219,8 @@ def _found(mesh: NavMesh, start: Floats, goal: Floats, radius: float) -> Any:
 def _violations(where: BenchMap, paths: Paths, found: NDArray[np.int64]) -> int:
     """Return the number of paths that begin outside of the area, or come closer than the radius to its boundary.
 
-    It is computed with shapely.
+    The number is computed with shapely, from the polygons that the mesh was made of. ``found`` holds the numbers of the
+    queries with a path.
     """
     boundary = where.area.boundary
     shapely.prepare(boundary)

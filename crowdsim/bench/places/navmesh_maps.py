@@ -57,6 +57,7 @@ def read_map(file: Path) -> BenchMap:
             obstacles=obstacles,
             radius=float(content["radius"]),
             queries=np.array(content["queries"], np.float64).reshape(len(lengths), 4),
+            # Null in the file, -1 here: there is no path.
             optimum=np.where(lengths > 0.0, lengths, math.nan),
         )
     except OSError as error:
@@ -66,7 +67,10 @@ def read_map(file: Path) -> BenchMap:
 
 
 def clutter(count: int, size: float, radius: float, queries: int, seed: int = 1) -> BenchMap:
-    """Return ``count`` random convex polygons in a square room of ``size`` [m], and random ``queries``."""
+    """Return a square room of side ``size`` [m] with ``count`` random convex polygons, and random ``queries``.
+
+    Both ends of a query are at least ``radius`` [m] from all polygons and walls. Shortest lengths are unknown.
+    """
     rng = np.random.default_rng(seed)
     reach = 0.3 * size / math.sqrt(count)  # radius of the largest polygon: about a tenth of the floor is covered
     centers = rng.uniform(reach, size - reach, (count, 2))
@@ -82,6 +86,7 @@ def clutter(count: int, size: float, radius: float, queries: int, seed: int = 1)
 
 
 def _free_area(room: Any, obstacles: list[Any]) -> Any:
+    """Return the polygon ``room`` less all obstacles."""
     return room.difference(shapely.union_all(obstacles))
 
 

@@ -45,9 +45,9 @@ class RandomGround(NamedTuple):
 
 
 def random_ground(kind: GroundKind, density: float, paths: int, seed: int) -> RandomGround:
-    """Return a room with ``paths`` paths between random places; no obstacle is within 0.5 m of its edge.
+    """Return a room with ``paths`` paths between random places.
 
-    Obstacles cover the share ``density`` of the rest.
+    A strip of 0.5 m along its edge is without obstacles; they cover the share ``density`` of the rest of the floor.
     """
     rng = np.random.default_rng(seed)
     floor = shapely.box(0.0, 0.0, kind.side, kind.side)

@@ -29,21 +29,22 @@ DEEP = 0.02
 """Depth to which a body may reach into an obstacle [m]."""
 
 _EVERY = 9
-"""Every how many paths one is also walked with stiff legs: an odd number, so that all kinds of plans are."""
+"""One of so many paths is also walked with stiff legs. The number is odd, so that these are of both planners, with and
+without the clearance margin."""
 
 
 def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement:
     """Check ``sections`` sections, shared by the places of :mod:`crowdsim.bench.plans.planner_comparison`.
 
-    A world that is not in the folder ``worlds`` is skipped. "stiff" is for every ninth path, with legs as on a straight
-    path.
+    A world that is not in the folder ``worlds`` is skipped. Figures with "stiff" are of every ninth path, with legs
+    posed as on a straight path. Raise CrowdSimError if a place gives no path.
     """
     rows: list[dict[str, Any]] = []
     for name in PLACES:
         ground = ground_of(name, worlds)
         if ground is None:
             continue
-        paths = random_paths(ground, -(-sections // len(PLACES)), seed=4)
+        paths = random_paths(ground, -(-sections // len(PLACES)), seed=4)  # an even share of the sections, rounded up
         if not paths:
             raise CrowdSimError(f"{name}: no path was found for {sections} sections in all places; ask for more")
         motions, obstacles = motions_of(ground.behaviors), Obstacles(ground.solids)
@@ -103,7 +104,9 @@ def random_paths(ground: Ground, count: int, seed: int, least: float = 2.0) -> l
 
 
 def worst_clearance(layers: Sequence[shapely.Geometry], need: Requirements, paths: Sequence[AnnotatedPath]) -> float:
-    """Return how far a disc swept along a section leaves a layer's free area at most [m]; negative if none does.
+    """Return how far a disc of its behavior, swept along a section, leaves a layer's free area at most [m].
+
+    Negative if none does. ``layers`` are the free areas.
 
     Computed with shapely only, from the polygons that the meshes were made of.
     """
@@ -122,6 +125,6 @@ def worst_clearance(layers: Sequence[shapely.Geometry], need: Requirements, path
 
 
 def section_line(path: AnnotatedPath, start: float, end: float) -> shapely.LineString:
-    """Return the polyline between two arc lengths."""
+    """Return the polyline of a path between two arc lengths [m]."""
     inner = path.arc[(path.arc > start) & (path.arc < end)]
     return shapely.LineString(path.at(np.concatenate([[start], inner, [end]])))

@@ -1,9 +1,9 @@
 """Plans of each planner in cluttered places: time, cost and proven gap (2018 paper, table 1 and figure 7).
 
 A step is :data:`STEP` meters, so that 20 of them are 14 m. Goals lie at that distance from the start in a straight
-line; the widest behavior fits at both. Times are the best of :data:`PASSES`, in milliseconds, without the margin for
-motions, which is the same for all planners; the roadmap of a place is built before. Plans with whole bodies tested in
-3D take so long that they are made once, and to every fifth goal only.
+line; the widest behavior fits at both. Times are the best of :data:`PASSES`, in milliseconds, without the clearance
+margin; the roadmap of a place is built before. Plans with whole bodies tested in 3D take so long that they are made
+once, and to every fifth goal only.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ PASSES = 3
 PLANNERS = ("layered", "greedy_literal", "collision3d")
 
 _EVERY = 5
-"""Every how many goals one is also planned to in 3D."""
+"""One of so many goals is also planned to in 3D."""
 
 
 def measure(
@@ -49,10 +49,10 @@ def measure(
     worlds: Path | None = None,
     queries: int = planner_comparison.QUERIES,
 ) -> Measurement:
-    """Measure all planners on all places and distances; draw their times to ``picture``.
+    """Measure all planners on all places and distances, with ``goals`` goals each; draw their times to ``picture``.
 
-    ``worlds`` is the folder of worlds for these, by default that of ``ground_of``.
     Then compare costs of ``queries`` plans in each of the places of :mod:`crowdsim.bench.plans.planner_comparison`.
+    ``worlds`` is the folder of the world among them, by default that of ``ground_of``.
     """
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
@@ -78,7 +78,7 @@ def measure(
             both = np.isfinite(costs["layered"]) & np.isfinite(costs["greedy_literal"])
             ratios.append(costs["layered"][both] / costs["greedy_literal"][both])
             figures[f"layered_over_greedy_cost_mean_{density}_{steps}"] = float(ratios[-1].mean())
-            # Over the goals that both are asked for.
+            # Over the goals that both plan to, found or not.
             same = np.median(seconds["collision3d"]) / np.median(seconds["layered"][::_EVERY])
             figures[f"ratio_3d_over_layered_{density}_{steps}"] = float(same)
     figures["layered_over_greedy_cost_max"] = float(np.concatenate(ratios).max())
@@ -100,7 +100,7 @@ def cluttered_place(density: str) -> EnvironmentState:
 
 
 def place_queries(place: EnvironmentState, count: int, distance: float, seed: int) -> list[Floats]:
-    """Return pairs (2, 2) of places at which the widest behavior fits, ``distance`` apart [m]."""
+    """Return ``count`` random pairs (2, 2) of places at which the widest behavior fits, ``distance`` apart [m]."""
     need = place.assets.need
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = place.assets.layers[0].free.bounds
@@ -120,7 +120,10 @@ def place_queries(place: EnvironmentState, count: int, distance: float, seed: in
 def run(
     place: EnvironmentState, planner: str, queries: Sequence[Floats], passes: int = PASSES
 ) -> tuple[Floats, Floats, list[AnnotatedPath | None]]:
-    """Return times (n,) [s], costs (n,), infinite if no path is found, and paths."""
+    """Plan each of ``queries``, pairs (2, 2) of start and goal [m], with the planner of this name.
+
+    Return times (n,), the best of ``passes`` [s]; costs (n,), infinite if no path is found; and paths, None there.
+    """
     assets = place.assets
     prepared = Planner(place.meshes, assets.behaviors, areas=place.areas, planner=planner, bodies=assets.bodies)
     paths: list[AnnotatedPath | None] = []

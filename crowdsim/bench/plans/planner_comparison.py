@@ -105,7 +105,10 @@ def measure(queries: int = QUERIES, worlds: Path | None = None) -> tuple[dict[st
 
 
 def ground_of(name: str, worlds: Path | None = None) -> Ground | None:
-    """Return the clutter with density ``name``, a scenario, or a world of the folder; None if that is missing."""
+    """Return one of PLACES: clutter with density ``name``, a built-in scenario, or a world of the folder ``worlds``.
+
+    Return None if the world is not in the folder.
+    """
     if name != _WORLD:
         clutter = name in ("normal", "dense")
         scenario = load_scenario("clutter", [f"clutter.density={name}"]) if clutter else load_scenario(name)
@@ -123,7 +126,7 @@ def ground_of(name: str, worlds: Path | None = None) -> Ground | None:
 
 
 def random_queries(ground: Ground, count: int, seed: int) -> list[Floats]:
-    """Return pairs (2, 2) of places where the narrowest behavior fits, connected or not."""
+    """Return ``count`` pairs (2, 2) of places at which the narrowest behavior fits [m], connected or not."""
     need = Requirements.of(ground.behaviors, len(ground.meshes), TRACKING_MARGIN)
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = ground.bounds
@@ -139,7 +142,7 @@ def random_queries(ground: Ground, count: int, seed: int) -> list[Floats]:
 def compare(ground: Ground, count: int, seed: int = 1) -> tuple[Floats, NDArray[np.bool_]]:
     """Return costs (n, 2) of layered and greedy_literal for up to ``count`` queries that the second answers.
 
-    Those of layered are infinite where it finds no path. Also return (n,) whether the second's path uses the widest
+    Costs of layered are infinite if it finds no path. Also return (n,) whether the second's path uses the widest
     behavior alone.
     """
     # Some queries have no answer: try three times as many as are wanted.
@@ -158,6 +161,7 @@ def compare(ground: Ground, count: int, seed: int = 1) -> tuple[Floats, NDArray[
 
 
 def _plan(planner: Planner, ends: Floats) -> AnnotatedPath | None:
+    """Return the path between the ``ends`` (2, 2) [m] without a clearance margin; None if there is none."""
     try:
         return planner.plan(ends[0], ends[1], margin=False)
     except PathNotFound:

@@ -116,9 +116,10 @@ class Posed(NamedTuple):
 
 
 def motions_of(behaviors: Sequence[Behavior]) -> Motions:
-    """Return the first clip of each behavior of a library, to its first side.
+    """Return the clips with which bodies of ``behaviors`` are posed.
 
-    Also the first clips that lead from the last behavior to those that face sideways, and back.
+    These are the first clip of each behavior, in its first facing, and, of turned behaviors, the first clips that lead
+    to this facing from the last behavior, and back.
     """
     walks, turns = [], {}
     for k, behavior in enumerate(behaviors):
@@ -137,7 +138,7 @@ def motions_of(behaviors: Sequence[Behavior]) -> Motions:
 
 
 def walk_of(clip: Clip, facing: float) -> Walk:
-    """Return a clip as a walk; its middle half is repeated."""
+    """Return a clip that faces ``facing`` [rad] off its direction as a walk; its middle half is repeated."""
     arc = _arc_of(clip)
     count = len(arc)
     return Walk(body_capsules(clip, 0, count), arc, (float(arc[count // 4]), float(arc[3 * count // 4])), facing)
@@ -165,7 +166,7 @@ def turn_of(clip: Clip, facing: float, back: bool) -> Turn:
 
 
 def posed_along(path: AnnotatedPath, motions: Motions, stiff: bool = False) -> Posed:
-    """Return bodies every :data:`SPACING` along a path; ``stiff`` keeps legs as on a straight path."""
+    """Return bodies every :data:`SPACING` meters along a path; ``stiff`` keeps legs as on a straight path."""
     samples = path.sample(SPACING)
     arc, labels = samples.arc, samples.behavior.copy()
     # Where the body turns, it is posed from the clip that turns; beside that it stays turned up to the section.
@@ -263,7 +264,7 @@ class Obstacles:
         self._tree = shapely.STRtree([solid.footprint for solid in solids])
 
     def depths(self, posed: Posed) -> Floats:
-        """Return how far the body around each point reaches into a solid (n,) [m]; -inf if it is clear of all."""
+        """Return how far the body around each of n points reaches into a solid, (n,) [m]; -inf if it touches none."""
         depths = np.full(len(posed.reach), -np.inf)
         points = shapely.points(posed.places[:, :2])
         row, solid = self._tree.query(points, predicate="dwithin", distance=posed.reach)

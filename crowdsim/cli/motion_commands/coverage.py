@@ -43,6 +43,7 @@ def coverage(
         task = bar.add_task("maps")
 
         def tell(done: int, total: int) -> None:
+            """Show how many nodes have a map, or how many cells of the table are done."""
             bar.update(task, completed=done, total=total)
 
         maps = MotionMaps.build(motion.arrays, **sizes, progress=tell, workers=threads)
@@ -63,8 +64,9 @@ def coverage(
 def _load(motions: str, meters_per_unit: float | None, joints: dict[str, str]) -> tuple[MotionGraph, Any]:
     """Return the graph of a folder of captures or a motion set, and the facings of its behaviors, preferred last.
 
-    Facings (behaviors, most) are angles off the direction of motion [rad], padded with nan. Of captures only the
-    frontal walk is taken, which faces ahead.
+    Facings (B, F) are the angles from the direction of motion at which each of B behaviors may face [rad]; rows are
+    padded with nan to the largest number F of one behavior. Of captures only the frontal walk is taken, which faces
+    ahead. ``meters_per_unit`` (None to find it out) and ``joints``, names by role, are for captures only.
     """
     import numpy as np
 

@@ -45,7 +45,11 @@ def info(
 
 
 def _walking(folder: Path, meters_per_unit: float | None, joints: dict[str, str]) -> list[str]:
-    """Return sentences about the walks that a scenario makes of these captures."""
+    """Return sentences on the walk that a scenario would make of these captures, or on why it can make none.
+
+    ``meters_per_unit`` is the length of a unit of the files [m], None to find it out; ``joints`` gives names of joints
+    by role.
+    """
     from crowdsim.behaviors.behavior import CAPTURED, FRONTAL
     from crowdsim.behaviors.library import load_behavior_set
     from crowdsim.environment.layers import LEGS, TORSO
@@ -110,10 +114,10 @@ def graph(
     if not (threshold > 0.0 and math.isfinite(threshold)):
         raise typer.BadParameter(f"{threshold} is not a positive distance", param_hint="--threshold")
     if branching is not None and not 1.0 < branching < 2.0:
-        raise typer.BadParameter(f"{branching} is not between 1 and 2, as all are", param_hint="--branching")
+        raise typer.BadParameter(f"{branching} is not between 1 and 2, as all factors are", param_hint="--branching")
     names = tuple(name.strip() for name in detectors.split(",") if name.strip())
     if not names:
-        raise typer.BadParameter("give the name of one at least, as in crossing,standing", param_hint="--detectors")
+        raise typer.BadParameter("give the name of at least one, as in crossing,standing", param_hint="--detectors")
     meters, joints = read_unit(unit), read_joints(joint or [])
     settings = GraphSettings(standard, threshold, branching, best, drift, names, meters, joints or None)
     paths = capture_paths(folder)
@@ -169,7 +173,10 @@ def synthesize(
 
 
 def _draw(paths: list[Path], settings: Any, picture: Path) -> None:
-    """Draw the motion graph that the captures at ``paths`` give with these settings, and write it to ``picture``."""
+    """Draw the error image of the captures at ``paths`` and their feature-based graph, and write it to ``picture``.
+
+    ``settings`` are a ``GraphSettings``; the picture shows the transitions of both graphs, whatever kind they choose.
+    """
     from crowdsim.figures import write_figure
     from crowdsim.motion.analysis.capture_sets import as_sources, read_clips
     from crowdsim.motion.analysis.graph_picture import draw_motion_graph

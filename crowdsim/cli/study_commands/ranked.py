@@ -23,9 +23,10 @@ that all have is then printed once."""
 def run_on_ranks(
     scenario: str, changes: list[str], file_for: Callable[[str], Path], page: bool, as_json: bool, workers: int
 ) -> None:
-    """Take this process's share in a run; rank 0 shows the progress and the summary.
+    """Take this process's share in a run; rank 0 shows the progress and the summary, and writes the ``page``.
 
-    ``file_for`` returns the recording of a scenario by its name, and raises CrowdSimError if it cannot be written.
+    ``changes`` are ``key=value`` for keys of the scenario, ``workers`` is the number of threads of each process.
+    ``file_for`` returns the recording for the name of a scenario, and raises CrowdSimError if it cannot be written.
     """
     from crowdsim.cli.progress import RunProgress
     from crowdsim.crowd.ranked_run import RankedRun
@@ -43,7 +44,7 @@ def run_on_ranks(
         run = RankedRun(loaded, comm, workers)
     except CrowdSimError as error:
         failure = error
-    # What stops one stops all; the first that it stops says so.
+    # An error on one rank stops all. The lowest rank with an error raises it; the others exit without a message.
     failed = comm.allgather(None if failure is None else failure.exit_code)
     codes = [code for code in failed if code is not None]
     if codes:

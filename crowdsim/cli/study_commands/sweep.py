@@ -29,7 +29,9 @@ def sweep(
     ] = 2,
     keep: Annotated[
         Literal["none", "recordings", "failures"],
-        typer.Option(help="Recordings that stay: none, all, or those of runs in which not all arrive."),
+        typer.Option(
+            help="Recordings that stay: none, all (recordings), or only those in which not all arrive (failures)."
+        ),
     ] = "none",
     dask: Annotated[
         str | None,
@@ -48,12 +50,13 @@ def sweep(
     from crowdsim.sweeps.sweep import sweep as run_sweep
 
     points = points_of(scenario, seeds, settings or [])
-    counted = [0, len(points)]
+    counted = [0, len(points)]  # points done, and all, for the message of an interruption
     bar = progress_bar(WHOLE_RUN)
     task = bar.add_task(f"{scenario}: sweeping", total=len(points))
     with bar, FirstRunElsewhere(bar):
 
         def progress(done: int, total: int, failed: int) -> None:
+            """Show how many points are done, and how many of them failed."""
             counted[0] = done
             title = f"{scenario}: sweeping" + (f", {failed} failed" if failed else "")
             bar.update(task, completed=done, total=total, description=title)

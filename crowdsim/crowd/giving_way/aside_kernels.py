@@ -39,10 +39,10 @@ LEFT_COST = 2.0
 """Cost of a step to the left [s]: people who meet step to the right."""
 
 SAME_SIDE_COST = 20.0
-"""Cost of each meter by which the lane of the agent overlaps that of another one nearby [s/m]."""
+"""Cost of each meter by which the lane of the agent overlaps that of another agent nearby [s/m]; see `look_beside`."""
 
 NEAR = 1.2
-"""Distance within which others are too near to turn and walk past [m]."""
+"""Distance between centers within which another agent leaves no room to turn and walk past [m]."""
 
 POSTURE_COST = 20.0
 """Cost of each meter of the body's radius at the end of the step [s/m]: a narrow posture is cheaper."""
@@ -73,11 +73,12 @@ def room_beside(obstacles, x, y):
 
 @helper
 def look_beside(everyone, row, x, y, dx, dy, radius):
-    """Return the largest overlap of a row's lane with those of others nearby, and the distance of the nearest [m].
+    """Return the largest overlap of a row's lane with those of others within NEAR, and the distance of the nearest [m].
 
-    A lane is the strip that a body covers if it moves along the unit vector (dx, dy); at the goal that is (0, 0), and
-    lanes overlap by all of both radii. The row is taken to be at (x, y); its body has ``radius`` [m]. The overlap is 0
-    if no lanes overlap; the distance is at most NEAR.
+    A lane is the strip that a body covers if it moves along the unit vector (dx, dy). At the goal that vector is
+    (0, 0), and lanes overlap by the sum of both radii. The row counts as if it were at (x, y), with a body of
+    ``radius`` [m]; the others count at the ends of their timelines. The overlap is 0 if no lanes overlap; the distance
+    is at most NEAR.
     """
     # Rows are found by where they are now, and count where their timelines end.
     low, high, first, last = cells_within(everyone.near, x, y, x, y, NEAR + everyone.near.spread[OF_TIMELINES])
@@ -100,11 +101,11 @@ def look_beside(everyone, row, x, y, dx, dy, radius):
 
 @kernel
 def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
-    """Let a standing row step to a wall, preferably to the right, or back along the wall; return True if it does.
+    """Let a standing row in a narrow place step to a wall, or away from others along it; return True if it does.
 
     ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: the row and the number of its move are
-    left in ``trail.rows[0]`` and ``trail.moves[0]``, and the row owns its timeline then. ``playback`` is at the natural
-    rate.
+    left in ``trail.rows[0]`` and ``trail.moves[0]``, and the row owns the timeline of the move then. ``playback`` is at
+    the natural rate.
     """
     moves, standing, trail = asking.moves, asking.standing, asking.trail
     node, origin, goal = standing.node[row], standing.origin[row], standing.goal[row]

@@ -28,7 +28,7 @@ class Standing(NamedTuple):
     may_move: NDArray[np.bool_]
     """(N,) True if the row stands and has not decided in this step what to do."""
     rank: NDArray[np.int64]
-    """(N,) right of way: a row gives way only to lower ranks."""
+    """(N,) right of way: a row gives way only to rows of a lower rank."""
 
 
 class Trail(NamedTuple):
@@ -40,17 +40,17 @@ class Trail(NamedTuple):
     rows: NDArray[np.int32]
     """(D,) the rows."""
     moves: NDArray[np.int32]
-    """(D,) move that each tries."""
+    """(D,) number of the move that each tries, a row of ``Moves``."""
     costs: Floats
     """(D, M) cost of each move of the row's idle node [s], infinite once it was tried, or if it is not allowed."""
     parent: NDArray[np.int32]
     """(D,) place of the row that asked each; -1 if the agent for which all give way asked it."""
     blame: NDArray[np.int64]
-    """(D,) bits of the places whose moves keep this row from moving."""
+    """(D,) bit k is set if the row at place k asked this one, or its move keeps this one from moving."""
     asked: NDArray[np.int32]
     """(D,) number of rows that its move asks in turn."""
     timeline: Floats
-    """(D + 1, K, 13) timelines before the move; the last is that of the agent for which all give way."""
+    """(D + 1, K, 13) timelines before the moves, to be restored; the last is of the agent for which all give way."""
     timeline_circle: Floats
     """(D + 1, 3) their circles."""
     timeline_start: NDArray[np.int64]

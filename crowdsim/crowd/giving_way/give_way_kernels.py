@@ -4,9 +4,9 @@ After Okumura, Machida, Defago and Tamura (Artificial Intelligence 310, 2022), f
 
 Arguments of all helpers: ``graph`` (GraphArrays); ``obstacles``, ``everyone`` (all rows), ``playback``, ``draft`` of
 :mod:`crowdsim.crowd.state.timelines`; ``asking`` with ``moves`` of :mod:`crowdsim.crowd.giving_way.asking`. A slot is
-the number of a sample since the run began, ``gone`` that from which the row takes no room. ``frame`` is that from which
-a row goes on; ``chain``, ``first``, ``available``, ``ends_plan`` and ``timeline`` those of
-:func:`~crowdsim.crowd.state.reservation_kernels.reserve`.
+the number of a sample since the run began; ``gone`` is the slot from which on a row takes no room. ``frame`` is the
+frame of its node from which a row goes on; ``chain``, ``first``, ``available``, ``ends_plan`` and ``timeline`` are
+those of :func:`~crowdsim.crowd.state.reservation_kernels.reserve`.
 """
 
 import math
@@ -35,13 +35,14 @@ from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pos
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 DETOUR_COST = 1.0
-"""Cost of each meter that a move ends farther from the goal than it begins [s/m]; nearer ones gain as much."""
+"""Cost of each meter by which a move ends farther from the goal than it begins [s/m]; if it ends nearer, it costs as
+much less."""
 
 IN_WAY_COST = 4.0
-"""Cost of each meter that a move ends inside of the way ahead of the agent that asks [s/m]."""
+"""Cost of each meter by which a move ends inside of the way ahead of the agent that asks [s/m]."""
 
 OTHER_WAY_COST = 2.0
-"""The same for the ways of others that go before that agent [s/m]."""
+"""The same for the way ahead of each other agent that goes before the one that asks [s/m]."""
 
 PASSAGE_COST = 3.0
 """Cost of a stand in a narrow passage [s]."""
@@ -54,14 +55,15 @@ OFF_WALLS = 0.1
 close to a wall finds no motion that leads on."""
 
 SWAYS = 0.03
-"""By how much less clearance a move may have on its way than its idle node began with [m], as bodies sway."""
+"""Clearance that a move may lose on its way, compared with the clearance at the begin of its idle node [m]: bodies
+sway."""
 
 _STRIDE = 6  # frames between two samples of the test against obstacles
 
 
 @kernel
 def lay_move(graph, moves, move, node, origin, chain):
-    """Write an idle ``node`` that began at ``origin``, and a move behind it, into a chain; return the node count."""
+    """Write idle ``node`` that began at ``origin`` (3,), and ``move`` behind it, to a chain; return the node count."""
     chain.nodes[0] = node
     for axis in range(3):
         chain.origins[0, axis] = origin[axis]
@@ -82,11 +84,12 @@ def lay_move(graph, moves, move, node, origin, chain):
 
 @helper
 def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict, costs):
-    """Fill ``costs`` with the cost of each move [s], of its duration, detour, and end in ways or passages.
+    """Fill ``costs`` with the cost of each move [s]: its duration, its detour, and its end in ways or passages.
 
     ``node`` and ``origin`` (3,) are the idle node that is played and where it started; ``goal`` (2,) is where the row
-    goes; ``width`` is the distance to a way that counts as inside [m]. ``strict``: moves that end in ``way``, that of
-    the agent that asks, are not allowed (infinite). ``costs`` begins with the first move of ``node``.
+    goes [m]. ``way`` (P, 2) is that of the agent that asks; a move that ends nearer than ``width`` [m] to a way ends
+    inside of it. ``strict``: moves that end inside of ``way`` are not allowed (infinite). ``costs`` begins with the
+    first move of ``node``.
     """
     x, y, h = node_end(graph, np.int64(node), origin[0], origin[1], origin[2])
     away = hypot(goal[0] - x, goal[1] - y)
@@ -122,10 +125,10 @@ def _cheapest(moves, node, costs):
 def move_is_free(graph, obstacles, chain, count, off_walls):
     """Return True if a move keeps clear of the obstacles on all layers.
 
-    A move asks for the clearance of the widest behavior, and at its end for ``off_walls`` [m] more; but for no more
-    than there is where its idle node began, as it could not move at all otherwise (SWAYS less on its way); and always
-    for the clearance of the behavior that it plays. chain: nodes of the move with their origins (x, y, heading) and
-    blend offsets, the first ``count`` of them; node 0 is the present one, at whose end the move begins.
+    It needs the clearance of the widest behavior, and at its end ``off_walls`` [m] more. An agent that has less where
+    its idle node began only needs as much as there (SWAYS less on its way), as it could not move at all otherwise. The
+    clearance of the behavior that it plays is needed in any case. The first ``count`` nodes of ``chain`` are the move;
+    node 0 is the present one, at whose end the move begins.
     """
     hints = np.full(len(obstacles.layers), np.int64(-1))
     for k, mesh in enumerate(obstacles.layers):
@@ -154,8 +157,8 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
                     return False
                 later, left = frame, distance - own
                 frame -= _STRIDE
-            # The stride leaves out the first frames of the node; there, only the room at ``later`` is known. Those of
-            # node 1 need no test: the agent stands there.
+            # The stride leaves out the first frames of the node: test them up to ``later``, where the clearance is
+            # known. Those of node 1 need no test: the agent stands there.
             if c > 1 and not stays_free(graph, mesh, node, np.int64(0), later, o, s, own, left, hints[k]):
                 return False
     return True
@@ -207,9 +210,9 @@ def _put_back(everyone, row, trail, place):
 def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, count):
     """Append all rows that the timeline of ``me`` meets to the ``count`` rows of the trail.
 
-    ``me`` is at place ``level`` of the trail, or is ``pusher``, for which all give way (-1); rows before it own their
-    new timelines. That of ``me`` is from ``slot`` to before ``gone``. Return the number of rows appended; -1 if one
-    cannot be asked; -2 - place if it meets the new timeline of the row there.
+    ``me`` is at place ``level`` of the trail, or it is the ``pusher``, for which all give way (``level`` is -1). Rows
+    at lower places own their new timelines. The timeline of ``me`` is from ``slot`` to before ``gone``. Return the
+    number of rows appended; -1 if one cannot be asked; -2 - place if it meets the new timeline of the row at ``place``.
     """
     asked = 0
     other = -1
@@ -218,14 +221,14 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
         if other < 0:
             return asked
         place = 0
-        # A row that is in the trail already will move anyway, unless it has moved.
+        # A row in the trail behind ``me`` will move anyway; one before it has its new timeline, which is met.
         while place < count + asked and trail.rows[place] != other:
             place += 1
         if place < count + asked:
             if place <= level:
                 return -2 - place
             continue
-        # Only rows that stand and rank behind the pusher, whose rank all of the chain inherits.
+        # Only rows that stand and rank behind the pusher are asked: all rows of the trail inherit its rank.
         if other == pusher or not standing.may_move[other] or standing.rank[other] <= standing.rank[pusher]:
             return -1
         if place == len(trail.rows):
@@ -257,19 +260,22 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, a
 
 @kernel
 def step_aside(graph, obstacles, everyone, me, row, playback, draft, asking):
-    """Let ``row`` step out of the way ahead of ``me``; return the number of rows that move, -1 if it cannot."""
+    """Let ``row`` step out of the way ahead of ``me``; return the number of rows that move, -1 if it cannot.
+
+    It may ask others in turn. If ``me`` is ``row``, it steps off its place for its own sake.
+    """
     asking.trail.rows[0] = row
     return _let_move(graph, obstacles, everyone, me, 1, True, playback, draft, asking)
 
 
 @helper
 def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, asking):
-    """Find moves for the first ``count`` rows of the trail and for all rows that these moves ask in turn.
+    """Find moves for the first ``count`` rows of the trail, and for all rows that their moves meet in turn.
 
     Depth-first search, one level per row. A row without a move jumps back to the last row that asked it or blocked it
     (conflict-directed backjumping: P. Prosser, Computational Intelligence 9(3), 1993); bit k of ``trail.blame`` stands
     for the row at place k. ``strict``: the first row must leave the way of ``me``. Return the number of rows that move,
-    which own the timelines of their moves then; -1 if there is no solution, and all have their old ones.
+    which own the timelines of their moves then. Without a solution return -1; then all own their old timelines.
     """
     moves, standing, trail = asking.moves, asking.standing, asking.trail
     forever = np.int64(FOREVER)
@@ -279,7 +285,7 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
     for first in range(count):
         trail.parent[first] = -1
     level = 0
-    fresh = True
+    fresh = True  # False after a jump back, or if a move of the row at this level was tried in vain
     while level < count:
         row = trail.rows[level]
         node, origin = standing.node[row], standing.origin[row]
@@ -294,6 +300,7 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
         move = _cheapest(moves, node, trail.costs[level])
         # No move left (jump back to the last row in blame) or no tries left (give up).
         if move < 0 or trail.tries[0] <= 0:
+            # Bits of the places to which it may jump; none without tries, so that all moves are undone.
             blame = trail.blame[level] if trail.tries[0] > 0 else 0
             back = level - 1
             while back >= 0 and trail.tries[0] > 0 and not blame & (one << back):
@@ -319,6 +326,7 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
         if sample_chain(graph, draft, nodes, obstacles.breadths, wait, natural, trail.candidate) < 0:
             continue
         asked = _ask(everyone, standing, trail, me, row, trail.candidate, forever, slot, level, count)
+        # It meets the new timeline of a row before it: another move of that row may help.
         if asked < -1:
             trail.blame[level] |= one << (-2 - asked)
         if asked < 0 or not move_is_free(graph, obstacles, draft, nodes, OFF_WALLS):

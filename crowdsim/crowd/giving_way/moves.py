@@ -50,7 +50,10 @@ class Moves(NamedTuple):
 
 
 class _Move(NamedTuple):
-    """A move under construction; ``end`` is relative to the start (x, y [m], heading [rad]), ``last`` its last node."""
+    """A move under construction: its edges with their extra rotations [rad], last node, and duration [frames].
+
+    ``end`` is the end relative to the start (x, y [m], heading [rad]).
+    """
 
     edges: tuple[int, ...]
     twists: tuple[float, ...]
@@ -60,15 +63,16 @@ class _Move(NamedTuple):
 
     @property
     def length(self) -> float:
+        """Return the distance from start to end [m]."""
         return float(hypot(self.end[0], self.end[1]))
 
 
 def moves_of(graph: GraphArrays) -> Moves:
     """Find all moves of a motion graph, by the idle node from which they set out.
 
-    A move is one node that ends standing, or one and the stop behind it; twice with the same last node; or a turn
-    followed by one of these; with the arms held in, any of these behind the node that lets them go. The clips decide
-    which there are: without side steps, moves are turns with steps behind them.
+    A step is one node that ends standing, or one node and the stop behind it. A move is a step; two steps with the same
+    last node; or a turn and a step behind it. If the body holds its arms in, a node that lets them go may come first.
+    The clips decide which moves there are: without side steps, these are turns with steps behind them.
     """
     rows: list[_Move] = []
     begin = np.zeros(len(graph.node_frames) + 1, np.int32)
@@ -95,7 +99,7 @@ def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
     """Return the moves from one idle node, the quickest of each cell of end poses, in the order of duration."""
     start = _Move((), (), (0.0, 0.0, 0.0), idle, 0)
     steps = _steps(graph, start, twisted=True)
-    # Who holds its arms in may have to let them go first: where that stays in place, moves go on behind it as well.
+    # An agent with its arms held in may have to let them go first. If it stays in place meanwhile, moves go on behind.
     for first in list(steps):
         if not any(first.twists) and first.length < LEAST_MOVE and abs(first.end[2]) < _NOTABLE_TURN:
             steps += _steps(graph, first, twisted=True)
@@ -104,7 +108,7 @@ def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
         # Only steps as captured are continued, without extra rotation: that leaves few combinations.
         if any(first.twists):
             continue
-        # A second step: any after a turn, if it is long enough; after a step, one whose last node is the same: the same
+        # A second step. After a turn, any step that is long enough; after a step, one with the same last node: the same
         # step once more, or another one with the same stop.
         turns = first.length < LEAST_MOVE
         for move in _steps(graph, first, twisted=False):
@@ -121,7 +125,7 @@ def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
 
 
 def _steps(graph: GraphArrays, before: _Move, twisted: bool) -> list[_Move]:
-    """Return all continuations of ``before`` by one node and the stop behind it, if an agent may wait there.
+    """Return all continuations of ``before`` by one node and the stop behind it after which an agent may stand idle.
 
     ``twisted``: also with the least and the largest extra rotation that the edge to the node allows.
     """
@@ -140,7 +144,7 @@ def _steps(graph: GraphArrays, before: _Move, twisted: bool) -> list[_Move]:
 
 
 def _with(graph: GraphArrays, move: _Move, edge: int, twist: float) -> _Move | None:
-    """Return a move continued by the node of ``edge``; None if that is too long."""
+    """Return a move continued by the node of ``edge``; None beyond MOVE_NODES or MOVE_SECONDS."""
     node = int(graph.edge_target[edge])
     frames = move.frames + int(graph.node_frames[node])
     if len(move.edges) == MOVE_NODES or frames > MOVE_SECONDS * CAPTURE_RATE:

@@ -1,4 +1,4 @@
-"""Where agents who go over to captured motion head for in regions in which they do not stand."""
+"""Places in regions for which agents that switch to captured motion head, if they are not to stand there."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Floats = NDArray[np.float64]
 
 
 class Aims:
-    """Finds where the way of a steered agent comes to the region of its goal.
+    """Find the place at which the way of a steered agent enters the region of its goal.
 
-    A steered agent has reached a region as soon as it is in it, a captured one when it is at its spot in it. If an
-    agent that switches to captured motion just before a broad region kept its spot, it would have to walk many
-    times as far.
+    A steered agent has reached a region as soon as it is inside, a captured one when it is at its spot there. If an
+    agent that switches to captured motion just before a broad region kept its spot, it might have to walk many times
+    as far.
     """
 
     def __init__(self, scenario: Scenario, errands: Errands, guidance: Guidance) -> None:
@@ -31,9 +31,10 @@ class Aims:
         self._usable: dict[int, tuple[Polygon, MultiPolygon | None]] = {}
 
     def place(self, goal: int, following: int, at: Floats) -> Floats | None:
-        """Return the place (2,) [m] in the region of a goal nearest to where the path from ``at`` (2,) [m] enters it.
+        """Return the place (2,) [m] with room in the region of a goal, nearest to where the path from ``at`` enters.
 
-        ``following`` is the number of the field that leads there. None if there is no path, or no room in the region.
+        ``at`` (2,) is where the agent is [m]; ``following`` is the number of the field that leads there. None if there
+        is no path, or no room in the region.
         """
         end = self._guidance.end(goal, following, at)
         usable = self._usable_part(goal)
@@ -48,6 +49,7 @@ class Aims:
         known = self._usable.get(goal)
         # The number of a commanded goal may stand for another region later.
         if known is None or known[0] is not region:
+            # Floor that is always free comes first in ``_rooms``.
             room = next((room for room in self._rooms if meets(region, room)), None)
             usable = None if room is None else room.intersection(region)
             if usable is not None:

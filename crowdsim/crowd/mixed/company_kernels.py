@@ -19,7 +19,7 @@ _SAME_WAY = 0.3
 
 @kernel
 def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, confined, in_lane, soon, soon_wide):
-    """For each agent, count the others near it, and predict when another one passes close by.
+    """For each agent, count others nearby, predict when one passes close by, and find if it is confined or in a lane.
 
     The prediction assumes that both keep their velocities. It leaves out others behind an agent that goes somewhere,
     that is, whose intent ``(ix, iy)`` is not (0, 0).
@@ -66,12 +66,13 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
         goes = mine.ix != 0.0 or mine.iy != 0.0
         column, row = cell_of(frame, mine.x, mine.y)
         count = 0
-        first = math.inf
+        first = math.inf  # times of the first pass nearer than the shorter distance, and than the longer one [s]
         first_wide = math.inf
         for j in range(max(row - cells, 0), min(row + cells + 1, frame[FRAME_ROWS])):
             begin, end = rows_beside(starts, frame, column, j, cells)
             for number in range(begin, end):
                 other = rows[number]
+                # (px, py) leads from me to the other one.
                 px = other.x - mine.x
                 py = other.y - mine.y
                 square = px * px + py * py

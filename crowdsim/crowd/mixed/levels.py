@@ -21,7 +21,7 @@ CROWDED = 5
 """Number of others within NEAR from which on an auto agent steers: 0.7 to a square meter."""
 
 EASED = 2
-"""Number of others within NEAR up to which it may go back."""
+"""Number of others within NEAR up to which an auto agent may go back to captured motion."""
 
 SEEN = 5.0
 """Distance up to which the approach of others is predicted [m]."""
@@ -36,7 +36,7 @@ MEETS_WITHIN = 2.5
 """Time until a meeting below which an auto agent steers [s]."""
 
 CALM_FOR = 4.0
-"""Time until another one passes above which it may go back [s]."""
+"""Time until another one passes close by (PASSES) above which an auto agent may go back to captured motion [s]."""
 
 BLOCKED_FOR = 0.3
 """Time for which its next step is refused before an auto agent steers [s]."""
@@ -52,16 +52,17 @@ SLOW = 0.5
 """Share of its own speed below which an agent in a lane counts as slow."""
 
 SLOW_OVER = 3.0
-"""Time over which its speed is averaged for that [s]."""
+"""Time over which the speed of an agent is averaged to find if it is slow [s]."""
 
 STAYS_FOR = 2.0
-"""Least time on a level, and after the end of a lane in which it was slow, before an agent goes back [s]."""
+"""Least time before a steered agent goes back to captured motion [s]: since it began to steer, since it was last not
+calm, and since the end of a lane in which it was slow."""
 
 FAVORED = 1.0
-"""The same in areas in which the scenario favors captured motion [s]."""
+"""The same in the area in which the scenario favors captured motion, but not for lanes [s]."""
 
 PACE_OFF = 0.03
-"""Share by which a prescribed speed may differ from those of captured motion."""
+"""Share by which a prescribed speed may lie outside the range of captured motion if its agent is to be captured."""
 
 Bools = NDArray[np.bool_]
 """Array of bool."""
@@ -85,7 +86,7 @@ class Levels:
         self.may_steer = kinds != "captured"
         """(n,) True if the group of an agent may steer."""
         self.may_capture = kinds != "steered"
-        """(n,) True if it may be captured."""
+        """(n,) True if an agent may be captured: its group may, and captured motion has its speed if prescribed."""
         self._auto = kinds == "auto"
         self._paced = np.array(cast.paced)[cast.group] & self._auto
         self._speeds = cast.walkers.speeds
@@ -105,7 +106,7 @@ class Levels:
         self._mean_speeds = self._speeds.copy()
 
     def keep_paces(self, natural_speed: float) -> None:
-        """Let auto agents with a prescribed speed only steer as long as no captured motion has that speed.
+        """Let auto agents with a prescribed speed only steer if no captured motion has that speed.
 
         ``natural_speed`` is that of captured motion [m/s].
         """
@@ -129,8 +130,8 @@ class Levels:
         count = len(crowd.rows)
         near, soon, wide = np.zeros(count, np.int64), np.empty(count), np.empty(count)
         confined, in_lane = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
-        everybody = (crowd.rows, crowd.starts, crowd.frame, crowd.order)
-        find_company(*everybody, walls, LANE, (NEAR, SEEN), (MEETS, PASSES), near, confined, in_lane, soon, wide)
+        present = (crowd.rows, crowd.starts, crowd.frame, crowd.order)
+        find_company(*present, walls, LANE, (NEAR, SEEN), (MEETS, PASSES), near, confined, in_lane, soon, wide)
         # Outputs are in the order before sorting: find the agent of each.
         agents = np.empty(count, np.int64)
         agents[crowd.order] = crowd.rows["id"]
@@ -144,8 +145,8 @@ class Levels:
         """Average the speeds (k,) [m/s] of captured agents, and note which are slow in a lane.
 
         The note lasts until STAYS_FOR after the end of the lane (`look_around`).
-        ``ahead`` (k,) is True for those that face ahead, as sideways everybody is slow. Captured motion stops in tight
-        bends, where steering does not.
+        ``ahead`` (k,) is True for agents that face ahead; sideways they are always slow, which does not count. Captured
+        motion stops in tight bends, in which steering does not.
         """
         means = self._mean_speeds[agents]
         means += (speeds - means) / (SLOW_OVER * STEERING_RATE)
@@ -167,6 +168,7 @@ class Levels:
         ``blocked`` (k,) is the time for which each was refused, or has stood beyond one second though it wants to walk
         [s].
         """
+        # In the favored area, company is no reason to steer.
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
         refused = blocked >= np.where(self.confined[agents], QUEUES_FOR, BLOCKED_FOR)
         # No captured motion has the speed that it was given.
@@ -175,7 +177,10 @@ class Levels:
         return np.asarray(self.may_steer[agents] & (anywhere | (met & ~self.is_favored(places))))
 
     def capture(self, agents: NDArray[np.int64], places: Floats, step: int) -> Bools:
-        """Return which of some steered agents, at ``places`` (k, 2) [m], may go back to captured motion."""
+        """Return which of some steered agents (k,), at ``places`` (k, 2) [m], may go back to captured motion.
+
+        They have steered and been calm for long enough, and do not count as slow in a lane.
+        """
         stays = np.where(self.is_favored(places), FAVORED, STAYS_FOR) * STEERING_RATE
         since = np.maximum(self.changed[agents], self._calm_since[agents])
         return np.asarray(self.may_capture[agents] & (step - since >= stays) & ~self._slow[agents])

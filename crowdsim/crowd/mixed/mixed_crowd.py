@@ -118,7 +118,8 @@ class MixedCrowd:
     def finished(self) -> bool:
         """Return True if all agents that can arrive have arrived."""
         lost = 0
-        # As long as something may move, a goal may become reachable.
+        # As long as something may move, a goal may become reachable. After that, agents are lost that have steered
+        # without a path for long, or that have not entered and have no way.
         if self.captured.events.over:
             since = self.steered.world.column("lost_since")
             lost = int(((since != NONE) & (self.step_count - since > LOST_SECONDS * STEERING_RATE)).sum())
@@ -175,9 +176,9 @@ class MixedCrowd:
 
         # Captured agents that meet others begin to steer; their reservations are released.
         others = self._others(view)
-        everybody = steered.steering.sort(self._with_steered(others), steered.place.bounds)
+        present = steered.steering.sort(self._with_steered(others), steered.place.bounds)
         legs, torso, _ = steered.steering.walls
-        self.levels.look_around(everybody, (legs, torso), self.step_count)
+        self.levels.look_around(present, (legs, torso), self.step_count)
         agents, velocities, walks = view.agent.astype(np.int64), self._velocities(view), self._walks(view)
         speeds, ahead = hypot(*velocities.T), self._walks_ahead[view.behavior]
         self.levels.follow_speeds(agents[walks], speeds[walks], ahead[walks])
@@ -282,7 +283,7 @@ class MixedCrowd:
         return {str(agent): self.captured.plans.unreachable[agent] for agent in outside.tolist()}
 
     def _has_no_way(self) -> NDArray[np.bool_]:
-        """Return True (n,) for agents to whose goals no path was found; steered they would have to squeeze.
+        """Return True (n,) for agents to whose goals no path was found: steered, they would have to squeeze through.
 
         Those for which only no motion was found may enter steered, if they may steer; if not, it is True, too.
         """
@@ -333,6 +334,7 @@ class MixedCrowd:
         steered.world.apply_changes()
         came = np.flatnonzero(outside & ((captured.spawning.spawned == step) | (steered.entering.entered == step)))
         self.levels.changed[came] = self._stands_since[came] = step
+        # Captured motion is searched anew if they switch.
         for agent in came[steered.entering.entered[came] == step].tolist():
             captured.plans.forget(agent)
             captured.spawning.forget(agent)

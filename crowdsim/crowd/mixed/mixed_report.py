@@ -24,13 +24,13 @@ class MixedStatistics:
         self._captured, self._steered = captured, steered
         self._gap = self._centers = np.inf
 
-    def add(self, everybody: NDArray[Any]) -> None:
-        """Add one step; ``everybody`` (ROW) are all agents in the world."""
+    def add(self, present: NDArray[Any]) -> None:
+        """Add one step; ``present`` (ROW[m]) are all agents in the world."""
         captured, steered = self._captured, self._steered
         captured.statistics.add(captured.frame())
         steered.statistics.add(steered.world.view(), steered.steering)
         # Gaps within each level are among those of all agents.
-        crowd = steered.steering.sort(everybody, steered.place.bounds)
+        crowd = steered.steering.sort(present, steered.place.bounds)
         rows = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
         gap, centers = closest_bodies(rows, crowd.broadest, CENTER_LIMIT)
         self._gap, self._centers = min(self._gap, gap), min(self._centers, centers)
@@ -38,7 +38,7 @@ class MixedStatistics:
     def summary(self) -> dict[str, Any]:
         """Return the figures under the names that ``crowdsim run --json`` prints.
 
-        ``closest_pair`` and ``closest_bodies`` are None from CENTER_LIMIT on, up to which they are measured.
+        ``closest_pair`` and ``closest_bodies`` [m] are measured up to CENTER_LIMIT, and None from there on.
         """
         captured, steered = self._captured.statistics, self._steered.statistics
         names = [behavior.name for behavior in captured.assets.behaviors]

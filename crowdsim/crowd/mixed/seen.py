@@ -22,8 +22,8 @@ from crowdsim.steering.stuck_kernels import LASTING, RANK_RANGE
 from crowdsim.steering.ways import Others
 
 TRACK_ROOM = 0.015
-"""Enlargement of reserved discs for steered bodies [m]: tracks bend between two samples of a timeline. Where they bend
-more, the pieces between their quarters are reserved, too."""
+"""Enlargement of reserved discs for steered bodies [m]: tracks bend between two samples of a timeline. If one bends
+more, the straight pieces between its places after each quarter of the time are reserved, too."""
 
 PUSHES_AFTER = 2.5
 """Time for which a captured agent is refused before steered ones in its way step aside [s].
@@ -33,7 +33,7 @@ others do not push: if they did all the time, those who come out of a door would
 front of it."""
 
 _PUSHING = LASTING + RANK_RANGE
-"""Rank of such an agent (plus the time), above that of any steered one."""
+"""Rank of an agent that pushes, to which the time for which it is refused is added; above that of any steered one."""
 
 
 def seen(
@@ -74,7 +74,7 @@ def seen(
     rows["share"] = walkers.shares[agents]
     rows["id"] = agents
     rows["turn"] = rows["held"] = -1.0  # not prescribed
-    # Guidance only tells where they want to go: their motion leads them, also where no path is found.
+    # Guidance only says where they want to go: their motion leads them, even if there is no path for steering.
     guidance.write(rows, np.full(len(agents), PLAIN, np.int32), lead_out=False)
     pace = hypot(rows["vx"], rows["vy"])
     rows["speed"] = pace
@@ -104,7 +104,7 @@ def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.in
     pieces = ahead & (begins != ends).any(axis=2)
     walking, slots = np.nonzero(pieces)
     moving = np.concatenate([begins[walking, slots], ends[walking, slots]], axis=1)
-    # The last position of each is a segment of length 0; it may be all that is left.
+    # The last position of each timeline is a segment of length 0, which may be all that is left of it.
     rests = np.concatenate([timeline[:, last], timeline[:, last]], axis=1)
     owners = np.concatenate([walking, np.arange(len(timeline))])
     # Discs that contain the capsules, as broad as at the broader end of a segment.

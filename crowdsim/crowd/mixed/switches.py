@@ -1,8 +1,8 @@
 """Changes of level: an agent's track continues, and no two bodies come into contact.
 
-A captured agent owns a reserved timeline, whose rest touches no steered body where that is now. So a captured
-agent may begin to steer if its body, where it is now, touches no other reserved timeline; and a steered one may
-become captured if it can reserve a timeline from there.
+A captured agent owns a reserved timeline, the rest of which touches no steered body at its present place. So a captured
+agent may begin to steer if its body, at its present place, touches no reserved timeline of others. A steered agent may
+become captured if it can reserve a timeline from its present place.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ TURNED_OFF = 0.15
 """Largest angle between heading and velocity at which a node is entered [rad]."""
 
 WORTH = 2.5
-"""Length to go above which captured motion is worth a search [m]."""
+"""Length of the way left to the goal above which captured motion is worth a search [m]."""
 
 DAWDLES = (4.0, 0.5)
-"""Time in which captured motion must come some way to be taken [s], and that way [m]: beside the post of a door, it may
-turn on the spot for ten seconds."""
+"""Captured motion is taken only if it comes some way, the second number [m], in any period as long as the first [s]:
+beside the post of a door, it may turn on the spot for ten seconds."""
 
 RETRY = 1.0
 """Time between a failed search and the next one [s]."""
@@ -96,7 +96,7 @@ class Switches:
         captured.plans.paces.keep(captured.cast.speeds, self.natural_speed)
         self._exits = behavior_set.once("exits", lambda: find_exits(behavior_set, self.entries, self.phases))
         self._asked: dict[int, _Asked] = {}
-        # (n,) last step in which each captured agent was not to steer.
+        # (n,) last step in which each agent was captured and not wanted to steer.
         self._wanted_since = np.zeros(captured.count, np.int64)
         # (n,) step of the last request of each agent; at first one long enough ago for the next.
         self._tried = np.full(captured.count, -STEERING_RATE * 10, np.int64)
@@ -106,9 +106,10 @@ class Switches:
     # From captured to steered
 
     def to_steered(self, view: View, wanted: NDArray[np.bool_], velocities: Floats, others: Others) -> int:
-        """Let ``wanted`` captured rows steer from now on, if it is safe; return how many do.
+        """Let ``wanted`` (m,) captured rows steer from now on, if their feet allow it and it is safe.
 
-        ``velocities`` (m, 2) are those of the rows [m/s]; ``others`` are the rows as steered agents see them.
+        ``velocities`` (m, 2) are those of all captured rows [m/s]; ``others`` are these rows as steered agents see
+        them. Return how many begin to steer.
         """
         rows = self._in_step(view, wanted)
         if not len(rows):
@@ -148,7 +149,7 @@ class Switches:
         return len(rows)
 
     def _in_step(self, view: View, wanted: NDArray[np.bool_]) -> Ints:
-        """Return ``wanted`` rows whose feet are where those of steered agents are, or that have waited enough."""
+        """Return the ``wanted`` (m,) rows whose feet are as those of steered agents, or that have waited for long."""
         step, agents = self._captured.step_count, view.agent.astype(np.int64)
         self._wanted_since[agents[~wanted]] = step
         frames = self._captured.assets.graph.node_track[view.node] + view.frame
@@ -158,7 +159,8 @@ class Switches:
     def _bodies(self, view: View, rows: Ints, velocities: Floats) -> NDArray[np.void]:
         """Return the rows (ROW) of captured agents that begin to steer.
 
-        Shoulders (``half``) are as broad as at rest, but no body gets larger than the disc that it had on any layer.
+        Shoulders (``half``) are as broad as at rest, but no body gets larger than the smallest disc of its behavior on
+        any layer.
         """
         cast, assets = self._steered.cast, self._captured.assets
         agents = view.agent[rows].astype(np.int64)
@@ -177,7 +179,7 @@ class Switches:
         return bodies
 
     def _safe(self, rows: Ints, bodies: NDArray[np.void], count: int, others: Others) -> tuple[Ints, NDArray[np.void]]:
-        """Return those of some captured rows, with ``bodies``, that touch no reserved segment of others that stay.
+        """Return those of captured ``rows``, and of their ``bodies``, that touch no reserved segment of rows that stay.
 
         ``count`` is the number of all captured rows, to which the segments of ``others`` belong.
         """
@@ -213,7 +215,7 @@ class Switches:
                 captured.plans.forget(agent)
 
     def _enter(self, view: View, row: int, agent: int, asked: _Asked) -> bool:
-        """Let a steered agent play the node with which its search begins; return False if it cannot be reserved.
+        """Let a steered agent play the node of its entry and the plan behind it; return False if these are refused.
 
         On success the agent, ``row`` of ``view``, leaves the steered world and appears in the captured one.
         """
@@ -274,7 +276,7 @@ class Switches:
         ahead = state["vx"] * state["hx"] + state["vy"] * state["hy"]
         straight = (np.abs(speed - played) < SPEED_OFF) & (ahead > cos(TURNED_OFF) * speed)
         rested = step - self._tried[agents] >= RETRY * STEERING_RATE
-        # No section of its way prescribes that it turns sideways (``turn`` is -1).
+        # No section of its way prescribes that it faces off the way (``turn`` is -1 if free, 0 for straight ahead).
         rows = np.flatnonzero(calm & straight & rested & (state["turn"] <= 0.0))
         most = max(AT_LEAST, int(SHARE * (len(agents) + captured.world.count)))
         # Those whose last request is longest ago come first.
@@ -283,12 +285,12 @@ class Switches:
             self._ask(view, row)
 
     def _played(self, agents: Ints | int) -> Floats:
-        """Return the speeds at which the captured motion of agents is played [m/s]."""
+        """Return the speeds (k,) at which the captured motion of agents is played while nothing is in the way [m/s]."""
         speeds = self._captured.plans.paces.speeds[agents]
         return np.asarray(np.where(np.isnan(speeds), self.natural_speed, speeds))
 
     def _ask(self, view: View, row: int) -> None:
-        """Request captured motion for a row that begins at the entry whose phase and speed fit best, if any fits."""
+        """Request captured motion for a row from the entry of nearest speed whose phase fits; none if no entry fits."""
         captured, state = self._captured, view.row[row]
         agent = int(view.agent[row])
         self._tried[agent] = captured.step_count
@@ -318,17 +320,18 @@ class Switches:
         self._asked[agent] = _Asked(entry, origin)
 
     def _changed(self, agents: Ints, step: int) -> None:
+        """Note that agents (k,) change their level in this step."""
         self._levels.changed[agents] = step
 
 
 def leads_on(plan: MotionPlan, node_frames: NDArray[np.int32]) -> bool:
-    """Return False if the motion of a plan stays in one place for long (DAWDLES).
+    """Return True if the motion of a plan never stays in one place for long (DAWDLES).
 
     ``node_frames`` (nodes,) are the lengths of all nodes of the motion graph [frames].
     """
     seconds, way = DAWDLES
     begins = np.append(0, np.cumsum(node_frames[plan.nodes]))[:-1]
-    # The node that is played some seconds after each begins, if the plan is known so far.
+    # The first node that begins ``seconds`` or more after each node, if the plan is known as far.
     later = np.searchsorted(begins, begins + seconds * CAPTURE_RATE)
     earlier = np.flatnonzero(later < plan.count)
     gone = plan.origins[later[earlier], :2] - plan.origins[earlier, :2]

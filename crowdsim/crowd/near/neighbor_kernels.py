@@ -12,8 +12,8 @@ from crowdsim.steering.look_kernels import cell_of
 from crowdsim.steering.row_kernels import FRAME_COLUMNS
 
 OF_TIMELINES, OF_WAYS, OF_BODIES = range(3)
-"""Entries of ``spread``: largest distance of a row to a point of its timeline, to the begin of its way, and largest
-radius of a body [m]."""
+"""Entries of ``spread``: largest distance of a row's position to a point of its timeline, the same to the begin of its
+way, and largest radius of a body [m]."""
 
 ROUNDED = 1e-6
 """Margin added to the distances of a search, for rounding [m]."""
@@ -38,8 +38,9 @@ def extent(places):
 def measure_spread(places, circles, radii, ways, spread):
     """Fill ``spread`` (3,), 0 at first, as described in :class:`crowdsim.crowd.near.neighbors.Neighbors`.
 
-    places (N, 2) [m], circles (N, 3) around the timelines: x, y, radius [m], radii (N,) of the bodies at rest [m], and
-    ways (N, P, 2) [m], nan for rows without one; (0, P, 2) if ways do not matter.
+    ``places`` (N, 2) are the positions [m], ``circles`` (N, 3) contain the timelines: x, y, radius [m], ``radii`` (N,)
+    are those of the bodies at rest [m]; ``ways`` (N, P, 2) [m] are nan for rows without one, (0, P, 2) if ways do not
+    matter.
     """
     for row in range(len(places)):
         circle = circles[row]

@@ -1,4 +1,4 @@
-"""Tell whether mpiexec has started this process together with others, and whether it can."""
+"""Find out if mpiexec has started this process together with others, and if mpiexec can do that here."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from shutil import which
 from typing import NamedTuple
 
 INSTALL = "pip install 'crowdsim[mpi]' mpich"
-"""What makes runs on several processes possible."""
+"""Command that installs what runs on several processes need."""
 
 SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE")
-"""Environment variables in which MPICH and its kin, Open MPI and MVAPICH tell a process how many there are."""
+"""Environment variables with the number of processes: of MPICH and libraries made from it, Open MPI, and MVAPICH."""
 
 
 def launched_ranks() -> int:
@@ -41,7 +41,7 @@ class MpiFound(NamedTuple):
     mpiexec : str or None
         Path of the program that starts them.
     remedy : str or None
-        What is wrong, and what to do.
+        What is wrong, and what to do; None if two processes have met.
     """
 
     library: str | None
@@ -60,7 +60,10 @@ _TRIAL_SECONDS = 60.0
 
 
 def try_mpi() -> MpiFound:
-    """Start two processes with mpiexec, and see whether they meet: MPI may end a process in which it does not work."""
+    """Start two processes with mpiexec, and find out if they meet.
+
+    These are other processes than this one, because MPI may end a process in which it does not work.
+    """
     mpiexec = find_mpiexec()
     if find_spec("mpi4py") is None or mpiexec is None:
         missing = "mpiexec" if mpiexec is None else "mpi4py"

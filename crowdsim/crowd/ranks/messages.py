@@ -13,11 +13,11 @@ from crowdsim.ecs.world import World
 from crowdsim.steering.row_kernels import ROW
 
 GHOST = np.dtype([("id", np.int64), ("came", np.bool_), ("leaves", np.bool_), ("row", ROW)], align=True)
-"""An agent that a neighbor sees: id in the world of all, whether it came or leaves in this step, state."""
+"""An agent that another rank sees: its id in the world, True if it came or leaves in this step, and its state."""
 
 
 def migrant_type(world: World) -> np.dtype[Any]:
-    """Return the dtype of an agent that changes its rank: all its columns, and its exit."""
+    """Return the dtype of an agent that changes its rank: all its columns, and its exit (number of a goal)."""
     return np.dtype([("columns", world.dtype), ("exit", np.int32)])
 
 
@@ -29,8 +29,8 @@ def ghosts_of(records: NDArray[Any]) -> Ghosts:
 class RowMessage:
     """The agents of one rank at its borders, in one step.
 
-    Those that have left the region, and stay in the world, change their rank. Agents near a region that are not, or no
-    longer, of its rank are ghosts there.
+    Those that have left the region of their rank, and do not leave the world, change their rank. Agents near a region
+    that are not, or no longer, of its rank are ghosts there.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ class RowMessage:
         self._regions, self._world, self._exits = regions, world, exits
         rows = world.column("row")
         columns, lines = cells_of(rows["x"], rows["y"])
-        # Rows deep in the own region matter to no other rank. Of the others (``at``): column and line of the cell, and
-        # whether they change their rank.
+        # Rows deep in the own region matter to no other rank. Keep of the others (``at``): column and row of the cell
+        # (``lines`` are rows of cells), and if they change their rank.
         at = np.flatnonzero(~regions.within(rank, columns, lines, -regions.halo))
         self._at, self._columns, self._lines = at, columns[at], lines[at]
         self._moves = ~regions.within(rank, self._columns, self._lines) & ~leaves[at]
@@ -64,7 +64,7 @@ class RowMessage:
         self._ghosts["came"], self._ghosts["leaves"] = came[at], leaves[at]
 
     def to(self, rank: int) -> bytes:
-        """Return the message to a neighbor: the number of those that go over to it, they themselves, its ghosts."""
+        """Return the message to a neighbor: number of the agents that change to it, these agents, and its ghosts."""
         over = self._moves & self._regions.within(rank, self._columns, self._lines)
         near = ~over & self._regions.within(rank, self._columns, self._lines, self._regions.halo)
         migrants = np.zeros(int(over.sum()), migrant_type(self._world))
@@ -74,6 +74,6 @@ class RowMessage:
         return head + migrants.tobytes() + self._ghosts[near].tobytes()
 
     def hand_over(self) -> NDArray[Any]:
-        """Take those that go over to another rank out of the world, and return them as ghosts (GHOST)."""
+        """Take the agents that change to another rank out of the world, and return them as ghosts (GHOST)."""
         self._world.take_out(self._at[self._moves])
         return self._ghosts[self._moves]

@@ -1,4 +1,4 @@
-"""The ranks that mpiexec has started: what :mod:`crowdsim.crowd.ranks.protocol` says, through MPI."""
+"""Exchange between the ranks that mpiexec has started: the methods of ``protocol.Ranks``, through MPI."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class MpiRanks:
         return total
 
     def most(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return the largest of all processes, element by element."""
+        """Return the largest ``values`` of all processes, element by element."""
         from mpi4py import MPI
 
         largest = np.zeros_like(values)
@@ -77,10 +77,10 @@ class MpiRanks:
         return largest
 
     def together(self, rows: NDArray[Any]) -> tuple[NDArray[Any], slice]:
-        """Return the rows (k, ...) of all processes, and which of them are those of this one."""
+        """Return the rows (k, ...) of all processes, in the order of ranks, and which of them are those of this one."""
         from mpi4py import MPI
 
-        # They travel as bytes, as MPI does not know records: lengths and offsets count these.
+        # Rows travel as bytes, as MPI does not know records: lengths and offsets are numbers of bytes.
         counts = np.zeros(self.size, np.int64)
         self.comm.Allgather(np.array([len(rows)], np.int64), counts)
         ends = np.cumsum(counts)
@@ -97,7 +97,7 @@ class MpiRanks:
         """Hand each of ``rows`` (k,) over to its owner (k,), and return what this process is given."""
         from mpi4py import MPI
 
-        # Rows travel as bytes, ``width`` each; ``counts`` go to each rank, and ``coming`` are taken from each.
+        # Rows travel as bytes, ``width`` each: ``counts`` rows go to each rank, and ``coming`` rows come from each.
         width = rows.dtype.itemsize
         counts = np.bincount(owners, minlength=self.size)
         coming = np.empty_like(counts)
@@ -117,7 +117,7 @@ class MpiRanks:
         return self.regions.within(self.rank, *cells_of(*places.T))
 
     def around(self, rows: NDArray[Any], places: NDArray[np.float64], reach: float) -> NDArray[Any]:
-        """Return ROW of all agents within ``reach`` [m] of one of ``places`` (k, 2), and maybe of more."""
+        """Return ROW of all agents within ``reach`` [m] of one of ``places`` (k, 2), and maybe of some farther away."""
         # Mark the cells within reach of a place, in a grid of the cells around all places; then take the agents there.
         cells = int(np.ceil(reach / CELL))
         columns, lines = cells_of(*places.T)

@@ -17,10 +17,10 @@ from crowdsim.steering.row_kernels import CELL
 from crowdsim.steering.rules import Rules
 
 ENDLESS = 2**40
-"""Cells from which on regions have no edge: those at the border of the floor take in all beyond it."""
+"""Edge, in cells, of a region at the border of the floor: it stands for none, as the region contains all beyond it."""
 
 SAMPLES = 8
-"""Points on the straight line to each goal of an agent, at which it is expected."""
+"""Number of points on the straight line to each goal of an agent, at which the agent is expected."""
 
 CROWD_CELLS = 2
 """Cells around its own in which an agent counts others, to know how far it looks in a crowd; see ``look_rows``."""
@@ -30,11 +30,12 @@ Cells = NDArray[np.int64]
 
 
 def halo_of(rules: Rules, fastest: float, broadest: float) -> int:
-    """Return how many cells beyond its own an agent's step reads.
+    """Return how many cells around its own cell the step of an agent reads.
 
-    It is the most of: how far it looks; where it counts the crowd around; and how far away bodies are that the commit
-    keeps off: both half breadths and, as each may use half of a gap, twice what a body may reach farther in a step, by
-    walking, turning its shoulders or letting its arms hang again, with the margin of the commit.
+    It is the largest of three distances: how far the agent looks; how far it counts the crowd around it; and how far
+    away the bodies are that the commit keeps off. The last one is both half breadths and, as each body may use half of
+    a gap, twice what a body may reach farther in a step by walking, turning its shoulders or letting its arms hang
+    again, with the margin of the commit.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def halo_of(rules: Rules, fastest: float, broadest: float) -> int:
     fastest : float
         Largest speed that any agent may reach [m/s].
     broadest : float
-        Largest half breadth of a body, arms and all [m].
+        Largest half breadth of a body, arms included [m].
     """
     grows = fastest * rules.step + broadest * rules.turn_rate * rules.step + broadest
     keeps_off = 2.0 * broadest + 2.0 * (grows + MARGIN)
@@ -72,9 +73,9 @@ class Regions:
     Attributes
     ----------
     boxes : (r, 4) int64
-        Left, bottom, right and top of each, in cells; right and top are beyond it.
+        Left, bottom, right (exclusive) and top (exclusive) of each [cells].
     halo : int
-        Number of cells around a region in which agents matter to those in it.
+        Width of the rim of cells around a region in which agents matter to those in the region.
     """
 
     boxes: Cells
@@ -86,7 +87,10 @@ class Regions:
         return len(self.boxes)
 
     def within(self, rank: int, columns: Cells, rows: Cells, beyond: int = 0) -> NDArray[np.bool_]:
-        """Return which cells are in a region, or at most ``beyond`` cells off; that far inside of it if negative."""
+        """Return which cells are in a region, or at most ``beyond`` cells from it.
+
+        If ``beyond`` is negative, return which cells are in the region, but not in its outer rim of that width.
+        """
         left, bottom, right, top = self.boxes[rank].tolist()
         inside = (columns >= left - beyond) & (columns < right + beyond)
         return np.asarray(inside & (rows >= bottom - beyond) & (rows < top + beyond))
@@ -114,18 +118,18 @@ class Regions:
 def divide(expected: Floats, bounds: tuple[float, float, float, float], count: int, halo: int) -> Regions:
     """Cut a place into ``count`` boxes with about as many of the points ``expected`` (m, 2) [m] in each.
 
-    Boxes are halved across their longer side, again and again; a cut leaves each side at least as wide as the halo.
+    Boxes are cut in two across their longer side, again and again; both parts are at least as wide as the halo.
 
     Parameters
     ----------
     expected : (m, 2) float64
-        Where agents are expected [m].
+        Points at which agents are expected [m], several for each.
     bounds : (float, float, float, float)
         Left, bottom, right and top of the place [m].
     count : int
         Number of regions.
     halo : int
-        Cells around each region that matter to it.
+        Width of the rim of cells around each region that matters to it.
 
     Raises
     ------
@@ -139,7 +143,7 @@ def divide(expected: Floats, bounds: tuple[float, float, float, float], count: i
     boxes: list[tuple[int, ...]] = []
     _halve((*low.tolist(), *high.tolist()), cells, count, halo, boxes)
     edges = np.array(boxes, np.int64)
-    # Those at the border of the place have no edge there.
+    # Regions at the border of the place have no edge there.
     for side, edge, endless in (
         (0, low[0], -ENDLESS),
         (1, low[1], -ENDLESS),
@@ -164,7 +168,7 @@ def expected_places(cast: CrowdPlacement, middles: Floats) -> Floats:
         for goal in itinerary.goals.tolist():
             there = np.broadcast_to(middles[goal], here.shape)
             if len(itinerary.exits) and goal == itinerary.goals[-1]:
-                # The assigned exit, or else the nearest as the crow flies: which one they choose is known later.
+                # The assigned exit, else the nearest in a straight line: which one agents choose is known later.
                 away = here[:, None] - middles[itinerary.exits][None]
                 nearest = itinerary.exits[np.argmin((away * away).sum(axis=2), axis=1)]
                 assigned = cast.assigned[members]
@@ -192,7 +196,7 @@ def _halve(box: tuple[int, ...], cells: Cells, count: int, least: int, boxes: li
             f"the place is too small for so many ranks: a region would be {end - low} m wide and cannot be halved, as "
             f"each must be at least {least} m wide; start fewer with mpiexec -n"
         )
-    # Cut where the share of those before the cut is nearest to the share of the regions before it.
+    # Cut so that the share of the points before the cut is nearest to the share of the regions before it.
     before = np.cumsum(np.bincount(cells[:, axis] - low, minlength=end - low))[:-1]
     wanted = len(cells) * first / count if len(cells) else 0.0
     cuts = np.arange(least, end - low - least + 1)
@@ -200,7 +204,7 @@ def _halve(box: tuple[int, ...], cells: Cells, count: int, least: int, boxes: li
         cut = int(cuts[np.argmin(np.abs(before[cuts - 1] - wanted))]) + low
     else:
         cut = low + min(max((end - low) * first // count, least), end - low - least)
-    left = cells[:, axis] < cut  # or below, if it is cut across its height
+    left = cells[:, axis] < cut  # or below, if the cut is across the height
     halves = [list(box), list(box)]
     halves[0][axis + 2] = halves[1][axis] = cut
     _halve(tuple(halves[0]), cells[left], first, least, boxes)

@@ -1,7 +1,8 @@
-"""What one rank writes of a recording: some of the agents in all steps, in a file without a name that no crash leaves.
+"""What one rank writes of a recording: some of the agents in all steps, in a temporary file.
 
-Agents walk from region to region, but columns of a recording are stored by agents. So each rank writes other agents
-than it steps: some consecutive ones, always the same. Ranks hand the rows over whenever a chunk of the file is full.
+The file has no name, so nothing is left of it after a crash. Agents walk from region to region, but columns of a
+recording are stored by agents. So each rank writes other agents than it steps: some consecutive ones, always the same.
+Ranks hand the rows over whenever a chunk of the file is full.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class RankPart:
     ranks : Ranks
         The processes that share the run.
     measure : callable
-        Called with each step of the agents whose part this is, in order, by all ranks at once.
+        Called with each step of the agents that this rank writes, in order, by all ranks at once.
 
     Raises
     ------
@@ -53,8 +54,8 @@ class RankPart:
         self._mine = self._shares.of(ranks.rank)
         # Of each step not yet written: rows (PRESENT) of the agents in the region of this rank.
         self._waiting: list[NDArray[Any]] = []
-        # Of each block written: its number of steps; its chunks, without their content, which is in the file, and the
-        # length of that [bytes].
+        # Of each block written: its number of steps; its chunks without their content, which is in the file, each with
+        # the length of that content [bytes].
         self._blocks: list[tuple[int, list[tuple[PackedChunk, int]]]] = []
 
     def __enter__(self) -> Self:
@@ -81,7 +82,10 @@ class RankPart:
             self._write()
 
     def blocks(self) -> Iterator[tuple[int, list[PackedChunk]]]:
-        """Yield what this rank has written, with the number of steps: as many as a chunk holds, but for the last."""
+        """Yield the blocks that this rank has written: number of steps, and chunks.
+
+        All but the last block have as many steps as a chunk holds.
+        """
         self._file.flush()
         self._file.seek(0)
         for steps, block in self._blocks:
@@ -92,7 +96,7 @@ class RankPart:
         steps, count, first = len(self._waiting), self._header.agents.count, self._mine.start
         sent = np.concatenate([opaque(rows) for rows in self._waiting]).view(PRESENT)
         owners = self._shares.owners(sent["agent"])
-        # On their way, rows are numbered through all agents of all steps.
+        # While rows travel, ``agent`` is step * count + agent.
         sent["agent"] += np.repeat(np.arange(steps, dtype=np.int32) * count, list(map(len, self._waiting)))
         self._waiting = []
         taken = self._ranks.swap(sent, owners)

@@ -1,4 +1,4 @@
-"""What the processes of one run tell each other, as a crowd asks for it; without other processes, nothing."""
+"""Exchange between the processes of one run, as a crowd uses it; a run in one process exchanges nothing."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ class Ghosts(NamedTuple):
     """Agents of other ranks near the own region, as they were before the step: seen here, but not moved."""
 
     ids: NDArray[np.int64]
-    """(g,) their ids in the world of all."""
+    """(g,) their ids in the world; an agent has the same id in all ranks."""
     rows: NDArray[Any]
     """ROW[g]: their state."""
     came: NDArray[np.bool_]
-    """(g,) whether they have entered in this step."""
+    """(g,) True if they have entered in this step."""
     leaves: NDArray[np.bool_]
-    """(g,) whether they leave in this step: they are measured once more, but nobody sees them."""
+    """(g,) True if they leave the world in this step: gaps to them are measured, but no agent sees them."""
 
 
 NO_GHOSTS = Ghosts(np.zeros(0, np.int64), np.zeros(0, ROW), np.zeros(0, np.bool_), np.zeros(0, np.bool_))
 """No agents of other ranks."""
 
 SELF = slice(None)
-"""Rows that one process has gathered from itself."""
+"""All rows: which of those that :meth:`Ranks.together` returns are of this process, if it is the only one."""
 
 
 class Ranks(Protocol):
@@ -41,7 +41,7 @@ class Ranks(Protocol):
     rank: int
     """Number of this process."""
     size: int
-    """Number of all."""
+    """Number of processes."""
 
     def any(self, here: bool) -> bool:
         """Return True if ``here`` is true in any process."""
@@ -50,10 +50,10 @@ class Ranks(Protocol):
         """Return the sums of ``counts`` over all processes."""
 
     def most(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return the largest of all processes, element by element."""
+        """Return the largest ``values`` of all processes, element by element."""
 
     def together(self, rows: NDArray[Any]) -> tuple[NDArray[Any], slice]:
-        """Return the rows (k, ...) of all processes, and which of them are those of this one."""
+        """Return the rows (k, ...) of all processes, in the order of ranks, and which of them are those of this one."""
 
     def swap(self, rows: NDArray[Any], owners: NDArray[np.int32]) -> NDArray[Any]:
         """Hand each of ``rows`` (k,) over to its owner (k,), and return what this process is given, in any order."""
@@ -62,9 +62,9 @@ class Ranks(Protocol):
         """Return which places (k, 2) [m] are in the region of this process."""
 
     def around(self, rows: NDArray[Any], places: NDArray[np.float64], reach: float) -> NDArray[Any]:
-        """Return ROW of all agents within ``reach`` [m] of one of ``places`` (k, 2), and maybe of more.
+        """Return ROW of all agents within ``reach`` [m] of one of ``places`` (k, 2), and maybe of some farther away.
 
-        ``rows`` are the agents of this process. The order of the result is open.
+        ``rows`` are the agents of this process. The result may be in any order.
         """
 
     def exchange(

@@ -15,12 +15,12 @@ from crowdsim.recording.header import AgentState, RecordedFrame
 
 
 class AttributeStatistics:
-    """Sum up the ways of agents by their attributes, step by step.
+    """Sum up the ways that agents walk, by their attributes, step by step.
 
     Parameters
     ----------
     attributes : mapping of str to (n,) array
-        Values of each attribute.
+        Values of each attribute, of all n agents.
     steps_per_second : int
         Rate of the steps.
     span : (float, float)
@@ -61,7 +61,10 @@ class AttributeStatistics:
         self._way, self._steps = (self._share.ranks.together(sums)[0] for sums in (self._way, self._steps))
 
     def summary(self) -> dict[str, Any]:
-        """Return by attribute: the distribution of numbers; for words, their count and the mean speed [m/s]."""
+        """Return by attribute: of numbers, their distribution; of words, by word the count and mean speed [m/s].
+
+        The mean speed is None if no agent with the word was ever present in two steps in a row.
+        """
         return {name: self._spread(values) for name, values in self._attributes.items()}
 
     def _spread(self, values: NDArray[Any]) -> dict[str, Any]:

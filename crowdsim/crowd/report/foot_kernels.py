@@ -1,4 +1,4 @@
-"""Points of the feet of posed bodies, and how far those move that stand."""
+"""Points of the feet of posed bodies, and how far feet that stand move."""
 
 import math
 
@@ -8,14 +8,14 @@ from crowdsim.motion.deformed.body_kernels import quaternion, rotate
 
 @kernel
 def place_points(joints, offsets, lowest, positions, rotations, points):
-    """Place the points of the feet of n bodies; return the least height of a point above its own lowest [m].
+    """Place the points of the feet of n bodies; return the least height of a point above its lowest one in clips [m].
 
-    It is infinite if n is 0.
+    The height is negative if a point is lower than in the clips, infinite if n is 0.
 
     Parameters
     ----------
-    joints, offsets: (2, P) int32 and (2, P, 3) float64 [m], joint that carries each of P points of a foot, and where it
-    is in the joint's frame.
+    joints, offsets: (2, P) int32 and (2, P, 3) float64 [m], for left and right foot: the joint that carries each of P
+    points of the foot, and the position of the point in that joint's frame.
     lowest: (2, P) float64, lowest height of each point in the clips [m].
     positions, rotations: (n, J, 3) [m] and (n, J, 4), both float32, of the joints in the world.
     points: (n, 2, P, 3) float64 [m], filled.
@@ -39,15 +39,17 @@ def place_points(joints, offsets, lowest, positions, rotations, points):
 def standing_distances(table, lifted, then, now, old, new):
     """Return the sum of the distances by which feet that stand have moved [m], and the number of these feet.
 
-    A foot moves as the slowest of its points that stay planted in the clips from one moment to the next, as
-    :meth:`crowdsim.motion.planted.planted_rows.PlantedRows.stayed` tells.
+    A foot moves as far as that of its planted points that moves least. A point is planted if it stays so in the clips
+    from one moment to the next, as in :meth:`crowdsim.motion.planted.planted_rows.PlantedRows.stayed`.
 
     Parameters
     ----------
     table: :class:`crowdsim.motion.graph.pose_table.PoseTable`.
-    lifted: (T, 2, P) int32 of :class:`crowdsim.motion.planted.planted_rows.PlantedRows`.
+    lifted: (T, 2, P) int32 of :class:`crowdsim.motion.planted.planted_rows.PlantedRows`: how often each point was not
+    planted before each row of the table.
     then, now: (m,) int64, rows of the same bodies in ``old`` and in ``new``.
-    old, new: nodes (n,) int32, frames (n,) and points (n, 2, P, 3) [m], both float64, of all bodies at the two moments.
+    old, new: nodes (n,) int32, frames (n,) and points (n, 2, P, 3) [m], both float64, of all bodies at the two moments;
+    n may differ.
     """
     old_node, old_frame, old_points = old
     node, frame, points = new
@@ -66,9 +68,10 @@ def standing_distances(table, lifted, then, now, old, new):
             least = math.inf
             for number in range(lifted.shape[2]):
                 steps = lifted[end, foot, number] - lifted[begin, foot, number]
+                # From one node to another (or to the same one again): leave out the rows between both.
                 if not goes_on:
                     steps += lifted[last, foot, number] - lifted[first, foot, number]
-                # It has not moved in the clips.
+                # The point was planted all the time.
                 if steps == 0:
                     dx = points[j, foot, number, 0] - old_points[i, foot, number, 0]
                     dy = points[j, foot, number, 1] - old_points[i, foot, number, 1]

@@ -21,9 +21,9 @@ Floats = NDArray[np.float64]
 class FootStatistics:
     """Speed of planted feet, and the lowest foot point, step by step.
 
-    The clips that are played tell when a point of a foot is planted (:mod:`crowdsim.motion.planted.planted_rows`): if a
-    foot slides in the crowd, it counts as sliding, however fast. Both feet count, each by its planted point that moves
-    least.
+    Whether a point of a foot is planted is taken from the clips that are played
+    (:mod:`crowdsim.motion.planted.planted_rows`), not from its speed: so a foot that slides in the crowd counts,
+    however fast. Each foot counts by its planted point that moves least.
     """
 
     def __init__(self, motion: MotionGraph, steps_per_second: int) -> None:
@@ -31,7 +31,7 @@ class FootStatistics:
         self._rows = planted_rows(motion.poses, motion.skeleton, motion.arrays.tracks)
         skeleton, self._table = _legs_of(motion.skeleton, motion.poses)
         self._points = foot_points(skeleton, self._rows.feet.ankles)
-        # Of the step before: agents, and their nodes, frames of these, and foot points.
+        # Of the step before: agents (n,), their nodes (n,), the frames of these (n,), and foot points (n, 2, P, 3) [m].
         self._before: tuple[NDArray[np.int64], tuple[NDArray[np.int32], Floats, Floats]] | None = None
         self._speed_sum = 0.0
         self._speed_count = 0
@@ -44,7 +44,7 @@ class FootStatistics:
         return self._speed_sum / self._speed_count if self._speed_count else None
 
     def add(self, frame: RecordedFrame, present: NDArray[np.int64]) -> None:
-        """Add one step; ``present`` are the agents in the world."""
+        """Add one step; ``present`` (n,) are the numbers of the agents in the world."""
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present].astype(np.float64)
         node, previous = (np.asarray(c, np.int32)[present] for c in (frame.node, frame.previous))
         at = np.asarray(frame.frame, np.float64)[present]
@@ -66,9 +66,9 @@ class FootStatistics:
 
 
 def _legs_of(skeleton: Skeleton, table: PoseTable) -> tuple[Skeleton, PoseTable]:
-    """Return skeleton and poses with only those joints that feet hang on, from the root down: half of all.
+    """Return skeleton and poses with only the joints from the root to the toes (the ankles if there are no toes).
 
-    Posing them takes less time than posing whole bodies.
+    These are about half of all joints: posing them takes less time than posing whole bodies.
     """
     feet = [skeleton.roles.get(f"{side}_toe", skeleton.joint(f"{side}_ankle")) for side in ("left", "right")]
     kept: set[int] = set()

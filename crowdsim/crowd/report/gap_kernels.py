@@ -61,8 +61,8 @@ def closest_bodies(crowd, broadest, limit):
 def wall_gap(body, walls, half, radius):
     """Return the least gap between a body and the walls listed near it [m], infinite if there are none.
 
-    ``body`` is a ROW, of which position and heading are read; ``half`` is the half length of the core, 0 for a disc;
-    ``radius`` that of the capsule or disc [m].
+    ``body`` is a ROW, of which position and heading are read; ``half`` is the half length of the core, 0 for a disc,
+    and ``radius`` the radius of the capsule or disc [m].
     """
     return wall_room(walls, body.x, body.y, -body.hy, body.hx, half) - radius
 
@@ -71,14 +71,14 @@ def wall_gap(body, walls, half, radius):
 def closest_wall(rows, walls, torso, leg_radius, limit):
     """Return the least gap of all bodies to the walls of one layer, at most ``limit`` [m].
 
-    If ``torso``, bodies are the capsules; else they are discs of ``leg_radius`` [m].
+    If ``torso`` is True, bodies are the capsules of ``rows``; else they are discs with the radius ``leg_radius`` [m].
     """
     gap = limit
     for me in range(len(rows)):
         mine = rows[me]
         half = mine.half if torso else 0.0
         radius = mine.radius if torso else leg_radius
-        # Skip bodies for which the grid of distances says that no wall can be nearer than the least gap.
+        # Skip bodies to which, by the grid of distances, no wall can be nearer than the least gap.
         if distance_at(walls, mine.x, mine.y) - half - radius - _EXCESS < gap:
             gap = min(gap, wall_gap(mine, walls, half, radius))
     return gap

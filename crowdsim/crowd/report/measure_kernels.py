@@ -17,10 +17,10 @@ from crowdsim.steering.row_kernels import CELL, FRAME_COLUMNS, FRAME_ROWS
 
 @kernel
 def closest_pair(places, order, starts, frame, limit):
-    """Return the smallest distance between two of ``places`` (N, 2) [m], or ``limit`` or more if none is below it [m].
+    """Return the smallest distance between two of ``places`` (N, 2) [m]; ``limit`` or more [m] if none is below that.
 
-    ``order`` (N,), ``starts`` (cells + 1,) and ``frame`` are the rows sorted by cells, from
-    :func:`crowdsim.crowd.near.neighbors.sorted_places`.
+    ``order`` (N,), ``starts`` (cells + 1,) and ``frame`` are the indices of places sorted by cells, as
+    :func:`crowdsim.crowd.near.neighbors.sorted_places` returns them.
     """
     # ``best`` is the least squared distance so far.
     best = math.inf
@@ -29,7 +29,8 @@ def closest_pair(places, order, starts, frame, limit):
     reach = min(limit, CELL * (frame[FRAME_COLUMNS] + frame[FRAME_ROWS]))
     for i in range(len(places)):
         x, y = places[i, 0], places[i, 1]
-        # The cells around the disc of this radius: columns ``low`` to ``high``, rows ``first`` to ``last``.
+        # The cells around the disc of this radius: columns ``low`` to ``high``, rows ``first`` to ``last`` of the grid.
+        # ROUNDED covers the rounding of positions.
         far = reach + ROUNDED
         low, first = cell_of(frame, x - far, y - far)
         high, last = cell_of(frame, x + far, y + far)

@@ -32,7 +32,7 @@ class MeasuredPlaces:
     scenario : Scenario
         The scenario, with its areas and lines.
     share : Share
-        The agents whose steps are added; all processes that share the run must add each step at once.
+        The agents whose steps are added. All processes that share the run must add each step at the same time.
     """
 
     def __init__(self, scenario: Scenario, share: Share = EVERYBODY) -> None:
@@ -40,8 +40,8 @@ class MeasuredPlaces:
         self._rate = scenario.steps_per_second
         self._areas, self._lines = scenario.areas, scenario.lines
         self._shapes = [area.shape() for area in scenario.areas]
-        # Areas count with the floor that is free at the start, lines with that which no fixed obstacle covers: a door
-        # on a line does not make it narrower, even if it is closed at first.
+        # The size of an area is that of its floor that is free at the start. The width of a line is its length over
+        # floor that no fixed obstacle covers: a door on it does not make it narrower, even if that is closed at first.
         free = scenario.environment.layers[0].free
         self._sizes = [float(shape.intersection(free).area) for shape in self._shapes]
         for shape in self._shapes:
@@ -52,8 +52,8 @@ class MeasuredPlaces:
         self._span = np.array(scenario.span)
         self._window = round(SPEED_SECONDS * self._rate)
         # Positions in the last steps of the window [m]. By area, the count and the mean speed [m/s] (nan for none) in
-        # each step. By line, agents, times [s] and whether to its left, in parts: one for each step and piece with
-        # crossings, behind an empty one, so that there is always something to join.
+        # each step. By line, its crossings in parts: agents, times [s], and True for those to its left. There is a part
+        # for each step and piece with crossings, behind an empty one, so that there is always one to join.
         self._places: list[Floats] = []
         self._counts = [array("i") for _ in self._areas]
         self._speeds = [array("f") for _ in self._areas]
@@ -72,7 +72,8 @@ class MeasuredPlaces:
         for count, here in zip(self._counts, inside, strict=True):
             count.append(int(here.sum()))
         if self._places:
-            # The place before, on this side of the ends of a periodic floor: the way between both is straight.
+            # Across the ends of a periodic floor, take the position before on this side: the way to the new one is then
+            # straight.
             self._cross(places - self._way(self._places[-1], places), places)
         self._places.append(places)
         since = self._places[0]
@@ -80,8 +81,9 @@ class MeasuredPlaces:
             self._places.pop(0)
             pace = hypot(*self._way(since, places).T) / SPEED_SECONDS
         else:
-            pace = np.full(len(places), np.nan)  # no speed is known yet
+            pace = np.full(len(places), np.nan)  # the window is not full: no speed is known yet
         for speed, here in zip(self._speeds, inside, strict=True):
+            # The mean is over the agents of all processes; counts are summed up by `join`.
             paces, _ = self._share.ranks.together(pace[here & ~np.isnan(pace)])
             speed.append(float(paces.mean()) if len(paces) else np.nan)
         self._step += 1
@@ -174,7 +176,7 @@ def crossings_of(
     share : (k,) float64
         Share of the way at which each crosses.
     to_left : (k,) bool
-        True if it then is to the left of the direction from ``first`` to ``second``.
+        True if it is to the left of the direction from ``first`` to ``second`` after that.
     """
     ux, uy = second - first
     # Signed areas: positive on the left of the line. A way crosses the infinite line if the side changes.

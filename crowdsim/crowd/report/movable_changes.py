@@ -10,14 +10,14 @@ from crowdsim.scenario.timetable import Movable, Placing, placed
 def movable_changes(
     now: Sequence[tuple[Movable, Placing | None]], before: list[Placing | None]
 ) -> Iterator[tuple[int, str | None]]:
-    """Yield number and footprint of each solid whose movable has another placing than ``before``, and update that.
+    """Yield number and footprint of each solid whose movable has another placing than ``before``; update ``before``.
 
     Parameters
     ----------
     now : sequence of (Movable, Placing or None)
         All movables with their placings, None while absent.
     before : list of Placing or None
-        Their placings in the step before.
+        Their placings in the step before, None while absent; gets the present ones.
 
     Yields
     ------

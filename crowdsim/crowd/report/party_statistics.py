@@ -19,7 +19,8 @@ TOGETHER = 1.5
 class PartyStatistics:
     """Count, step by step, the members that have another member of their party within TOGETHER.
 
-    A step counts for a party while two or more of its members are in the world.
+    A step counts for a party only if two or more of its members are in the world, for each of these. ``keys`` is the
+    scenario.
     """
 
     def __init__(self, keys: ScenarioFields) -> None:
@@ -57,5 +58,8 @@ class PartyStatistics:
             self._steps[name] += int(here.sum())
 
     def summary(self) -> dict[str, float | None]:
-        """Return by group the share of time in which members have another one within :data:`TOGETHER`."""
+        """Return by group the share of their time in which members have another one within :data:`TOGETHER`.
+
+        It is None for a group of whose parties no two members were ever in the world at the same time.
+        """
         return {name: self._beside[name] / steps if steps else None for name, steps in self._steps.items()}

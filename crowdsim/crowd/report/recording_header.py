@@ -54,7 +54,7 @@ def record_header(
         floor=environment.floor.wkt,
         solids=[solid_record(solid) for solid in timetable.fixed if isinstance(solid, Solid)],
         meshes=[_mesh_record(solid) for solid in timetable.fixed if isinstance(solid, MeshSolid)],
-        # Things that commands insert are added while they come.
+        # Solids that commands insert are added to the recording when they come.
         movables=[solid_record(solid) for movable in timetable.movables for solid in movable.solids],
         agents=replace(agents, attributes=draw_attributes(scenario)),
         motion=motion,
@@ -66,6 +66,7 @@ def record_header(
 
 
 def _shape_record(place: Area | Line) -> ShapeRecord:
+    """Return an area or a line as recordings hold it; its end is infinite [s] if it has none."""
     end = math.inf if place.until is None else place.until
     return ShapeRecord(place.name, place.shape().wkt, place.start_time, end)
 
@@ -85,7 +86,7 @@ def _start_times(steps: NDArray[np.int64], steps_per_second: int) -> NDArray[np.
 
 
 def captured_agents(cast: Placement, steps_per_second: int, radius: float) -> AgentsRecord:
-    """Return the agents of a captured crowd, whose bodies have ``radius`` [m]."""
+    """Return the agents of a captured crowd as recordings hold them; their bodies have the ``radius`` [m]."""
     goals = np.array([goals[0] for goals in cast.goals])
     starts = _facing(cast.starts, goals)
     return AgentsRecord(
@@ -100,7 +101,7 @@ def captured_agents(cast: Placement, steps_per_second: int, radius: float) -> Ag
 
 
 def steered_agents(cast: CrowdPlacement, middles: NDArray[np.float64], steps_per_second: int) -> AgentsRecord:
-    """Return the agents of a steered crowd, whose goals have ``middles`` (m, 2) [m]."""
+    """Return the agents of a steered crowd as recordings hold them; ``middles`` (m, 2) are points in the goals [m]."""
     routes = [middles[cast.itineraries[number].goals] for number in cast.group.tolist()]
     goals = np.array([route[0] for route in routes])
     return AgentsRecord(
@@ -159,11 +160,12 @@ def solid_record(solid: AnySolid) -> SolidRecord:
 
 
 def _mesh_record(solid: MeshSolid) -> MeshRecord:
+    """Return a mesh as recordings hold it."""
     return MeshRecord(solid.name, solid.vertices.astype(np.float32), solid.triangles.astype(np.int32))
 
 
 def labeled_points(route: AnnotatedPath) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
-    """Return points (P, 2) of a route [m], including changes of behavior, and the behavior (P,) from each on."""
+    """Return points (P, 2) of a route [m], one at each change of behavior, too, and the behavior (P,) from each on."""
     starts = np.array([section.start for section in route.sections])
     # Python's sort keeps the GIL; numpy's releases it and would then wait for other threads.
     arc = np.array(sorted({*route.arc.tolist(), *starts.tolist()}))

@@ -1,4 +1,4 @@
-"""What the summary of a run says beside what its crowd counts, added up step by step."""
+"""Figures in the summary of a run that its crowd does not count itself, added up step by step."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from crowdsim.scenario.scenario import Scenario
 
 
 class RunMeasures:
-    """Areas, lines, parties and attributes of one run, and who is on the way at its end.
+    """Measure areas, lines, parties and attributes of one run, and which agents are on their way at its end.
 
     Parameters
     ----------
     scenario : Scenario
         The scenario.
     attributes : mapping of str to (N,) array
-        Values of each attribute that it gives the agents.
+        Values of each attribute that the scenario gives the agents.
     share : Share
         The agents whose steps are added. If these are not all agents, the scenario may have no parties.
     """
@@ -40,12 +40,12 @@ class RunMeasures:
         ends = np.cumsum([len(start_times(scenario, number)) for number in range(len(scenario.agents))])
         numbers = np.split(np.arange(ends[-1]), ends[:-1])
         self._groups = {group.name: agents for group, agents in zip(scenario.agents, numbers, strict=True)}
-        # (n,) agents of the share: its last state, and whether it ever was in the world.
+        # By agent of the share, (n,): its last state, and True if it ever was in the world.
         self._state = np.full(len(np.arange(ends[-1])[share.agents]), AgentState.ABSENT, np.int32)
         self._entered = np.zeros(len(self._state), np.bool_)
 
     def join(self) -> None:
-        """Take in what other processes have measured; all must do so at once, after the last step."""
+        """Take in what other processes have measured; all must call it at the same time, after the last step."""
         self._places.join()
         self._attributes.join()
         self._state, self._entered = (self._share.ranks.together(of)[0] for of in (self._state, self._entered))
@@ -67,7 +67,7 @@ class RunMeasures:
     ) -> dict[str, Any]:
         """Return the figures of the run.
 
-        ``removed`` (N,) are the agents that a command took out. ``expected`` and ``arrivals`` (N,) are those of
+        ``removed`` (N,) is True for agents that a command took out. ``expected`` and ``arrivals`` (N,) are those of
         :class:`crowdsim.crowd.crowd.Crowd`: agents not expected that were not removed are on call and were never added.
         """
         # Agents may give way after they have arrived, or arrive in the step in which they enter.

@@ -23,7 +23,7 @@ MARGIN_LIMIT = 1.0
 
 
 def shares_of(behaviors: Sequence[str], way: NDArray[np.float64]) -> dict[str, float]:
-    """Return the share of the way in each behavior; all zero if no agent walked."""
+    """Return by behavior its share of the way (B,) [m]; all shares are 0 if no agent walked."""
     total = way.sum()
     return {name: float(gone / total) if total else 0.0 for name, gone in zip(behaviors, way, strict=True)}
 
@@ -50,7 +50,7 @@ class Statistics:
         self.feet = FootStatistics(self.assets.motion, self.assets.steps_per_second)
 
     def add(self, frame: RecordedFrame) -> None:
-        """Add one step of all agents, in the environment as it is now, but for their gaps."""
+        """Add one step of all agents, in the environment as it is now: all but their gaps (:meth:`add_gaps`)."""
         state = np.asarray(frame.state)
         present = np.flatnonzero(state != AgentState.ABSENT)
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
@@ -75,7 +75,7 @@ class Statistics:
         self._before = frame
 
     def add_gaps(self, frame: RecordedFrame) -> None:
-        """Measure how near agents are to each other in one step."""
+        """Update the smallest distance between two agents by one step."""
         places = np.column_stack([frame.x, frame.y])[np.asarray(frame.state) != AgentState.ABSENT]
         self.closest = min(self.closest, closest_pair(places, *sorted_places(places), self.closest))
 

@@ -20,7 +20,7 @@ from crowdsim.motion.deformed.step_plan import plan_steps, pose_at
 from crowdsim.motion.graph.foot_contacts import feet_of, planted_steps, standing_moves
 
 SAMPLED = 12
-"""Number of agents that are measured, the first ones of a run: posing all takes longer than the run."""
+"""Number of agents that are measured, the first ones of a run: posing all of them would take longer than the run."""
 
 SHORTEST = 20
 """Number of steps below which the track of an agent is left out."""
@@ -29,7 +29,7 @@ LONGEST = 600
 """Number of steps of an agent that are kept, in all its tracks together."""
 
 JUMPS = 2.0
-"""Displacement in a step above which an agent did not walk it [m]."""
+"""Displacement in a step above which an agent did not walk, but was moved to the other end of a periodic floor [m]."""
 
 Floats = NDArray[np.float64]
 """Array of float64."""
@@ -54,12 +54,12 @@ class SteeredFeet:
             agent = int(view.agent[row])
             if self._kept[agent] == LONGEST:
                 continue
-            # An agent that returns from captured motion has another id, and so another track.
+            # An agent that returns from captured motion has another id in the world, and so another track.
             state = view.row[row]
             number = int(view.id[row])
             track, steps = self._tracks.setdefault(number, []), self._steps.setdefault(number, [])
-            # At the other end of a periodic floor another track begins. Who comes back from another process may be far
-            # from where it left: `join` has the steps between.
+            # At the other end of a periodic floor another track begins. An agent that comes back from another process
+            # may be far from where it left, too, but some steps later: `join` gets the steps between.
             jumps = track and hypot(track[-1][0] - state["x"], track[-1][1] - state["y"]) > JUMPS
             if jumps and steps[-1] == self._step - 1:
                 self._ended.append(track)
@@ -83,9 +83,8 @@ class SteeredFeet:
     def measure(self) -> tuple[float | None, float | None]:
         """Return the mean speed of planted feet [m/s] and the height of the lowest foot point [m]; None if unknown.
 
-        Heights count from the place of each point on a standing sole.
-
-        A point of a foot is planted by the same rule as in clips: slow, low and for a while (`planted_steps`).
+        The height of a point is that above its height while the sole stands flat; negative if it is lower. A point of a
+        foot is planted by the same rule as in clips: slow, low and for a while (`planted_steps`).
         """
         tracks = [np.array(track) for track in (*self._ended, *self._tracks.values()) if len(track) >= SHORTEST]
         if not tracks:

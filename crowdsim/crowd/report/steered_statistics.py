@@ -24,7 +24,7 @@ GAP_LIMIT = 0.5
 """Largest gap to walls that is measured [m]: as far as the lists of walls reach."""
 
 CENTER_LIMIT = 1.0
-"""Largest distance between centers that is measured [m]."""
+"""Largest distance between centers, and largest gap between bodies, that is measured [m]."""
 
 
 WAY_UNIT = 2.0**-32
@@ -43,6 +43,7 @@ class SteeredStatistics:
         self._behaviors, self._layers, self._areas = behaviors, layers, areas
         self.feet = SteeredFeet(gait)
         self._ways = np.zeros((len(areas) + 1, len(behaviors)), np.int64)
+        # Least gap between two bodies, and least distance between two centers [m]; inf if never measured.
         self.gap = self.centers = np.inf
         # Least gaps of legs and of torsos to walls [m].
         self._margins = [GAP_LIMIT, GAP_LIMIT]
@@ -107,9 +108,9 @@ class SteeredStatistics:
         }
 
     def margins_of_layers(self) -> dict[str, float]:
-        """Return the least gap by layer: the lowest is that of the legs, all others are that of the torso.
+        """Return the least gap to walls by layer [m]: that of legs for the lowest one, that of torsos for all others.
 
-        If there is only one layer, it is the smaller of both.
+        If there is only one layer, its gap is the smaller of both.
         """
         if len(self._layers) == 1:
             return {self._layers[0]: min(self._margins)}

@@ -46,7 +46,7 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
     # One sample every _STRIDE frames.
     playback = Playback.natural(0, _STRIDE)._replace(slot_frames=_STRIDE)
     sample_chain(graph, chain, len(nodes), assets.breadths, 0, playback, out)
-    # Node of each sample; between two nodes, the broader body counts.
+    # Node of each sample; on a piece from one node to the next, the broader body counts.
     owner = np.minimum(np.searchsorted(np.cumsum(frames), _STRIDE * np.arange(len(out)), side="right"), len(nodes) - 1)
     pieces = shapely.linestrings(np.stack([out[:-1, :2], out[1:, :2]], axis=1))
     radii = assets.body_radii[graph.node_behavior[nodes]]
@@ -59,7 +59,7 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
 
 
 def route_taken(assets: Assets, route: AnnotatedPath, position: NDArray[np.float64], taken: Footprints) -> bool:
-    """Return True if ``taken`` is nearer to the rest of a route than the planned clearance.
+    """Return True if ``taken``, an area by layer, is nearer to the rest of a route than the planned clearance.
 
     The rest begins at the point of the route nearest to ``position`` (2,), where its agent is [m]. Routes touch corners
     at exactly their clearance, so rounding must not count (CONTACT_TOLERANCE).
@@ -84,7 +84,7 @@ def route_taken(assets: Assets, route: AnnotatedPath, position: NDArray[np.float
 
 
 def way_left(route: AnnotatedPath, position: NDArray[np.float64]) -> float:
-    """Return the length of a route from the point nearest to ``position`` on [m]."""
+    """Return the length of a route from its point nearest to ``position`` (2,) to its end [m]."""
     return route.length - _arc_near(route, position)
 
 

@@ -45,7 +45,7 @@ SLICE_BRANCHES = 1200
 """Candidate branches of the first slice of a search: 1 to 2 ms; most searches end with it."""
 
 MOTION_WORK = 24
-"""Candidate branches that a motion takes per meter of its route: those of one map query, ``FollowOptions.branches``."""
+"""Estimated work of a motion per meter of its route, in branch evaluations: one map query of a quick search."""
 
 ROUTE_WORK = (600, 40)
 """Estimated work of planning a route, in branch evaluations: constant, and per meter of the straight line."""
@@ -55,8 +55,7 @@ PASSING_WORK = 1500
 that stand there."""
 
 RECOVERIES = 3
-"""Number of times that a search begins anew after its agent has walked past the node where it should have
-turned."""
+"""Number of times that a search begins anew if its agent has played nodes that lead to no motion to the goal."""
 
 SIDE_STEP = 0.5
 """Length of the side step tried when a standing agent has no feasible first node [m]."""
@@ -84,7 +83,8 @@ class MotionSearch:
     """A search for the motion of one agent, run by one thread at a time.
 
     First look for a way around those that stand in the way, if there are any; then follow the old route; then a new
-    one. If everything left would change what is played already, or the environment has changed, begin anew from there.
+    one. If nodes are played already, and no motion that begins with them is found, or the environment has changed,
+    search again from the end of these nodes.
     """
 
     assets: Assets
@@ -97,7 +97,7 @@ class MotionSearch:
     backtracks: int = 0
     """Number of times that the search would have had to change nodes already played."""
     recoveries: int = 0
-    """Number of searches from there that found a motion."""
+    """Number of searches from the end of the nodes played that found more nodes."""
     _steps: Generator[MotionPlan, None, MotionPlan | PathNotFound] = field(init=False)
     # Arguments of the present call of :meth:`advance`.
     _kept: int = 0
@@ -123,16 +123,16 @@ class MotionSearch:
             return found
 
     def close(self) -> None:
-        """Let go what the search holds, as it is no longer wanted; no slice of it may be running.
+        """Release what the search holds, as it is no longer wanted; no slice of it may be running.
 
-        Its generator refers to it, and it to its generator: both would stay, with arrays of megabytes, until Python
-        looks for such cycles.
+        The search and its generator refer to each other: both would stay, with arrays of megabytes, until Python looks
+        for such cycles.
         """
         self._steps.close()
 
     @property
     def is_way_around(self) -> bool:
-        """Return True if it looks for a way around others first."""
+        """Return True if the search looks for a way around others first."""
         return len(self.request.around) > 0
 
     @property
@@ -168,6 +168,7 @@ class MotionSearch:
             plan, kept = yield from self._follow(request, request.route, environment.meshes)
             if plan.arrives:
                 return plan
+            # Nodes of it are played: go on from their end.
             if kept:
                 return (yield from self._recover(plan, kept))
         try:
@@ -225,8 +226,9 @@ class MotionSearch:
         """Follow a route, by the attempts of :func:`crowdsim.crowd.search.standing.attempts` until one succeeds.
 
         See :func:`crowdsim.following.follower.path_follower.follow_path`. ``budget``: map queries. ``shown``: parts of
-        the motion may be played before it is complete; ``played`` comes before it. ``strictly``: try to end exactly as
-        requested before coming near is enough.
+        the motion may be played before it is complete. ``played``: nodes before it, which are played already.
+        ``strictly``: try to end exactly as requested before coming near is enough. Yield plans so far; return the final
+        one, and how many of its nodes are played, both with those of ``played``.
         """
         assets, revision = self.assets, self.environment.revision
         samples = _rest_of(route.sample(), request.position)
@@ -239,7 +241,7 @@ class MotionSearch:
         plan, kept, least = None, 0, np.inf
         vain: list[FollowOptions] = []  # of attempts that found nothing and left out nothing
         for options, exactly in attempts(request, budget, strictly):
-            # What was found comes near: attempts that only have to come near find nothing better.
+            # An attempt has arrived: attempts that only have to come near find nothing better.
             if least < np.inf and not exactly:
                 break
             if any(only_searches_more(options, than) for than in vain):
@@ -250,6 +252,7 @@ class MotionSearch:
                 plan = _as_plan(assets, route, search.present, played, kept if shown else _HIDDEN)
                 yield plan
                 kept = self._kept - before
+                # The environment has changed: the caller searches anew.
                 if self.environment.revision != revision:
                     return _Outcome(plan, before + kept)
             if found.status == FollowStatus.FOUND:
@@ -277,19 +280,21 @@ class MotionSearch:
     def _whole(
         self, request: Request, route: AnnotatedPath, meshes: Sequence[NavMesh]
     ) -> Generator[MotionPlan, None, MotionPlan]:
-        """Search a motion along a route as one try among several: nothing of it is played before it is complete."""
+        """Search a motion along a route as one try among several; no part of it is played before it is complete."""
         plan, _ = yield from self._follow(request, route, meshes, PASSING_BUDGET, shown=False)
         return plan
 
     def _step_aside(self, route: AnnotatedPath) -> Generator[MotionPlan, None, MotionPlan | None]:
         """Search a motion to the goal by way of a position beside, for an agent too near to an obstacle to set out.
 
-        Positions in the direction of ``route`` are tried first; ``turn`` is the angle off it as a share of 180 degrees.
+        Positions SIDE_STEP [m] away are tried, the one in the direction of ``route`` first. None without a motion that
+        arrives.
         """
         request, environment = self.request, self.environment
         ahead = route.at(np.array([SIDE_STEP]))[0] - request.position
         direction = atan2(ahead[1], ahead[0])
         ends = np.array([request.position, request.goal])
+        # Angle off that direction, as a share of 180 degrees.
         for turn in (0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0):
             angle = direction + turn * np.pi
             beside = request.position + SIDE_STEP * np.array([cos(angle), sin(angle)])
@@ -322,6 +327,7 @@ class MotionSearch:
             points = (middles[:, :, None] + rings).reshape(-1, 2)
             points = points[mesh.clearances(points, 1.0) > _OFF_WALLS]
             meshes.append(mesh.with_points(points) if len(points) else mesh)
+        # No point has room beside walls: there is nothing to go around.
         if all(mesh is before for mesh, before in zip(meshes, environment.meshes, strict=True)):
             return None
         # Without a roadmap, which would be built for this one plan: from the shortest path of each behavior area.
@@ -351,10 +357,10 @@ def _departure(
 def _as_plan(
     assets: Assets, route: AnnotatedPath, found: FollowResult, played: MotionPlan | None, kept: int
 ) -> MotionPlan:
-    """Return a plan of ``played`` and what was found behind it.
+    """Return a plan of ``played`` and, behind it, the nodes that were found.
 
-    ``kept`` nodes of what was found stay even if it is not worthwhile, none if _HIDDEN. The first node found is the
-    departure, which is no part of the plan.
+    A motion that neither arrives nor is WORTHWHILE is cut down to its first ``kept`` nodes, which are played; to none
+    if _HIDDEN. The first node found is the departure, which is no part of the plan.
     """
     origins = found.origins[1:]
     blend_offsets = np.empty(origins.shape)

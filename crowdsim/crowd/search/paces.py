@@ -45,7 +45,7 @@ class Paces:
         self._natural_speed = np.inf
         self._natural_rate = Playback.natural(0, assets.frames_per_step).rate
         self.speeds = np.full(count, np.nan)
-        """(n,) float64: walking speed of each straight on [m/s], nan for that of the motion."""
+        """(n,) float64: speed at which each agent walks straight on [m/s], nan for that of the motion."""
 
     def keep(self, speeds: Floats, natural_speed: float) -> None:
         """Let agents walk at their own speeds, or at the nearest ones at which the motion can be played.
@@ -65,7 +65,7 @@ class Paces:
         """Return the rates (P,) at which an agent plays the nodes of a plan [ticks/step].
 
         Nodes of steady walking were captured at different speeds. The mean speed over a node and the next ones,
-        :data:`_WINDOW` in all, is scaled to that of the agent. Of these nodes only steady ones count; where there are
+        :data:`_WINDOW` in all, is scaled to that of the agent. Of these nodes only steady ones count; if there are
         none, the natural speed is scaled. All rates are from SLOWEST to FASTEST, even if nodes were captured at other
         speeds.
         """

@@ -8,8 +8,9 @@ from crowdsim.jit import kernel
 def measure_offsets(node_motion, nodes, origins, offsets):
     """Fill the blend offsets (P - 1, 3) of all nodes but the first of a chain: end of the node before less the origin.
 
-    node_motion: (nodes of the graph, 3) pose at the end of each node, relative to its begin. nodes (P,) and origins
-    (P, 3): the chain, and the world poses at which its nodes begin. Poses and offsets are x, y [m] and heading [rad].
+    ``node_motion`` (nodes of the graph, 3) is the pose at the end of each node, relative to its begin. ``nodes`` (P,)
+    are the chain, ``origins`` (P, 3) the world poses at which its nodes begin. ``offsets`` are filled. Poses and
+    offsets are x, y [m] and heading [rad].
     """
     for k in range(len(nodes) - 1):
         node, following = nodes[k], k + 1

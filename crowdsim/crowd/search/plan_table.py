@@ -24,7 +24,7 @@ class PlanTable(NamedTuple):
     nodes: NDArray[np.int32]
     """(n,) number of nodes of the plan, NONE without one."""
     first_pass: NDArray[np.int32]
-    """(n,) first node at whose end an earlier goal is passed, NO_PASS if there is none."""
+    """(n,) index of the first node of the plan at whose end an earlier goal is passed, NO_PASS if there is none."""
     passes: NDArray[np.int32]
     """(n,) number of such nodes."""
     arrives: NDArray[np.bool_]
@@ -75,7 +75,8 @@ class Motions(MutableMapping[int, MotionPlan]):
         arrays: list[NDArray[Any]] = [plan.nodes, plan.origins, plan.blend_offsets]
         for array, dtype in zip(arrays, (np.int32, np.float64, np.float64), strict=True):
             if array.dtype != dtype or not array.flags.c_contiguous:
-                raise TypeError(f"kernels read plans of contiguous arrays of int32 and float64, not {array.dtype}")
+                kind = array.dtype if array.flags.c_contiguous else f"a strided view of {array.dtype}"
+                raise TypeError(f"kernels read plans of contiguous arrays of int32 and float64, not {kind}")
         self._plans[agent], self._rates[agent] = plan, self._rates_of(agent, plan)
         arrays.append(self._rates[agent])
         # Kernels read the arrays at their addresses, without a copy.
@@ -91,7 +92,7 @@ class Motions(MutableMapping[int, MotionPlan]):
         return int(self._rates[agent][node])
 
     def replay(self, agent: int) -> None:
-        """Find the rates anew at which an agent plays its plan, if it has one."""
+        """Compute the rates of an agent's plan again, if it has one, after its speed has changed."""
         if agent in self._plans:
             self[agent] = self._plans[agent]
 

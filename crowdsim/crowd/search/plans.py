@@ -33,7 +33,7 @@ _FOLLOWERS = 64  # ranks between those of two agents, for the followers of the f
 
 
 class Join(NamedTuple):
-    """Node of a plan behind which a search continues it while it is played."""
+    """Node of a plan behind which a search continues the plan while it is played."""
 
     plan: MotionPlan
     """The plan."""
@@ -42,7 +42,7 @@ class Join(NamedTuple):
     reaches: bool = False
     """True if the goal of the plan is reached there."""
     shorter_than: float = np.inf
-    """Length below which the path must be to be taken [m]."""
+    """Length of the path found from which on it is not taken [m]; infinite if any is."""
 
     def fits(self, plan: MotionPlan | None, cursor: int) -> bool:
         """Return True if an agent in node ``cursor`` of ``plan`` (NONE: before its first) can still continue there.
@@ -59,11 +59,11 @@ class Found(NamedTuple):
     plan: MotionPlan | None
     """The plan as far as it is found, None without one."""
     join: Join | None
-    """Where it joins the plan that the agent follows."""
+    """Where it joins the plan that the agent follows; None for a search from a stand."""
     first: int | None
     """Node of the followed plan from which on it is replaced; None for the first result of a search."""
     over: bool
-    """True if the search has ended."""
+    """True if the search has ended, or was dropped as outdated."""
     outdated: bool
     """True if an edit of the environment made the result invalid."""
 
@@ -79,8 +79,9 @@ class Plans:
     on_route: Callable[[int, AnnotatedPath], None]
     """Called with (agent, route) for each route that is newly followed."""
     lead: int
-    """Steps before its need at which a plan is requested, if that is known."""
+    """Number of steps before a plan is needed at which it is requested, if that is known."""
     step: int = 0
+    """Number of the present step."""
     replans: int = 0
     """Number of times that an edit made an agent plan anew."""
     motions: Motions = field(init=False)
@@ -91,7 +92,7 @@ class Plans:
     unreachable: dict[int, str] = field(default_factory=dict)
     """By agent: reason why no path to its goal was found at the last request."""
     no_motion: dict[int, int] = field(default_factory=dict)
-    """By agent: number of consecutive searches that found a path and no motion along it."""
+    """By agent: number of consecutive searches that found a path but no motion along it."""
     looked_ahead: dict[int, NDArray[np.int32]] = field(default_factory=dict)
     """By agent: nodes of the plan from whose goal the way onwards was requested last."""
     moved: int = 0
@@ -99,7 +100,8 @@ class Plans:
     away: set[int] = field(default_factory=set)
     """Agents that had arrived, gave way, and come back."""
     looked_around: NDArray[np.int64] = field(init=False)
-    """(n,) step in which each last had reason to look for ways around those that stand near."""
+    """(n,) last step in which each agent had reason to look for ways around those that stand near: its patience ended,
+    or it or one near it stepped to a wall."""
     paces: Paces = field(init=False)
     """Playback rates of each agent."""
     _joins: dict[int, Join | None] = field(default_factory=dict)
@@ -128,7 +130,7 @@ class Plans:
     def request(self, agent: int, request: Request, join: Join | None = None, walks: bool = False) -> None:
         """Request a search for one agent, replacing the one under way; it begins in this step at the earliest.
 
-        ``walks``: it is needed at once, as it always is if it joins a plan.
+        ``walks``: the agent walks and needs the result at once, as is always so if the result is to join its plan.
         """
         self._joins[agent] = join
         search = MotionSearch(self.assets, self.environment, request)
@@ -150,13 +152,13 @@ class Plans:
         self.away.discard(agent)
 
     def request_on(self, agent: int, join: Join, ahead: int) -> None:
-        """Request the path onwards from ``join`` to the place that comes ``ahead`` after the present goal."""
+        """Request the path onwards from ``join`` to the place that comes ``ahead`` places after the present goal."""
         node, origin = int(join.plan.nodes[join.after]), join.plan.origins[join.after]
         position = np.array(node_end(self.assets.graph, node, *origin)[:2])
         self.request(agent, self.itineraries.request(agent, position, ahead, (node, origin)), join)
 
     def search_on(self, played: Callable[[int], int]) -> None:
-        """Begin the slices of this step; ``played(agent)`` nodes of a plan will be played in any case."""
+        """Begin the slices of this step; ``played(agent)`` nodes of an agent's plan are played in any case."""
 
         def kept(agent: int, search: Ongoing) -> int | None:
             """Return how many nodes that a search found are played in any case; None if it is of no use any more."""
@@ -171,7 +173,7 @@ class Plans:
         self.searches.submit(self.step, self.environment.revision, kept)
 
     def collect(self) -> list[Found]:
-        """Return the results of the slices that were begun in the step before, but for those of no use any more.
+        """Return the results of the slices that were begun in the step before, except those that are useless now.
 
         Drop searches that an edit made invalid, unless their agent walks what they found before. Note routes found from
         a stand, and goals that have no path from there; routes that join a plan are noted when they are joined.
@@ -183,8 +185,8 @@ class Plans:
             late = outdated(self.assets, plan, request.position, self.environment.edits[search.revision :])
             goes_on = search.handed is not None
             followed = self.motions.get(agent)
-            # It follows another plan; or an edit made this result invalid: a next slice, if there is one, takes it into
-            # account.
+            # It follows another plan; or an edit made this result invalid: the next slice, if there is one, takes the
+            # edit into account.
             if goes_on and (late or followed is None or followed.nodes is not search.handed):
                 continue
             if late:
@@ -211,11 +213,11 @@ class Plans:
             self.searches.handed(agent, plan.nodes, first)
 
     def is_stuck(self, agent: int) -> bool:
-        """Return True if an agent has searched in vain for motion from where it stands, along a path that is there."""
+        """Return True if the last searches of an agent, NO_MOTION or more, found a path but no motion along it."""
         return self.no_motion.get(agent, 0) >= NO_MOTION
 
     def note_motion(self, found: Found) -> None:
-        """Count searches of an agent that found a path and no motion along it; motion, or no path, ends the count."""
+        """Count searches of an agent that found a path but no motion along it; motion, or no path, ends the count."""
         if found.plan is not None or found.agent in self.unreachable:
             self.no_motion.pop(found.agent, None)
         elif found.over and not found.outdated:

@@ -23,8 +23,8 @@ the number of searches: a thousand first searches of 10 m a second at 30 steps a
 subtracted from the next step."""
 
 PATIENT_BRANCHES = 2 * SLICE_BRANCHES
-"""Part of a step's branches for detours around others, at most; and at most a fourth of them. All other searches go
-first: an agent that needs a detour stands already, and in a dense crowd most of these searches fail."""
+"""Candidate branches of a step that are left for detours around others, but at most a fourth of all. All other searches
+go first: an agent that needs a detour stands already, and in a dense crowd most of these searches fail."""
 
 LONGEST_SLICE = 6 * SLICE_BRANCHES
 """Largest number of candidate branches of a slice. Each slice of a search is twice as long as the one before: few
@@ -48,8 +48,9 @@ class Ongoing:
     patient: bool
     """True if it was requested by an agent that waits for others."""
     handed: NDArray[np.int32] | None = None
-    """Nodes of the plan that its agent follows since, of which those from ``first`` on are what it found."""
+    """Nodes of the plan that its agent follows since its last result; None before it follows any."""
     first: int = 0
+    """Index of the first of these nodes that this search found."""
     revision: int = 0
     """Revision of the environment when its last slice began."""
     running: bool = False
@@ -57,7 +58,7 @@ class Ongoing:
     ready: float | None = None
     """Time from the request until there were nodes to play [s]."""
     counts: tuple[int, int, int] = (0, 0, 0)
-    """Slices, backtracks and recoveries of its search up to the slice collected last: another may be running."""
+    """Slices, backtracks and recoveries of its search up to the slice collected last, as another may be running."""
 
     @property
     def rank(self) -> int:
@@ -100,10 +101,10 @@ class Searches:
     counts: dict[str, int] = field(
         default_factory=lambda: dict.fromkeys(("asked", "sliced", "backtracked", "recovered"), 0)
     )
-    """Searches that were requested; that took more than one slice; that would have had to change nodes already played;
-    that found a way from there."""
+    """Number of searches that were requested, and of those that took more than one slice; number of times that searches
+    would have had to change nodes already played, and that they found a motion from the end of these."""
     _ongoing: dict[int, Ongoing] = field(default_factory=dict)
-    _left: int = 0
+    _left: int = 0  # branches left for this step; below 0 by the excess of its last slice
 
     def begin(self, agent: int, search: MotionSearch, walks: bool = False) -> None:
         """Queue a search for an agent, behind the others of its rank; a search that it has already is dropped."""
@@ -123,7 +124,7 @@ class Searches:
             self.counts["recovered"] += recoveries
             if dropped.ready is not None:
                 self.waits.append(dropped.ready)
-            # A search whose slice may be running on a thread is closed as that is collected.
+            # A search with a slice that may be running on a thread is closed when that slice is collected.
             if not dropped.running:
                 dropped.search.close()
 
@@ -154,7 +155,7 @@ class Searches:
         self._serve(step, revision, kept, patient, max(self._left - share, 0))
 
     def _serve(self, step: int, revision: int, kept: Played, queue: Iterator[tuple[int, Ongoing]], rest: int) -> None:
-        """Begin slices of a queue while more than ``rest`` of the step's work is left."""
+        """Begin slices of a queue while more than ``rest`` of the step's branches are left; drop useless searches."""
         while self._left > rest and (entry := next(queue, None)) is not None:
             agent, search = entry
             played = kept(agent, search)
@@ -170,6 +171,7 @@ class Searches:
         results = []
         for agent, (search, found) in self.pool.collect(step):
             search.running = False
+            # It was dropped while its slice ran.
             if self._ongoing.get(agent) is not search:
                 search.search.close()
                 continue

@@ -29,14 +29,15 @@ _FURTHER = 20
 def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[FollowOptions, bool]]:
     """Yield the options of the searches to try in turn until one succeeds, and whether its solution is to be bent.
 
-    A motion that ends standing is searched first with the requested distance and heading, by a quick and then a
-    thorough search; if only a bent motion can come that near, with several options that end differently. If none
-    succeeds, or if not ``strictly``, coming near is enough: within the default tolerance, by a quick search with a
-    quarter of ``budget`` (map queries), then a thorough one with the rest.
+    If the motion is to end standing, and ``strictly``, first search with the requested distance and heading: a quick
+    search, then a thorough one. If that distance is below STAND_WITHIN, only a bent motion comes as near: then more
+    searches, with different options, find different motions to be bent. At last coming near is enough: within the
+    default tolerance, by a quick search with a quarter of ``budget`` (map queries), then a thorough one with the rest.
     """
     # Searches alone end within STAND_WITHIN of the goal; what is to end nearer has to be bent.
     quick, nearest = max(budget // 4, 1), request.within < STAND_WITHIN
     if strictly and request.stays:
+        # Number of candidate branches of each search.
         breadths = (
             (FollowOptions.branches, FEW_BRANCHES, THOROUGH_BRANCHES)
             if nearest
@@ -57,9 +58,9 @@ def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[Fo
 
 
 def only_searches_more(options: FollowOptions, than: FollowOptions) -> bool:
-    """Return True if a search with ``options`` differs from another one only by more branches, or its budget.
+    """Return True if ``options`` differ from those of another search, ``than``, only by more branches or the budget.
 
-    If that one ended without leaving out a branch, such a search finds the same.
+    If the other search ended without leaving out a branch, a search with ``options`` finds the same.
     """
     return options.branches >= than.branches and replace(options, branches=than.branches, budget=than.budget) == than
 
@@ -83,7 +84,7 @@ def nearest_end(
     found : FollowResult
         Its first solution.
     request : Request
-        What was requested, of which the distance from the goal counts.
+        The request, of which only the distance from the goal, ``within``, counts.
     goal : (2,) float64
         End of the path [m].
     kept : int

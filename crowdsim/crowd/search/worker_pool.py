@@ -1,7 +1,7 @@
 """Jobs on threads whose results arrive at a fixed simulation step, so that thread timing has no effect.
 
-A job submitted in step s is returned in step s + latency, which waits for it if it is not done by then. Jobs due in the
-same step are returned in the order of their keys. So any number of workers gives the same run.
+The result of a job submitted in step s is returned in step s + latency, which waits for the job if it is not done by
+then. Results due in the same step are returned in the order of their keys. So any number of workers gives the same run.
 """
 
 from __future__ import annotations

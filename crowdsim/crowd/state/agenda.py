@@ -22,7 +22,7 @@ class Agenda:
     """By number of each event that was due: time at which it happened [s], None if it did not."""
     waiting: list[int] = field(default_factory=list)
     """Numbers of the events that are due and have not happened yet."""
-    _next: int = 0
+    _next: int = 0  # number of the first event that is not due yet
 
     @property
     def over(self) -> bool:
@@ -45,9 +45,10 @@ class Agenda:
         self.happened[number] = step / self.steps_per_second
 
     def report(self) -> list[dict[str, Any]]:
-        """Return for each event that was due its title, time [s], outcome and delay [s], None if it never happened.
+        """Return for each event that was due its title, time [s], outcome and delay [s].
 
-        The outcome is ``happened``, ``waiting``, or ``overtaken`` by the next event of the same movable.
+        The delay is None if it has not happened. The outcome is ``happened``, ``waiting``, or ``overtaken`` by the next
+        event of the same movable.
         """
         rows = []
         for number, time in self.happened.items():

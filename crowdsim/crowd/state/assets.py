@@ -129,7 +129,7 @@ class Assets:
 
     @cached_property
     def rest_nodes(self) -> NDArray[np.bool_]:
-        """Return the nodes (N,) in which agents wait: idle ones, and those at whose end they stand for want of one."""
+        """Return in which nodes (N,) agents wait: idle ones, and those that end standing if no idle one may follow."""
         ends = [each and self.idle_after(node) == NONE for node, each in enumerate(self.graph.node_ends_standing)]
         rests: NDArray[np.bool_] = self.graph.node_idle | np.array(ends, bool)
         return rests
@@ -147,8 +147,8 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
     """Load the behaviors of a scenario, measured on its layers, with their motion graph.
 
     Runs may share what it returns, in turn or in threads, if their scenarios agree in ``behaviors``, ``layers`` and
-    ``motion``, and name files from the same folder; with captures also in the mean ``speed`` that their groups give. It
-    is not changed by them.
+    ``motion``, and name files from the same folder; with captures also in the mean ``speed`` that their groups give.
+    Runs do not change it.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def require_fitting(behavior_set: BehaviorSet, scenario: Scenario) -> BehaviorSe
     Raises
     ------
     BehaviorError
-        If it has other behaviors, or its clearances are of another number of layers.
+        If it has other behaviors, or clearances on another number of layers.
     """
     names = [Path(name).name for name in scenario.behaviors]
     found = [behavior.name for behavior in behavior_set.behaviors]
@@ -255,7 +255,7 @@ def _require_waiting(behavior_set: BehaviorSet, scenario: Scenario) -> None:
 
 
 def motion_key(scenario: Scenario) -> tuple[Any, ...]:
-    """Return what :func:`load_behaviors` depends on: scenarios with equal keys may share what it returns."""
+    """Return the data on which :func:`load_behaviors` depends: scenarios with equal keys may share its result."""
     speed = None if scenario.motion.captures is None else mean_speed(scenario)
     bands = tuple((layer.low, layer.high) for layer in scenario.environment.layers)
     return tuple(scenario.behaviors), bands, scenario.motion.model_dump_json(), scenario.folder.resolve(), speed
@@ -290,7 +290,7 @@ def prepare(
     arrays, maps_folder = behavior_set.graph.arrays, cache_folder() / "maps"
     bodies = None
     if scenario.planner == "collision3d":
-        # As for the other planners, what meets no layer has no effect: feet would touch each carpet and threshold.
+        # As for the other planners, solids that meet no layer have no effect: feet would touch carpets and thresholds.
         bands = [layer.band() for layer in scenario.bands]
         solids = [solid for solid in scenario.environment.timetable.fixed if not dropped_solids([solid], bands)]
         bodies = make_bodies(CollisionScene(solids), behavior_set.behaviors)

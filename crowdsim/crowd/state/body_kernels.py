@@ -14,15 +14,17 @@ from crowdsim.steering.capsule_kernels import core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 
 BODY_ROOM = 0.01
-"""Gap between a timeline and the body of a steered agent [m]. Where the track bends more, it is followed as it does."""
+"""Gap between the straight pieces of a timeline and the body of a steered agent [m], room for tracks that bend. A track
+that bends more is tested along its bend."""
 
 
 @helper
 def _bent_gap(timeline, k, body):
     """Return the gap between a body and a track as it bends from sample ``k`` to the next one [m].
 
-    The track runs straight between the places at each quarter of the time, which the sample keeps, but for at most
-    REST, which is taken off. The radius of the body on the track is not taken off: the caller compares with it.
+    The track is taken as four straight pieces between its places after each quarter of the time (QUARTERS of the
+    sample). The body comes off these pieces by up to REST, which is subtracted from the gap. The radius of the body on
+    the track is not subtracted: the caller compares the gap with it.
     """
     gap = math.inf
     ax, ay = timeline[k, 0], timeline[k, 1]
@@ -45,7 +47,8 @@ def meets_body(agent, timeline, bodies):
     """Return True if an agent on a timeline comes within BODY_ROOM of a steered body, or touches one as it bends.
 
     ``timeline`` (K, 13) has the capsule at each sample: center, radius, and vector from center to end of the core [m].
-    ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; that of ``agent`` does not count, -1: all do.
+    ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; that of ``agent`` does not count (-1: all
+    count).
     The agent's capsule is replaced by the disc that contains it, so the test is conservative.
     """
     rows, starts, frame, broadest = bodies.rows, bodies.starts, bodies.frame, bodies.broadest

@@ -32,13 +32,13 @@ QUARTERS = 6
 """Index of where the track is off that straight motion after one, two and three quarters of the time: x and y each."""
 
 REST = 12
-"""Index of the distance by which the body comes off the straight pieces between these."""
+"""Index of the distance by which the body comes off the four straight pieces between both samples and these places."""
 
 WAY_POINTS = 8
 """Number of points of the way ahead in which others do not stop."""
 
 LAST = int(np.iinfo(np.int64).max)
-"""Rank of those who go nowhere: who have arrived, or have no way to their goals. They give way to everybody."""
+"""Rank of agents that go nowhere, as they have arrived or have no way to their goals. They give way to all others."""
 
 DIGESTED = ("timeline", "timeline_circle", "way", "rank", "turn")
 """Columns that the state hash leaves out: they follow from others, or have a digest in another column."""
@@ -72,7 +72,7 @@ COLUMNS = (
     Column("reserved", np.int32, (), NONE),
     Column("plan_digest", np.uint64),
     Column("awaiting_plan", np.bool_),
-    # Step since which it is refused, anew when it looks for a way around others; NONE if it is not.
+    # Step since which it is refused; the time begins anew when it looks for a way around others; NONE if not refused.
     Column("blocked_since", np.int64, (), NONE),
     Column("retry_step", np.int64),  # step before which it does not request a plan
     # The reserved timeline: tracks and bodies every SLOT_FRAMES frames from a slot on; then the agent stands or is

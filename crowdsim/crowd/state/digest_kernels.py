@@ -52,10 +52,10 @@ def digest_words(words):
 
 @kernel
 def digest_rows(words, digests):
-    """Take the words of each row, uint64[n, k], into its 64-bit hash in ``digests`` (uint64[n]).
+    """Update the 64-bit hash of each row in ``digests`` (uint64[n]) by the words of one of its columns, uint64[n, k].
 
-    Call it for one column after the other, first with BASIS; the words of a row are taken one after the other. The end
-    of a column counts, too (JOINING): the same words in other columns give another hash.
+    Call it for one column after the other; before the first, all digests are BASIS. The words of a row are taken one
+    after the other. The end of a column counts, too (JOINING): the same words in other columns give another hash.
     """
     half = np.uint64(32)
     for row in range(len(words)):

@@ -62,10 +62,13 @@ class EnvironmentState:
     timetable: Timetable = field(init=False)
     """What may change, and when."""
     meshes: tuple[NavMesh, ...] = field(init=False)
+    """Free area of each layer."""
     areas: tuple[NavMesh | None, ...] = field(init=False)
+    """Behavior area of each behavior."""
     edits: list[Edit] = field(default_factory=list)
     """All changes so far."""
     last_edit_step: int = -1
+    """Step of the last change, -1 before the first."""
     waited_for: list[BaseGeometry] = field(default_factory=list)
     """Outlines of movables that appear as soon as no agent is there, and that no agent may enter meanwhile."""
 
@@ -90,12 +93,12 @@ class EnvironmentState:
 
     @property
     def revision(self) -> int:
-        """How many edits there were."""
+        """Number of edits so far."""
         return len(self.edits)
 
     @property
     def passages(self) -> NDArray[np.float64]:
-        """(S, 4) segments across passages in which two bodies cannot pass each other, as they are now."""
+        """(S, 4) segments across passages in which two bodies cannot pass each other now: x, y of both ends [m]."""
         if self._passages is None or self._passages[0] != self.revision:
             narrowest = 2.0 * float(self.assets.body_radii[:, 0].min())
             found = narrow_passages(self.meshes[0], narrowest, self.assets.passing_width)
@@ -142,6 +145,7 @@ class EnvironmentState:
         taken = self.footprints(movable, placing)
         pairs = list(zip(self.meshes, taken, strict=True))
         for area, growths in zip(self.areas, self._growths, strict=True):
+            # Only behaviors with an area have a mesh to be edited.
             if area is not None:
                 # A behavior area gets one obstacle for all layers: the lowest footprint, which contains the others,
                 # grown by the most that the behavior needs on an upper layer that the movable is on.

@@ -16,7 +16,7 @@ from crowdsim.geometry.planar import wrap_angle
 from crowdsim.scenario.people.placement import Placement
 
 TRIES = 2
-"""Number of searches from the place of arrival by an agent that stands otherwise than its scenario prescribes."""
+"""Largest number of further searches by an agent that has arrived but stands otherwise than its scenario prescribes."""
 
 
 @dataclass
@@ -52,7 +52,7 @@ class Itineraries:
         self._aimed_at = np.full(len(self.cast.starts), NONE, np.int64)
 
     def redirect(self, agent: int, goal: NDArray[np.float64], stays: bool) -> None:
-        """Send an agent to ``goal`` (2,) [m] instead of all its places; it stays there or leaves."""
+        """Send an agent to ``goal`` (2,) [m] instead of all its places; there it ``stays``, or leaves the world."""
         self._goals[agent], self._headings[agent] = goal[None], np.full(1, np.nan)
         self.cast.rounds[agent], self.cast.stays[agent] = 1, stays
         self.cast.only_goals[agent] = NONE  # no other agent is known to go there
@@ -60,16 +60,16 @@ class Itineraries:
         self._aimed_at[agent] = NONE
 
     def aim(self, agent: int, place: NDArray[np.float64]) -> None:
-        """Let an agent go to ``place`` (2,) [m] this time, instead of its own spot in the region that it goes to."""
+        """Let an agent go to ``place`` (2,) [m] instead of its own spot in the region of its present goal."""
         self._aims[agent], self._aimed_at[agent] = place, self.reached[agent]
 
     def goal(self, agent: int, ahead: int = 0) -> NDArray[np.float64]:
-        """Return the place (2,) that an agent goes to [m], or the one ``ahead`` places later."""
+        """Return the place (2,) that an agent goes to [m], or the one that comes ``ahead`` places later."""
         reached = int(self.reached[agent]) + ahead
         return self._aims[agent].copy() if self._aimed_at[agent] == reached else self.cast.goal(agent, reached)
 
     def stands(self, agent: int, ahead: int = 0) -> bool:
-        """Return True if an agent stands at the place it goes to, or ``ahead`` places later, awhile or for good."""
+        """Return True if an agent is to stand at its goal, or ``ahead`` places later, for a time or for good."""
         return self.cast.stands(agent, int(self.reached[agent]) + ahead)
 
     def request(
@@ -77,7 +77,8 @@ class Itineraries:
     ) -> Request:
         """Return the request for a motion from ``position`` (2,) [m] to an agent's goal, or ``ahead`` places later.
 
-        ``departure``: the node that it plays, or will have played, there; None before it has entered.
+        ``departure``: the node behind which it begins, and the pose at which that started; None before the agent has
+        entered.
         """
         reached = int(self.reached[agent]) + ahead
         return Request(
@@ -114,7 +115,7 @@ class Itineraries:
         return self.cast.is_last(agent, int(self.reached[agent]) + ahead)
 
     def reach(self, agent: int) -> float:
-        """Count the place as reached; return the time to stand there [s], 0 to go on at once, and at the last place."""
+        """Count the present goal as reached; return the time to stand there [s], 0 at the last place of all."""
         last = self.is_last(agent)
         self._tries[agent] = 0
         self.reached[agent] += 1

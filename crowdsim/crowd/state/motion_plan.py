@@ -26,7 +26,7 @@ class Request:
     stays: bool
     """True if the motion must end standing."""
     departure: Departure | None = None
-    """Node behind which the motion begins, with its start; None before the agent entered the world."""
+    """Node behind which the motion begins, and the pose at which it started; None before the agent has entered."""
     route: AnnotatedPath | None = None
     """Route that it follows already; None to plan one."""
     around: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
@@ -53,7 +53,7 @@ class MotionPlan:
     origins: NDArray[np.float64]
     """(P, 3) track poses at which they start."""
     blend_offsets: NDArray[np.float64]
-    """(P, 3) end of the node before less the origin."""
+    """(P, 3) blend offset of each: pose at the end of the node before less its origin."""
     arrives: bool
     """True if the chain reaches the goal of ``route``."""
     passes: tuple[int, ...] = ()
@@ -84,10 +84,10 @@ class MotionPlan:
         )
 
     def joined(self, first: int, last: int, more: MotionPlan, reaches: bool) -> MotionPlan:
-        """Return nodes ``first`` to ``last``, then ``more``; ``reaches`` if this plan's goal is passed in between.
+        """Return a plan of nodes ``first`` to ``last`` of this one, and behind them those of ``more``.
 
-        ``more`` is what a search found from the end of node ``last``: it passes no goals before its own. The departure
-        stays that of this plan, also if ``first`` is not 0.
+        ``reaches``: the goal of this plan is reached at the end of node ``last``. ``more`` was found by a search from
+        there, and passes no goals before its own. The departure stays that of this plan, also if ``first`` is not 0.
         """
         kept = slice(first, last + 1)
         passes = [p - first for p in self.passes if first <= p <= last]

@@ -72,6 +72,7 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
     are in the world, False if one has yet to enter it. If both are present and too near already at ``first_slot``, they
     may come to rest as near, and overlap as much, as they do then; otherwise they could never part.
     """
+    # One of them is gone by then.
     if first_slot >= a_gone or first_slot >= b_gone:
         return False
     # Samples at the first slot; before its begin and past its end a timeline stays at its first and last sample.
@@ -106,6 +107,7 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
         if gap >= bend + max(a[ia, RADIUS], a[ja, RADIUS]) + max(b[ib, RADIUS], b[jb, RADIUS]):
             continue
         if gap < bend + beside_discs(a, ia, ja, 1) + beside_discs(b, ib, jb, 1):
+            # Least gap allowed: as above, by the closer look.
             allowed = 0.0
             if present:
                 allowed = min(sure_gap(a, first_a, first_a, b, first_b, first_b) - ROUNDING, 0.0)
@@ -126,7 +128,7 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, others):
 
 @kernel
 def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
-    """Return the first row from ``begin`` on, whose timeline a candidate meets; -1 if none. See `meets_anyone`."""
+    """Return the first row, from number ``begin`` on, that a candidate meets; -1 if none. See `meets_anyone`."""
     starts, gones, circles = others.timeline_start, others.gone_slot, others.timeline_circle
     # Radius of a circle around the first sample that contains the candidate.
     reach = 0.0
@@ -180,7 +182,7 @@ def _within_reach(center, other, first, last, reach):
 
 @kernel
 def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
-    """Return True if the disc of a node's behavior keeps clear of obstacles on all layers along the node, at any time.
+    """Return True if the disc of a node's behavior keeps clear of all layers' obstacles along the whole node.
 
     ``origin`` and ``blend_offset`` (3,) place the node in the world; ``hints`` (layers,) are the triangles found last
     on each layer, -1 for none, and are updated.
@@ -216,10 +218,10 @@ def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
 def stays_free(graph, mesh, node, first, last, origin, blend_offset, need, room, hint):
     """Return True if a disc that keeps clear of one layer's obstacles at frame ``last`` does so from ``first`` on.
 
-    ``mesh`` is that of the layer, ``hint`` the triangle to look in first; ``origin`` (3,) and ``blend_offset`` (3,) are
-    where the node begins and what fades along it, as in a chain. ``room`` is the sum of the clearances at both beyond
-    the radius ``need`` of the disc [m], of which one not measured is 0; infinite if there is nothing in between. Only
-    if the track is longer than that it can come to an obstacle: then its straight motion from frame to frame is tested.
+    ``mesh`` is that layer's, ``hint`` the triangle to look in first; ``origin`` and ``blend_offset`` (3,) are those
+    of the node. ``room`` [m] is the clearance at frame ``first`` plus that at ``last``, each beyond the radius ``need``
+    of the disc, and 0 if not measured; infinite if there is no frame to test. If the track in between is no longer than
+    ``room``, the disc cannot reach an obstacle. Otherwise its straight motion from frame to frame is tested.
     """
     ox, oy, oh = origin[0], origin[1], origin[2]
     dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
@@ -241,7 +243,7 @@ def stays_free(graph, mesh, node, first, last, origin, blend_offset, need, room,
 
 @kernel
 def append_stop(graph, chain, count):
-    """Append the nodes that bring a chain of ``count`` nodes to a stand; return the new count, -1 if too long."""
+    """Append the nodes that bring a chain of ``count`` nodes to a stand; return the new count, -1 if it has no room."""
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     node = nodes[count - 1]
     while graph.stop_edge[node] >= 0:
@@ -361,14 +363,14 @@ def reserve(
     least ``first`` are taken. ``draft`` is scratch of the same size. ``ends_plan``: the agent leaves the world
     after the last of them. ``strict``: it stops in no narrow passage, even if the plan offers no other place.
     ``obstacles`` and ``everyone`` (all rows) are those of
-    :mod:`crowdsim.crowd.state.timelines`. Return (number of nodes taken, gone slot, True if it could stand outside of
-    narrow passages or leave without other agents), with 0 nodes if there is none; its timeline (or the last that was
-    tried) is left in ``timeline`` (K, 13). Row -1 has yet to enter the world.
+    :mod:`crowdsim.crowd.state.timelines`. Return the number of nodes taken, 0 if there is no continuation; its gone
+    slot; and True if, without other agents, it could leave or stand outside of narrow passages. Its timeline (or the
+    last that was tried) is left in ``timeline`` (K, 13). Row -1 has yet to enter the world.
     """
     forever = np.int64(FOREVER)
     start = playback.clock // playback.slot_frames
     # Stops in narrow passages are allowed only if the plan offers no other place to stand at all.
-    stands = False  # whether there is one, of which only the first, not tolerant round tells
+    stands = False  # True if there is such a place; only the first round, which is not tolerant, finds out
     for tolerant in range(1 if strict else 2):
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available

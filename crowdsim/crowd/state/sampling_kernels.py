@@ -66,7 +66,7 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
 
 @helper
 def sample_places(graph, chain, count, breadths, frame, playback, out):
-    """Sample and return as :func:`sample_chain` does, but leave the bends at 0: they take as long again."""
+    """Sample and return as :func:`sample_chain` does, but leave the bends at 0: to measure them takes as long again."""
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     clock, slot_frames = playback.clock, playback.slot_frames
     k = 0
@@ -78,7 +78,7 @@ def sample_places(graph, chain, count, breadths, frame, playback, out):
         node = nodes[c]
         ticks = np.int64(graph.node_frames[node]) * FRAME_TICKS
         breadth = breadths[graph.node_behavior[node]]
-        before = k
+        before = k  # number of samples set before this node
         # All slots that fall into this node; the first sample belongs to the present node in any case.
         while k < len(out) and (played < begin + ticks or k == 0):
             at = min(played - begin, ticks)
@@ -94,6 +94,7 @@ def sample_places(graph, chain, count, breadths, frame, playback, out):
             # A node between two samples has none: the segment must be as broad as its body.
             out[k - 1, RADIUS] = max(out[k - 1, RADIUS], breadth[0] + breadth[1])
         begin += ticks
+    # No sample is left behind the end.
     if k == len(out):
         return -1
     ended = slot
@@ -114,7 +115,7 @@ def sample_places(graph, chain, count, breadths, frame, playback, out):
 def sway_behind(graph, node, half):
     """Return how far a body comes off the end of a node while it stands there, in an idle node that may follow [m].
 
-    ``half`` is the half length of its core [m], whose ends move on arcs. It is 0 if no idle node may follow.
+    ``half`` is the half length of its core [m], whose ends move on arcs. Return 0 if no idle node may follow.
     """
     most = 0.0
     for edge in range(graph.edge_start[node], graph.edge_start[node + 1]):
@@ -146,7 +147,8 @@ def measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
     offs = np.zeros((slot_frames + 1, 3))
     for at in range(clock + 1, ended * slot_frames + 1):
         k = (at - 1) // slot_frames - start
-        inside = at - (start + k) * slot_frames
+        inside = at - (start + k) * slot_frames  # frames since the sample
+        # The next sample is reached: all frames of the slot are known.
         if inside == slot_frames:
             _write_bends(offs, slot_frames, k, out)
             offs[:] = 0.0
@@ -230,15 +232,15 @@ def _has_core(out, k):
 
 @helper
 def _between(out, k, axis, share):
-    """Return what column ``axis`` of a timeline is ``share`` of the way from sample ``k`` to the next one."""
+    """Return column ``axis`` of a timeline, interpolated at ``share`` of the way from sample ``k`` to the next one."""
     return out[k, axis] + share * (out[k + 1, axis] - out[k, axis])
 
 
 @helper
 def body_of(a, i, j):
-    """Return the radius of a body from sample ``i`` to ``j`` [m], and whether it is a capsule.
+    """Return the radius of a body from sample ``i`` to ``j`` [m], and True if it is a capsule.
 
-    Between a capsule and a disc it may be either of them at any time: a disc around both.
+    Between a capsule and a disc it may be either of them at any time, so a disc around both is returned.
     """
     if _has_core(a, i) and _has_core(a, j):
         return max(a[i, RADIUS], a[j, RADIUS]), True
@@ -313,7 +315,8 @@ def beside_discs(a, i, j, pieces):
 def sure_gap(a, i, j, b, k, m):
     """Return a lower bound of the gap of two bodies [m] from sample ``i`` to ``j`` and from ``k`` to ``m``.
 
-    Tracks are followed from quarter to quarter, and capsules are nine discs; the bound allows for the rest of both.
+    Tracks are followed in straight pieces from quarter to quarter, and capsules are nine discs. What bodies come off
+    these pieces (REST), and what capsules reach beyond the discs, is subtracted.
     """
     my_radius, my_discs = body_of(a, i, j)
     its_radius, its_discs = body_of(b, k, m)

@@ -97,12 +97,12 @@ class Timelines(NamedTuple):
 
 
 class StandingBodies(NamedTuple):
-    """Bodies of steered agents as they stand now, sorted by cells. They may stay there."""
+    """Bodies of steered agents where they are now, sorted by cells. Timelines keep clear of them, as they may stay."""
 
     rows: NDArray[Any]
     """ROW[n]: the bodies."""
     starts: NDArray[np.int64]
-    """Row at which each cell begins."""
+    """(cells + 1,) index in ``rows`` at which each cell begins."""
     frame: tuple[float, float, int, int]
     """Grid: left and bottom edge [m], columns, rows."""
     broadest: float
@@ -138,6 +138,6 @@ class Obstacles(NamedTuple):
     way_width: float = 0.0
     """Distance from these ways at which an agent may stop [m]."""
     passages: Floats = np.empty((0, 4))
-    """(S, 4) segments across narrow passages [m]: no agent stops there that can stop before or behind."""
+    """(S, 4) segments across narrow passages [m]: an agent stops there only if it cannot stop before or behind them."""
     off_passages: float = 0.0
     """Distance from these segments at which an agent may stop [m]."""

@@ -15,15 +15,15 @@ from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 
 FOREVER = 9223372036854775807
-"""The slot of leaving of an agent that never leaves, and a rank behind all others."""
+"""Slot of leaving of an agent that never leaves; also a rank behind all others."""
 
 IN_PASSAGE = 1 << 62
-"""By how much the rank of an agent that comes to rest in a narrow passage is lower; more than any rank but the last."""
+"""Amount by which the rank of an agent at rest in a narrow passage is lower; above all ranks except the last one."""
 
 
 @helper
 def nearest_of_way(way, x, y):
-    """Return the distance from (x, y) to a polyline (P, 2), and the direction (any length) of its nearest segment.
+    """Return the distance from (x, y) to a polyline (P, 2) [m], and the vector along its nearest segment (x, y) [m].
 
     For a row without a way (nan), they are infinite and (0, 0).
     """
@@ -87,7 +87,8 @@ def meets_oncoming(timeline, chain, available, ways, passages, distance, radius)
                     least = square
                     further = min(k + 3, available)
                     ux, uy = chain.origins[further, 0] - ax, chain.origins[further, 1] - ay
-            # It comes the other way (within 60 degrees), and not in the open.
+            # There the way leads against the own direction (more than 120 degrees off), in a passage. Without a near
+            # node of the plan, (ux, uy) is (0, 0), and nothing is against it.
             vx, vy = way[point + 1, 0] - x, way[point + 1, 1] - y
             against = ux * vx + uy * vy < -0.5 * hypot(ux, uy) * hypot(vx, vy)
             if against and near_any(passages, x, y, distance):
@@ -110,7 +111,7 @@ def stops_in_way(timeline, ways, width):
             continue
         away, ux, uy = nearest_of_way(way, x, y)
         if away < width:
-            # It enters the way, or moves against it.
+            # It was not in the way before, or moves against it.
             before, _, _ = nearest_of_way(way, timeline[0, 0], timeline[0, 1])
             if before >= width or (x - timeline[0, 0]) * ux + (y - timeline[0, 1]) * uy < 0.0:
                 return True
@@ -186,11 +187,11 @@ def rank_at(turn, behind, x, y, passages, radius):
     """Return the rank of a row that comes to rest at (x, y): its turn, or ``behind`` the one that it follows if lower.
 
     In one of ``passages`` (M, 4), nearer than the ``radius`` of its body [m], it goes before all who are outside of
-    them: most bodies cannot turn about there, so the others have to make room for it to come out. Either rank may be
-    that of a row in a passage; what counts is which it would have outside.
+    them: most bodies cannot turn about there, so the others have to make room for it to come out. Either rank may have
+    been lowered by IN_PASSAGE already (it is negative then); both are compared as outside of passages.
     """
     rank = min(turn + IN_PASSAGE if turn < 0 else turn, behind + IN_PASSAGE if behind < 0 else behind)
-    # Those who go nowhere stay last.
+    # Rows that go nowhere (LAST, above IN_PASSAGE) stay last.
     return rank - IN_PASSAGE if rank < IN_PASSAGE and near_any(passages, x, y, radius) else rank
 
 

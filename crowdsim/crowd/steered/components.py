@@ -29,13 +29,13 @@ class Errand(IntEnum):
 
 
 NO_GOAL = -1
-"""Goal in ROW of an agent that stands, turns or walks to its spot. It differs from all goals, so any stuck agent may
-ask it to step aside."""
+"""Goal in ROW of an agent that stands, turns or walks to its spot. It differs from all goals, so the agent steps aside
+for any stuck one."""
 
 COLUMNS = (
     Column("agent", np.int32, (), NONE),  # index of the agent in the run, also its row in the recording
     Column("state", np.int32, (), int(AgentState.WAITING)),
-    Column("behavior", np.int32, (), NONE),
+    Column("behavior", np.int32, (), NONE),  # number of the behavior that guidance prescribes, else the preferred one
     Column("row", ROW),  # position, velocity, body and guidance
     Column("errand", np.int8),
     Column("goal", np.int32, (), NONE),  # number of the goal to which it goes, or at which it stands

@@ -29,19 +29,21 @@ from crowdsim.steering.steering import Steering
 from crowdsim.steering.ways import NOBODY_ELSE, Others, clear_of, listed
 
 AWAITS_SECONDS = 10.0
-"""Time after which an agent whose place is still taken tries others around it [s]: an agent may stay there."""
+"""Time after which an agent whose place is still taken tries others around it [s]: the agent there may stay for good.
+"""
 
 _RADII = np.repeat([0.5, 1.0, 1.5, 2.0], 8)
 _TURNS = np.tile(np.arange(8), 4) * (np.pi / 4.0)
 _AROUND = np.column_stack((_RADII * cos(_TURNS), _RADII * sin(_TURNS)))
-"""Offsets of these other places, (k, 2) [m]: eight on each of four circles; one is tried in each step."""
+"""Offsets of these other places from its own, (k, 2) [m]: eight on each of four circles; one is tried in each step."""
 
 
 class Entering:
     """Let agents enter, those with the earliest time first.
 
-    An agent whose place is taken tries again in the next step, after AWAITS_SECONDS at others in its start region,
-    to which a straight line leads. ``regions`` are the start regions of the groups, by number of the group.
+    An agent whose place is taken tries again in the next step. After AWAITS_SECONDS it tries other places in its start
+    region, to which a straight line leads from its own. ``regions`` are the start regions of the groups, by number of
+    the group.
     """
 
     def __init__(
@@ -62,7 +64,7 @@ class Entering:
         self.entered = np.full(cast.head_count, -1, np.int64)
         """(n,) step in which each agent entered the world, -1 before."""
         self.shut_out = np.zeros(0, np.int64)
-        """Agents whose time has come and whose place is covered by a movable."""
+        """(k,) agents whose time has come and whose place is covered by a movable, as of the last step."""
         # Half breadth of the broadest agent [m].
         self._broadest = 0.5 * float(cast.walkers.breadths.max(initial=0.0))
 
@@ -73,9 +75,10 @@ class Entering:
         wanted: NDArray[np.bool_] | None = None,
         others: Others = NOBODY_ELSE,
     ) -> None:
-        """Ask the world for the agents that enter in this step, and note that and where they do.
+        """Spawn the agents that enter in this step; note the step in ``entered``, and their places in the cast.
 
-        ``wanted`` (n,): which agents may enter; all if None. None enters on a reserved segment of ``others``.
+        They are in the world after its next ``apply_changes``. ``wanted`` (n,) says which agents may enter; all may if
+        it is None. No agent enters on a reserved segment of ``others``.
         """
         cast = self._cast
         is_due = (self.entered < 0) & (cast.start_steps <= step)
@@ -99,7 +102,7 @@ class Entering:
         admit(coming, crowd, self._broadest, steering.walls, admitted)
         agents, rows = due[admitted], coming[admitted]
         self.entered[agents], cast.starts[agents] = step, places[admitted]
-        # Those with a delay stand first, without a goal in their row, so that others may ask them to step aside.
+        # Those with a delay stand first, without a goal in their row, so that they step aside for any stuck agent.
         go_step = step + cast.delay_steps[agents]
         stands = go_step > step
         goals = rows["goal"].astype(np.int32)
@@ -123,8 +126,8 @@ class Entering:
     def _places(self, agents: NDArray[np.int64], step: int) -> NDArray[np.float64]:
         """Return where agents (k,) try to enter in this step, (k, 2) [m].
 
-        Their own places, unless they have waited too long, and the place tried instead is in their start region and in
-        sight.
+        This is the agent's own place, or another one around it if the agent has waited for AWAITS_SECONDS and that
+        place is in its start region and in a straight line from its own.
         """
         cast = self._cast
         places = cast.starts[agents]

@@ -31,22 +31,22 @@ GIVES_UP = 4.0
 """Time stuck after which an agent in the region of its goal counts as standing, though it is off its spot [s]."""
 
 TAKES_SECONDS = 8.0
-"""Time after which it does the same, plus twice the time of the free way to its spot [s]."""
+"""An agent that is off its spot also counts as standing after this time, plus twice that of the free way there [s]."""
 
 PUSHED_OFF = 0.5
 """Distance from its spot above which an agent that stays walks back to it [m]."""
 
 TURN_SECONDS = 3.0
-"""Longest time that an agent turns to the prescribed heading before it counts as standing [s]."""
+"""Longest time that an agent turns to the prescribed heading; then it counts as standing, however it faces [s]."""
 
 TURNED_OFF = 0.1
 """Angle to the prescribed heading above which a standing agent turns [rad]."""
 
 _SLOWING = 2.0
-"""Speed near its spot, as a share of the distance per second [1/s]."""
+"""Largest speed of an agent near its spot, per meter of the distance to it [1/s]."""
 
 _SLOWEST = 0.2
-"""Speed of the last steps to its spot [m/s]."""
+"""Speed of an agent in the last steps to its spot [m/s]."""
 
 Floats = NDArray[np.float64]
 """Array of float64."""
@@ -66,12 +66,16 @@ class NewGoal(NamedTuple):
 
 
 class Errands:
-    """Send steered agents from place to place."""
+    """Send steered agents from place to place.
+
+    ``cast`` has their itineraries and spots; ``exits`` knows which exit each has chosen.
+    """
 
     def __init__(self, cast: CrowdPlacement, exits: ExitChoice, steps_per_second: int) -> None:
         self._cast, self._exits = cast, exits
         most = max(len(itinerary.goals) for itinerary in cast.itineraries)
         groups = cast.itineraries
+        # By itinerary and place: the goal (NONE behind the last place), and the prescribed heading [rad] (nan for any).
         self._goals = np.full((len(groups), most), NONE, np.int32)
         self._headings = np.full((len(groups), most), np.nan)
         for number, itinerary in enumerate(groups):
@@ -81,8 +85,9 @@ class Errands:
         self._regions = list(cast.goals)
         # Itinerary of each agent, and its own spots at places; commands change both.
         self._itinerary, self._own_spots = cast.group.copy(), cast.spots.copy()
-        # By itinerary: places of one round, and of all rounds (NONE if these never end); steps to stand at each; if the
-        # last place is an exit; if agents stay at the end; how near to their spots they must stand [m].
+        # By itinerary: number of places of one round, and of all rounds (NONE if these never end); steps to stand at
+        # each place; if the last place is an exit; if agents stay at the end; how near to their spots they must stand
+        # [m].
         self._rate = steps_per_second
         self._places = np.array([len(itinerary.goals) for itinerary in groups], np.int64)
         self._places_in_all = np.array(
@@ -96,8 +101,8 @@ class Errands:
         """(m, 2) points in the regions of the goals [m]."""
         self.arrived = np.full(cast.head_count, NONE, np.int64)
         """(n,) step in which each agent reached its last place, -1 before."""
-        # (n,) number of places reached, also by agents that have left; and how those that went on had stood, as
-        # `how_they_stood` returns it.
+        # (n,) number of places that each agent has reached, also if it has left; and how those that went on had stood,
+        # as `how_they_stood` returns it.
         self._visits = np.zeros(cast.head_count, np.int64)
         self._stood: list[tuple[Floats, Floats]] = []
         for region in cast.goals:
@@ -113,7 +118,7 @@ class Errands:
 
     def redirect(self, view: View, agents: NDArray[np.int64], goal: NewGoal) -> None:
         """Send agents (k,) to another goal instead of all their places, wherever they are."""
-        # Put the goal in place of an old one of that number, or behind all; any of its places is a point in it.
+        # Put the goal in place of an old one of that number, or behind all; its first spot serves as a point in it.
         shapely.prepare(goal.region)
         self._regions[goal.number : goal.number + 1] = [goal.region]
         self.middles = np.concatenate((self.middles[: goal.number], goal.places[:1], self.middles[goal.number + 1 :]))
@@ -130,7 +135,8 @@ class Errands:
         self._exits.redirect(agents, len(self._regions))
         self.arrived[agents] = NONE
 
-        # Agents in the world walk there at once, but for those that still stand where they entered.
+        # Agents in the world walk there at once, except those that still stand where they entered: they go when their
+        # time has come.
         rows = np.flatnonzero(np.isin(view.agent, agents))
         view.goal[rows], view.following[rows], view.lost_since[rows] = goal.number, PLAIN, NONE
         goes = rows[(view.errand[rows] != Errand.STANDS) | (view.reached[rows] > 0)]
@@ -140,7 +146,7 @@ class Errands:
         view.row["speed"][goes] = view.pace[goes]
 
     def drop(self, agents: NDArray[np.int64]) -> None:
-        """Let go of the goals that commands gave to agents (k,), who leave or have left, for :meth:`free_goal`."""
+        """Release the goals that commands gave to agents (k,) that leave or have left, for :meth:`free_goal`."""
         self._itinerary[agents] = self._cast.group[agents]
 
     def goal(self, agents: NDArray[np.int64], reached: NDArray[np.int64]) -> NDArray[np.int32]:
@@ -176,9 +182,9 @@ class Errands:
         """Update the errands in this step, after guidance has written the ways of all; return the rows that leave.
 
         Agents that walk and are in the region of their goal leave, go on, or take their spot; others take their spot,
-        turn, or stand. Guidance gives the length to go (``togo`` [m]), which is LOST without a path; ``lost_since`` is
-        the step since which that is so, NONE with a path. The crowd reads it, as a run does not wait for agents that
-        have long been without a path.
+        turn, or stand. Guidance gives the length to go (``togo`` [m]), which is LOST without a path. The column
+        ``lost_since`` gets the step since which an agent that walks has no path, NONE if it has one. The crowd reads
+        it, as a run does not wait for agents that have long been without a path.
         """
         # Test the regions of goals only for agents near the end of their path.
         rows = view.row
@@ -206,9 +212,9 @@ class Errands:
         state["speed"][rows] = _speed_near(distance, state["speed"][rows])
 
     def how_they_stood(self, view: View) -> tuple[Floats, Floats]:
-        """Return distance to the place [m] and angle to the prescribed heading [rad] (nan if none) of each stand.
+        """Return distance to the spot [m] and angle to the prescribed heading [rad] (nan if none) of each stand, (k,).
 
-        An agent that went on counts as it stood then, others as they stand now.
+        A stand that an agent has ended counts as the agent stood then, others as agents stand now.
         """
         waits = (view.errand == Errand.STANDS) & (view.reached > 0)
         now = self._how_they_stand(view, np.flatnonzero(waits | (view.errand == Errand.STAYS)))
@@ -216,7 +222,7 @@ class Errands:
         return off, np.concatenate([each for _, each in (*self._stood, now)])
 
     def count_visits(self, visits: NDArray[np.int64]) -> None:
-        """Note the number of places (n,) that agents have reached while they were captured."""
+        """Raise the number of places reached by each agent to ``visits`` (n,), those reached while it was captured."""
         np.maximum(self._visits, visits, out=self._visits)
 
     def laps(self, ranks: Ranks = ONE_RANK) -> dict[str, int]:
@@ -269,9 +275,9 @@ class Errands:
         return np.asarray(leaves)
 
     def _how_they_stand(self, view: View, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """Return distances to the spots [m] and angles to the prescribed headings [rad], nan if none, of rows.
+        """Return distances to the spots [m] and angles to the prescribed headings [rad], nan if none, of rows (k,).
 
-        All have been counted as having reached the place where they stand.
+        In ``reached``, the place where each of them stands counts already.
         """
         state, reached = view.row, view.reached[rows] - 1
         spot = self._spots(view, rows, reached)
@@ -279,7 +285,7 @@ class Errands:
         return off, np.abs(wrap_angle(state["heading"][rows] - self._asked(view, rows, reached)))
 
     def _go_on(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Count a place as reached by ``rows`` (k,), and make the next one their goal; those who walk set out."""
+        """Count a place as reached by ``rows`` (k,), and make the next one their goal; those that walk set out."""
         view.reached[rows] += 1
         self._visits[view.agent[rows]] += 1
         group = self._itinerary[view.agent[rows]]
@@ -292,8 +298,8 @@ class Errands:
         view.row["goal"][walks] = view.goal[walks]
 
     def _take_places(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
-        """Lead agents to their spots; those that are there, or give up, turn next."""
-        # ``go_step`` is the last step of taking their spot, then that of turning.
+        """Lead rows (k,) to their spots; those that are there, or give up, turn next."""
+        # ``go_step`` is the last step in which they may take their spot, then that in which they may turn.
         group = self._itinerary[view.agent[rows]]
         distance = self._lead(view, rows)
         is_there = distance <= self._within[group]
@@ -303,13 +309,13 @@ class Errands:
         view.go_step[there] = step + round(TURN_SECONDS * self._rate)
 
     def _turn_and_stand(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
-        """Let agents turn to their prescribed headings, for a limited time; then they stand."""
+        """Let rows (k,) turn to their prescribed headings, for TURN_SECONDS at most; then they stand."""
         self._stop(view, rows)
         turns = self._turn(view, rows, self._asked(view, rows, view.reached[rows]))
         stops = rows[~turns | (view.go_step[rows] <= step)]
         agents = view.agent[stops]
         group = self._itinerary[agents]
-        # At the last place all of these stay: agents that leave there do not take a spot.
+        # At their last place, all of these stay: agents that leave there never take a spot.
         last = view.reached[stops] + 1 == self._places_in_all[group]
         view.errand[stops] = np.where(last, Errand.STAYS, Errand.STANDS)
         view.go_step[stops] = step + self._waits[group]
@@ -319,12 +325,13 @@ class Errands:
         self._go_on(view, stops[~last])
 
     def _stand(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Let agents stand in their prescribed headings; one that stays, but off its spot, walks there.
+        """Let rows (k,) stand in their prescribed headings; one that stays for good, but is off its spot, walks there.
 
-        It may have been pushed off, or have given up. It does not get stuck: so it gives way to all who do.
+        It may have been pushed off, or have given up before. Its time stuck stays 0, so that it gives way to all that
+        are stuck.
         """
         self._stop(view, rows)
-        # Those that have reached a goal (``reached`` counts goals) turn as that one prescribes.
+        # Those that have reached a place turn as it prescribes; others stand where they entered.
         at = rows[view.reached[rows] > 0]
         self._turn(view, at, self._asked(view, at, view.reached[at] - 1))
         stays = at[view.errand[at] == Errand.STAYS]
@@ -333,15 +340,15 @@ class Errands:
         view.row["stuck"][stays] = 0.0
 
     def _stop(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Remove the guidance of rows, with what it prescribes for their bodies (-1 for none)."""
+        """Remove the guidance of rows (k,), and what it prescribes for their bodies (-1 for nothing)."""
         state = view.row
         state["gx"][rows] = state["gy"][rows] = state["togo"][rows] = 0.0
         state["turn"][rows] = state["held"][rows] = -1.0
 
     def _turn(self, view: View, rows: NDArray[np.int64], headings: Floats) -> NDArray[np.bool_]:
-        """Let rows turn on the spot to headings [rad], nan for any; return which rows still turn.
+        """Let rows (k,) turn on the spot to headings (k,) [rad], nan for any; return which rows still turn, (k,).
 
-        They are guided in the direction of the heading at a free speed of 0: the body turns there, and does not move.
+        The heading becomes their guidance, and their free speed 0: so the body turns to it, and does not move.
         """
         state = view.row
         off = np.abs(wrap_angle(headings - state["heading"][rows])) > TURNED_OFF
@@ -361,7 +368,7 @@ class Errands:
         return np.asarray(self._own_spots[agents, reached % self._places[self._itinerary[agents]]])
 
     def _lead(self, view: View, rows: NDArray[np.int64]) -> Floats:
-        """Lead rows straight to their spots; return their distances [m]."""
+        """Lead rows (k,) straight to their spots, slower near them; return their distances (k,) [m]."""
         state: NDArray[Any] = view.row
         dx, dy = view.stand[rows, 0] - state["x"][rows], view.stand[rows, 1] - state["y"][rows]
         distance: Floats = hypot(dx, dy)
@@ -374,5 +381,5 @@ class Errands:
 
 
 def _speed_near(distance: Floats, speed: Floats) -> Floats:
-    """Return the speed at a distance [m] from the spot where an agent is to stand, ``speed`` at most [m/s]."""
+    """Return the speeds (k,) at distances (k,) [m] from the spots of agents, at most ``speed`` (k,) [m/s]."""
     return np.minimum(speed, np.maximum(_SLOWING * distance, _SLOWEST))

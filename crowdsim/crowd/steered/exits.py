@@ -32,13 +32,13 @@ GAINS_METERS = 2.0
 """It must also save at least this length, if it goes to the nearest exit [m]."""
 
 FLOW = 1.3
-"""Flow per width expected of an exit before its queue has been observed [1/(m s)]."""
+"""Flow per width that is expected of an exit before its queue has been observed [1/(m s)]."""
 
 LEAST_FLOW = 0.2
 """Least flow expected of an exit, however narrow it is and however slowly agents leave [1/s]."""
 
 QUEUES = 5
-"""Number of agents held up on their way to an exit from which on its flow is learned."""
+"""Least number of agents that are held up on their way to an exit for its flow to be learned."""
 
 HELD_UP = 0.5
 """Speed below which an agent is held up, as a share of its free speed."""
@@ -47,7 +47,7 @@ LEARNS = 0.1
 """Weight of the flow of each second of a queue in the expected flow (exponential average)."""
 
 _EDGE = 0.01
-"""Distance from walls at which the outline of an exit counts as across the floor, not along a wall [m]."""
+"""Distance from walls above which the outline of an exit counts as across the floor, not along a wall [m]."""
 
 Floats = NDArray[np.float64]
 """Array of float64."""
@@ -96,32 +96,35 @@ class ExitChoice:
         self._flows = np.array([flow_through(goal, free) for goal in cast.goals])
         # Agents (n,) to which a command gave another goal: they choose no exit, not even if they enter after that.
         self._redirected = np.zeros(cast.head_count, np.bool_)
-        # By goal: number of agents that have left there, and that had when flows were last learned, every second.
+        # By goal: number of agents that have left there until now, and until flows were last learned (every second).
         self._left = np.zeros(len(cast.goals), np.int64)
         self._left_before = np.zeros(len(cast.goals), np.int64)
 
     def enter(self, agents: Ints, rows: NDArray[Any]) -> None:
-        """Let agents that enter, or have finished a route, choose an exit from the positions of ``rows`` (ROW).
+        """Let agents (k,) that enter, or have finished a route, choose an exit from the positions of ``rows`` (ROW[k]).
 
-        Queues do not count yet: they choose the one that they reach first, and may change soon (:meth:`consider`).
+        Queues do not count yet: an agent chooses the exit that it reaches first, and may change soon
+        (:meth:`consider`). Members of a party go to the exit of its first member, if that has one.
         """
         for group, mine in self._choosing(agents):
             times = self._costs(group, agents[mine], rows[mine], ())
             exits = self._cast.itineraries[group].exits
             self.goals[agents[mine]] = exits[np.argmin(times, axis=1)]
-        # Members of a party go to the exit of the first member.
         firsts = self.goals[self._cast.first[agents]]
         follow = (firsts != NONE) & ~self._redirected[agents]
         self.goals[agents[follow]] = firsts[follow]
 
     def consider(self, view: View, step: int) -> None:
-        """Let the agents whose turn it is change to an exit that is much better than theirs."""
+        """Let the agents whose turn it is change to an exit that is much better than theirs; their parties follow.
+
+        The turn of each agent comes every CONSIDERS_SECONDS. What is better, BETTER and the two constants after it say.
+        """
         if not self._chooses.any():
             return
         if step % self._rate == 0:
             self._learn(view)
         walks = (view.errand == Errand.WALKS) & ((view.agent + step) % self._pause == 0)
-        # An agent still on its route goes to another goal than its exit: it does not consider yet.
+        # An agent that is still on its route goes to another goal than its exit: it does not consider exits yet.
         walks &= view.goal == self.goals[view.agent]
         turn = np.flatnonzero(walks)
         agents = view.agent[turn].astype(np.int64)
@@ -137,7 +140,7 @@ class ExitChoice:
             ahead = [queues[goal] for goal in exits.tolist()] if quickest else ()
             costs = self._costs(group, ones, view.row[rows], ahead)
             best = np.argmin(costs, axis=1)
-            # Index in ``exits``, which need not be sorted, of each one's own exit.
+            # Index in ``exits``, which need not be sorted, of each agent's own exit.
             own = np.searchsorted(exits, self.goals[ones], sorter=np.argsort(exits))
             own = np.argsort(exits)[own]
             least, now = costs[np.arange(len(ones)), best], costs[np.arange(len(ones)), own]
@@ -148,27 +151,28 @@ class ExitChoice:
         self._follow_the_first(view)
 
     def _ways(self, view: View) -> tuple[Floats, Ints]:
-        """Return the lengths of the ways [m] and the goals of all agents that may wait at an exit."""
+        """Return the lengths of the ways (k,) [m] and the goals (k,) of all agents that may wait at an exit."""
+        # One process has all agents; and without a group that takes the quickest exit, queues do not count.
         if self._ranks.size == 1 or not self._quickest.any():
             return view.row["togo"], view.row["goal"]
         ways, _ = self._ranks.together(np.column_stack((view.row["togo"], view.row["goal"])))
         return ways[:, 0], ways[:, 1].astype(np.int64)
 
     def _change(self, view: View, rows: Ints, goals: NDArray[np.int32]) -> None:
-        """Let rows go to other exits."""
+        """Let rows (k,) go to other exits, the ``goals`` (k,)."""
         self.goals[view.agent[rows]] = goals
         view.goal[rows] = goals
         view.row["goal"][rows] = goals
         view.following[rows] = PLAIN  # the field followed so far leads to the old exit
 
     def _follow_the_first(self, view: View) -> None:
-        """Let members who walk to an exit go to that of the first one of their party, while it is in the world."""
+        """Let members that walk to an exit go to that of the first member of their party, if it is in the world."""
         there = np.zeros(len(self.goals), np.bool_)
         there[view.agent] = True
         first = self._cast.first[view.agent]
         goals = self.goals[first]
-        # A member still on its route goes to another goal than its exit. The first one has no exit (NONE) once a
-        # command gave it another goal.
+        # A member that is still on its route goes to another goal than its exit. The first member has no exit (NONE)
+        # once a command has given it another goal.
         walks = (view.errand == Errand.WALKS) & (view.goal == self.goals[view.agent])
         follows = np.flatnonzero(walks & there[first] & (goals != NONE) & (goals != view.goal))
         self._change(view, follows, goals[follows])
@@ -184,7 +188,7 @@ class ExitChoice:
         )
 
     def leave(self, goals: NDArray[np.int32]) -> None:
-        """Count the agents that leave at some goals."""
+        """Count agents that leave; ``goals`` (k,) are the goals at which they do."""
         self._left += np.bincount(goals, minlength=len(self._left))
 
     def _choosing(self, agents: Ints) -> list[tuple[int, Ints]]:
@@ -194,11 +198,11 @@ class ExitChoice:
         return [(number, np.flatnonzero(chooses & (group == number))) for number in np.unique(group[chooses]).tolist()]
 
     def _costs(self, group: int, agents: Ints, rows: NDArray[Any], queues: Sequence[Floats]) -> Floats:
-        """Return (k, e) the time until each agent is through each exit [s], or the length of the path [m].
+        """Return the time until each agent is through each exit [s], or the length of its path there [m], (k, e).
 
-        Times are those of a group that takes the quickest exit. They are infinite if there is no path. ``agents`` (k,)
-        are of one ``group``, with ``rows`` (ROW[k]); ``queues``: for each exit, the ascending lengths of the paths of
-        all that walk to it [m]; empty if no queue counts.
+        It is the time for a group that takes the quickest exit, else the length; infinite if there is no path.
+        ``agents`` (k,) are of one ``group``, with ``rows`` (ROW[k]). ``queues`` are, for each exit, the ascending
+        lengths of the paths of all agents that walk to it [m]; empty if no queue counts.
         """
         places = np.column_stack((rows["x"], rows["y"]))
         exits = self._cast.itineraries[group].exits.tolist()
@@ -207,14 +211,14 @@ class ExitChoice:
             return lengths
         times: Floats = lengths / self._cast.walkers.speeds[agents][:, None]
         for k, queue in enumerate(queues):
-            # Agents nearer to the exit go through before this one, at the expected flow. An agent's own length, which
-            # may be rounded otherwise in the queue, does not count.
+            # Agents nearer to the exit go through before this one, at the expected flow. Subtract a micrometer, so that
+            # the agent itself does not count: its length in the queue may be rounded differently.
             ahead = np.searchsorted(queue, lengths[:, k] - 1e-6)
             times[:, k] = np.maximum(times[:, k], ahead / self._flows[exits[k]])
         return times
 
     def _learn(self, view: View) -> None:
-        """Update the expected flows of exits with a queue by the number that left in the last second."""
+        """Update the expected flows of exits that have a queue, by the numbers that left in the last second."""
         # ``left`` and ``queued`` are numbers of agents by goal.
         row = view.row
         held_up = (hypot(row["vx"], row["vy"]) < HELD_UP * view.pace) & (row["goal"] >= 0)

@@ -18,7 +18,7 @@ STANDS_BELOW = 0.1
 
 
 def walk_on(view: View, headings_before: NDArray[np.float64], asked: NDArray[np.float64]) -> None:
-    """Advance phases by the step taken, and set behavior and state of all rows.
+    """Advance the phases of the gait by the step taken, and set behavior and state of all rows.
 
     ``headings_before`` (n,) are the headings before the step [rad]; ``asked`` (behaviors, 2) the turn [rad] and half
     length with arms held in [m] that each behavior prescribes, -1 for none.

@@ -53,10 +53,11 @@ HELD_UP = 1.0
 """Distance within which a waiting member notices stuck agents [m]."""
 
 STUCK = 0.5
-"""Time stuck above which they count [s]."""
+"""Time stuck above which such agents count [s]."""
 
 URGENCY = 8
-"""Factor by which its patience runs out faster meanwhile: the members it waits for may be behind the stuck ones."""
+"""Factor by which the patience of a member runs out faster while it notices a stuck agent: the members for which it
+waits may be behind that one."""
 
 Floats = NDArray[np.float64]
 """Array of float64."""
@@ -70,7 +71,7 @@ class Parties:
     Parameters
     ----------
     first : (n,) int64
-        First member of the party of each agent.
+        First member of the party of each agent; the agent itself if it walks alone.
     free : MultiPolygon
         Free floor of bodies; members do not turn towards others behind an obstacle.
     span : (float, float)
@@ -102,7 +103,7 @@ class Parties:
         self._alone[agents] = True
 
     def keep_together(self, view: View) -> None:
-        """Write wanted speeds and directions of members of parties to their rows."""
+        """Write the wanted speeds and directions of walking members of parties to their rows, after guidance."""
         if not self:
             return
         rows = self._rows(view)
@@ -111,10 +112,10 @@ class Parties:
         for k in range(self._most):
             mine = rows[:, k]
             here = mine != NONE
-            behind, aside_x, aside_y = self._company(view, rows[here], k)
+            lead, middle_x, middle_y = self._company(view, rows[here], k)
             at = mine[here]
-            state["speed"][at] = self._pace(view, at, behind)
-            self._head_for(state, at, aside_x, aside_y)
+            state["speed"][at] = self._pace(view, at, lead)
+            self._head_for(state, at, middle_x, middle_y)
 
     def _rows(self, view: View) -> Ints:
         """Return the rows (p, k) of walking members, NONE for others; only parties of which two or more walk.
@@ -125,7 +126,8 @@ class Parties:
         # Members without a path are not waited for.
         walks = np.flatnonzero((view.errand == Errand.WALKS) & (view.row["togo"] < LOST) & ~self._alone[view.agent])
         row_of[view.agent[walks]] = walks
-        # Members of a party have consecutive numbers from its first one on; smaller parties leave places over.
+        # Members of a party have consecutive numbers from its first one on. In smaller parties, the last columns do not
+        # belong to it.
         members = self._firsts[:, None] + np.arange(self._most)
         inside = np.minimum(members, len(self.first) - 1)
         belongs = (members == inside) & (self.first[inside] == self._firsts[:, None])
@@ -135,8 +137,9 @@ class Parties:
     def _company(self, view: View, rows: Ints, k: int) -> tuple[Floats, Floats, Floats]:
         """Return the lead of member ``k`` over the last member [m], and the vector to the middle of the others [m].
 
-        ``rows`` (p, size) are the rows of parties whose member ``k`` walks. The lead is negative for the last member.
-        The middle is that of all others nearer than OUT_OF_SIGHT.
+        ``rows`` (p, size) are the rows of parties whose member ``k`` walks; results are (p,). For the last member, the
+        lead is minus its lag behind the next one. The middle is that of all others nearer than OUT_OF_SIGHT; without
+        any, the vector is (0, 0).
         """
         state, mine = view.row, rows[:, k]
         lead = np.full(len(rows), -np.inf)
@@ -151,8 +154,8 @@ class Parties:
             )
             distance = hypot(dx, dy)
             passed = view.reached[mine] - view.reached[at]
-            # Lead over this member: by the ways left. A member that walks to a later place already is ahead by the
-            # distance between both. A floor is periodic along one axis at most, and ways left jump by its period.
+            # Lead over the other member: by the ways left. If one of both walks to a later place already, it leads by
+            # the distance between both. A floor is periodic along one axis at most, and ways left jump by its period.
             behind = shorter_ways(state["togo"][at] - state["togo"][mine], max(self._span))
             over = np.where(passed == 0, behind, np.sign(passed) * distance)
             lead = np.where(there, np.maximum(lead, over), lead)
@@ -164,12 +167,15 @@ class Parties:
         return lead, middle_x / many, middle_y / many
 
     def _pace(self, view: View, rows: Ints, lead: Floats) -> Floats:
-        """Return the speeds of rows with the given leads [m/s], and note which of them wait."""
+        """Return the speeds (k,) of ``rows`` (k,) with the leads ``lead`` (k,) [m] over the last member of their party.
+
+        Speeds are in m/s. Count the steps that each row waits.
+        """
         agents = view.agent[rows]
         # Slow down linearly with the lead.
         share = 1.0 - np.clip((lead - SLOWS_AT) / (WAITS_AT - SLOWS_AT), 0.0, 1.0)
-        # At less than half its speed it counts as waiting. Count the time waited, faster if a stuck agent is beside; it
-        # counts down while walking, and is 0 again without a lead.
+        # At less than half of its speed, a member counts as waiting. Count the steps waited, faster if a stuck agent is
+        # beside it. The count goes down while the member walks, and is 0 again without a lead.
         waits = (share < 0.5) & ~self._goes_on[agents]
         holds_up = waits.copy()
         holds_up[waits] = self._hold_up(view, rows[waits])
@@ -189,12 +195,13 @@ class Parties:
         return stuck_beside(places, self.first[view.agent], rows, np.flatnonzero(view.row["stuck"] > STUCK))
 
     def _head_for(self, state: NDArray[Any], rows: Ints, dx: Floats, dy: Floats) -> None:
-        """Turn the directions of rows towards the middle of the others, if it is to the side and in sight.
+        """Turn the directions of ``rows`` (k,) towards the middle of the others, if it is to the side and in sight.
 
         ``(dx, dy)`` (k,) lead from each row to that middle [m].
         """
         gx, gy = state["gx"][rows], state["gy"][rows]
         side = gx * dy - gy * dx  # distance to the left of the way [m]
+        # Tangent of the angle to turn by. Near its goal, a member heads for that only.
         turn = np.clip(COMES_CLOSER * (np.abs(side) - ABREAST), 0.0, TURNS_MOST)
         turns = np.flatnonzero((turn > 0.0) & (state["togo"][rows] > STRAIGHT))
         if not len(turns):

@@ -87,7 +87,7 @@ class PeriodicBoundary:
         view.anchor[left, self._axis] += by
 
     def _guide(self, rows: NDArray[Any]) -> None:
-        """Write the guidance of rows that were moved; their keys change by the change of the distance to go."""
+        """Write the guidance of ``rows`` (ROW[k]) that were moved; their keys change as the lengths to go do."""
         before = rows["togo"].copy()
         walks = rows["goal"] >= 0
         self._guidance.write(rows, np.full(len(rows), PLAIN, np.int32))

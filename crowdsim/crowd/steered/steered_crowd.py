@@ -121,25 +121,27 @@ class SteeredCrowd:
     @property
     def expected(self) -> NDArray[np.bool_]:
         """Return which agents (n,) have arrived, are in the world, or come without a command."""
+        # The start step is NEVER for agents on call until `add` brings them, and for removed ones.
         return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
 
     @property
     def finished(self) -> bool:
-        """Return True if all agents that can arrive have arrived; all processes that share the run must ask."""
+        """Return True if all agents that can arrive have arrived; all processes that share the run must read it."""
         waits = self.cast.start_steps != NEVER
         waits &= self.entering.entered < 0
         done = self.arrived
-        # Once nothing moves any more, those without a path never get one. All processes know who is shut out, so one
-        # counts them.
+        # Once no event is left, agents without a path never get one: do not wait for them. All processes know which
+        # agents are shut out, so only the first one counts them.
         if self.place.agenda.over:
             since = self.world.column("lost_since")
             done += int(((since != NONE) & (self._step - since > LOST_SECONDS * STEERING_RATE)).sum())
             waits[self.entering.shut_out] = False
             done += len(self.entering.shut_out) if self.ranks.rank == 0 else 0
-        # While some are yet to come, which all processes know, nobody needs to count.
+        # While some are yet to come, which all processes know, the counts need not be exchanged.
         if waits.any():
             return False
-        # Several processes take no commands, so that nobody is removed; each knows the arrivals of its own agents only.
+        # A run on several processes takes no commands, so no agent is removed. Each process knows the arrivals of its
+        # own agents only, so that `expected` would be incomplete.
         expected = int((self.cast.start_steps != NEVER).sum())
         if self.ranks.size == 1:
             expected = int(self.expected.sum())
@@ -171,7 +173,7 @@ class SteeredCrowd:
         self.place.agenda.timetable = timetable
 
     def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
-        """Send agents (k,) to ``region`` instead of all their goals, each on its own.
+        """Send agents (k,) to ``region`` instead of all their goals; they leave their parties.
 
         ``places`` (k, 2) are their spots [m] if they are to stay.
         """
@@ -220,9 +222,11 @@ class SteeredCrowd:
         self.hash = chained_hash(self.digest, self.place.state(), self._step, self.hash)
 
     def act(self, others: Others = NOBODY_ELSE) -> None:
-        """Let all rows get guidance, leave if they have arrived, and take a step that keeps clear of ``others``."""
+        """Guide all rows, remove those that leave, and let the rest take a step that keeps clear of ``others``."""
         world, place = self.world, self.place
         view = world.view()
+        # Renew a field, let agents whose wait is over go on, and reconsider exits. Then write the guidance of all rows;
+        # after that, errands, parties and movables that wait to appear change it.
         place.refresh(self._step, view.row, view.following)
         self.errands.set_out(view, self._step)
         self.exits.consider(view, self._step)
@@ -237,7 +241,7 @@ class SteeredCrowd:
             world.remove(*gone.tolist())
             world.apply_changes()
 
-        # All rows take a step among others who do not: their copies beyond the ends of a periodic floor, and ghosts.
+        # All rows take a step among rows that do not: their copies beyond the ends of a periodic floor, or ghosts.
         view = world.view()
         before = view.row["heading"].copy()
         everybody, numbers = self.boundary.with_copies(view.row), None
@@ -252,16 +256,17 @@ class SteeredCrowd:
         self.boundary.wrap(view)
 
     def meet(self, gone: NDArray[np.int64]) -> Ghosts:
-        """Exchange agents with the neighbors, and measure the gaps that the step before left; return the ghosts.
+        """Exchange agents with other processes, and measure the gaps that the step before left; return the ghosts.
 
-        ``gone`` (k,) are the ids of those who leave in this step. In a run of one process, nothing is done here.
+        ``gone`` (k,) are the ids in the world of the agents that leave in this step. In a run of one process, do
+        nothing.
         """
         if self.ranks.size == 1:
             return NO_GHOSTS
         view, entered = self.world.view(), self.entering.entered
         came, leaves = entered[view.agent] == self._step, np.isin(view.id, gone)
         ghosts = self.ranks.exchange(self.world, self.exits.goals, came, leaves)
-        # In the step before, those that enter now were not there, and those that leave now were.
+        # Gaps are those after the step before: agents that enter now were not there, those that leave now were.
         view = self.world.view()
         there = entered[view.agent] != self._step
         everybody = joined(opaque(view.row)[there].view(view.row.dtype), ghosts.rows[~ghosts.came])
@@ -313,7 +318,7 @@ class SteeredCrowd:
             self.statistics.add_gaps(self.boundary.with_copies(view.row), self.steering)
 
     def join(self) -> None:
-        """Take in what other processes know, after the last step: arrivals, exits, and what they have measured."""
+        """Take in the results of other processes, after the last step: arrivals, exits, and statistics."""
         ranks = self.ranks
         self.meet(np.zeros(0, np.int64))  # measures the gaps after the last step
         came = self.errands.arrived != NONE
@@ -322,7 +327,7 @@ class SteeredCrowd:
         self.statistics.join(ranks)
 
     def summary(self) -> dict[str, Any]:
-        """Return the figures that sum up the run; all processes that share it must ask, after :meth:`join`."""
+        """Return the figures that sum up the run; all processes that share it must call it, after :meth:`join`."""
         view = self.world.view()
         arrived, entered = self.errands.arrived, self.entering.entered
         stands, _ = self.ranks.together(np.column_stack(self.errands.how_they_stood(view)))

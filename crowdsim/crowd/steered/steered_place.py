@@ -27,7 +27,7 @@ from crowdsim.steering.guidance.place_walls import Bounds, PlaceWalls, outline_s
 from crowdsim.steering.walls import Walls
 
 KEPT_OFF = 0.02
-"""Distance from a body at which no movable appears [m]."""
+"""Gap to a body below which a movable does not appear [m]."""
 
 
 WALKING = np.dtype(
@@ -78,7 +78,8 @@ class SteeredPlace:
         self.asked = asked_of(behaviors)
         self.guidance = Guidance(ground, goals, self.asked, threads=threads)
         self._steps_per_second = steps_per_second
-        # By event, as the next event of the same movable may place it elsewhere.
+        # What movables that wait to appear are to cover; by number of the event, as the next event of the same movable
+        # may place it elsewhere.
         self._announced: dict[int, Footprints] = {}
         # Union of all movables present.
         self._standing = _union([*things.values()])
@@ -117,6 +118,7 @@ class SteeredPlace:
         waiting, happening = [], []
         for number in agenda.waiting:
             event = agenda.timetable.events[number]
+            # An event that removes a movable (no placing) never has to wait.
             taken = None if event.placing is None else self._footprints(event.movable, event.placing)
             if taken is not None and self._ranks.any(self.is_taken(taken, state)):
                 waiting.append(number)
@@ -134,8 +136,9 @@ class SteeredPlace:
     def change(self, happening: Sequence[int], waiting: Sequence[int]) -> bool:
         """Let some events happen and announce those that wait; return True if walls changed.
 
-        ``happening`` and ``waiting`` are numbers of events. Fields are rebuilt in the window (left, bottom, right, top)
-        of all that has changed or is announced anew, or no longer.
+        ``happening`` and ``waiting`` are numbers of events. The ground is updated within the window (left, bottom,
+        right, top) of all that has changed, is announced for the first time, or is no longer announced; then all fields
+        are solved anew.
         """
         events = self.agenda.timetable.events
         announced: dict[int, Footprints] = {}
@@ -147,6 +150,7 @@ class SteeredPlace:
         stands_elsewhere = moved = False
         for number in happening:
             event = events[number]
+            # An event that leaves the movable as it is changes nothing.
             if event.placing != self.placing(event.movable):
                 taken = None
                 if event.placing is None:
@@ -155,6 +159,7 @@ class SteeredPlace:
                     taken = self._footprints(event.movable, event.placing)
                     self._placings[event.movable] = event.placing
                 moved = True
+                # Without a window it has no part on any layer, before or after: walls stay as they are.
                 window = self._walls.put(event.movable, taken)
                 if window is not None:
                     windows.append(window)
@@ -175,7 +180,10 @@ class SteeredPlace:
         return np.asarray(shapely.contains_xy(self._standing, places))
 
     def leads_straight(self, places: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return for which positions (n, 2) no wall lies on the straight line to that of ``others`` (n, 2) [m]."""
+        """Return for which positions (n, 2) no wall is on the straight line to the one in ``others`` (n, 2) [m].
+
+        Walls are those of the lowest layer, and all movables present.
+        """
         lines = shapely.linestrings(np.stack((places, others), 1))
         free = self._layers[0].free
         shapely.prepare(free)
@@ -191,8 +199,9 @@ class SteeredPlace:
     def lead_out(self, state: NDArray[Any], lost: NDArray[np.int64]) -> None:
         """Lead rows that have no path straight away from where a movable waits to appear, if they are in its way.
 
-        ``lost`` (k,) are the rows of ``state`` (ROW) without a path. They are in its way within its outline and up to
-        0.5 m from it: fields lead around the outline with a clearance, so that bodies just outside may have no path.
+        ``lost`` (k,) are the rows of ``state`` (ROW) without a path. They are in the way inside of the movable's
+        outline and up to 0.5 m from it: fields lead around the outline with a clearance, so that bodies just outside
+        may have no path.
         """
         if not self._announced or not len(lost):
             return
@@ -201,7 +210,7 @@ class SteeredPlace:
         inside = shapely.contains(outline, places)
         near = inside | (shapely.distance(outline, places) < 0.5)
         ends = shapely.get_coordinates(shapely.shortest_line(places, outline.boundary)).reshape(-1, 2, 2)
-        # The way to the nearest point of the outline; from outside, the opposite one.
+        # Head for the nearest point of the outline; from outside, in the opposite direction.
         away = np.where(inside[:, None], 1.0, -1.0) * (ends[:, 1] - ends[:, 0])
         length = np.sqrt((away * away).sum(axis=1))
         go = near & (length > 0.0)
@@ -231,13 +240,15 @@ class SteeredPlace:
         following[:] = followed[mine]
 
     def _footprints(self, movable: int, placing: Placing) -> Footprints:
+        """Return the area that a movable covers on each layer if it stands at ``placing``."""
         return footprints_of(self.agenda.timetable.movables[movable], self._layers, placing)
 
     def _union_of_things(self) -> BaseGeometry:
+        """Return the union of the areas of all movables present, on any layer."""
         return _union([self._footprints(number, self._placings[number]) for number in sorted(self._placings)])
 
     def _guide_anew(self, window: Bounds) -> None:
-        """Rebuild the fields around all that is present or announced, after a change within a window."""
+        """Update the ground within a window, with all that is present or announced, and solve all fields anew."""
         announced = [self._announced[number] for number in sorted(self._announced)]
         layers = [
             np.concatenate([segments, *(outline_segments(taken[k]) for taken in announced)])
@@ -249,33 +260,35 @@ class SteeredPlace:
 
 
 def _needs_of(behaviors: Sequence[Behavior], layers: int) -> Requirements:
-    """Return the clearances of ways: those of the bodies alone, but nowhere less than the narrowest planned one.
+    """Return the clearances of ways: those of the bodies alone, but none less than that planned for the narrowest one.
 
-    So agents steer through the same gaps as captured ones, and keep no farther off walls there than they have to. Which
-    behavior is prescribed where does not depend on it: that is as planned for captured ones.
+    So agents steer through the same gaps as captured ones, and keep no farther off walls there than they have to. The
+    clearances from which on behaviors are prescribed are others: those planned for captured agents.
     """
     planned = Requirements.of(behaviors, layers, TRACKING_MARGIN)
     return replace(planned, radii=np.maximum(planned.radii[0], Requirements.of(behaviors, layers, 0.0).radii))
 
 
 def _union(things: Sequence[Footprints]) -> BaseGeometry:
-    """Return the union of all areas on any layer."""
+    """Return the union of the areas of some movables on any layer, prepared for queries."""
     union: BaseGeometry = shapely.union_all([shape for taken in things for shape in taken if shape])
     shapely.prepare(union)
     return union
 
 
 def _bytes_of(arrays: Sequence[Any]) -> int:
+    """Return the bytes of the arrays among some values."""
     return sum(each.nbytes for each in arrays if isinstance(each, np.ndarray))
 
 
 def _cores(state: NDArray[Any]) -> Any:
-    """Return (n,) lines from shoulder to shoulder."""
+    """Return the cores of bodies (ROW[n]) as lines (n,), from shoulder to shoulder."""
     half = state["half"][:, None] * np.column_stack((-state["hy"], state["hx"]))
     place = np.column_stack((state["x"], state["y"]))
     return shapely.linestrings(np.stack([place - half, place + half], axis=1))
 
 
 def _window_of(taken: Sequence[BaseGeometry | None]) -> Bounds:
+    """Return left, bottom, right and top of the areas of a movable on all layers [m]."""
     bounds: Bounds = tuple(shapely.total_bounds([shape for shape in taken if shape]).tolist())
     return bounds

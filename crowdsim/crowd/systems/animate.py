@@ -34,6 +34,6 @@ class Playing(NamedTuple):
 
 
 def animate(assets: Assets, view: View) -> None:
-    """Advance frames, blend offsets and poses of all rows by one step."""
+    """Play all rows on by one step: rates, frames, poses, and the next node if the present one ends."""
     ramp = Playback.natural(0, assets.frames_per_step).ramp  # the same in every step
     advance(assets.graph, ramp, Playing(*(getattr(view, name) for name in Playing._fields)))

@@ -41,9 +41,11 @@ class Events:
         return self.agenda.over
 
     def apply(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
-        """Let due events happen if no agent is in the way; return the numbers of the events that happened.
+        """Let due events happen if no agent is in the way; return their numbers in the timetable.
 
-        ``in_the_way`` tells whether an agent that is not in ``view`` stands where a movable is to appear.
+        Agents that an event affects plan anew. Events with an agent in the way wait; no agent may enter the outlines of
+        their movables meanwhile. ``in_the_way`` tells whether an agent that is not in ``view`` stands where a movable
+        is to appear.
         """
         plans, environment, agenda = self.plans, self.plans.environment, self.agenda
         if not agenda.collect(plans.step):
@@ -54,6 +56,8 @@ class Events:
         waiting, outlines, happened = [], [], []
         for number in agenda.waiting:
             event = agenda.timetable.events[number]
+            # Area that the movable will cover on each layer. The outline is that on the lowest layer, which contains
+            # the others; None if it disappears, or is on no layer.
             taken = None if event.placing is None else environment.footprints(event.movable, event.placing)
             outline = None if taken is None else taken[0]
             # It waits while an agent is there, or will be.
@@ -63,8 +67,9 @@ class Events:
                 continue
             agenda.note(number, plans.step)
             happened.append(number)
+            # An event may leave its movable as it is, such as a closed door that is to close: then no mesh changes.
             if event.placing != environment.placing(event.movable):
-                # No search may read the meshes while they are edited: let those under way end first.
+                # No search may read the meshes while they are edited: let the slices under way end first.
                 plans.searches.pool.settle()
                 edit = environment.put(event.movable, event.placing, plans.step)
                 AffectedAgents(plans, view).plan_anew(edit)
@@ -82,9 +87,9 @@ class Events:
 
 
 def reserved_lines(timelines: NDArray[np.float64], starts: NDArray[np.int64], slot: int) -> NDArray[Any]:
-    """Return the rest of reserved timelines (N, K, 13) as (N,) lines, from ``slot`` on; they begin at ``starts`` (N,).
+    """Return the rest of reserved timelines (N, K, 13), from ``slot`` on, as (N,) lines.
 
-    A timeline that is over is a point.
+    ``starts`` (N,) are the slots of their first samples. A timeline that is over gives a line of length 0.
     """
     # Indices of the samples, clamped: a timeline stays at its last sample.
     last = timelines.shape[1] - 1
@@ -95,7 +100,7 @@ def reserved_lines(timelines: NDArray[np.float64], starts: NDArray[np.int64], sl
 
 
 def _are_near(lines: NDArray[Any], view: View, outline: BaseGeometry | None) -> bool:
-    """Return True if a reserved timeline comes near an outline."""
+    """Return True if a body on one of ``lines`` (N,), its reserved timeline, comes within KEPT_OFF of an outline."""
     return outline is not None and bool((shapely.distance(lines, outline) < view.body_radius + KEPT_OFF).any())
 
 
@@ -106,7 +111,7 @@ class AffectedAgents:
         self.plans, self.view, self.assets = plans, view, plans.assets
 
     def plan_anew(self, edit: Edit) -> None:
-        """Let all agents plan anew that an edit of the environment affects."""
+        """Let all agents that an edit of the environment affects plan anew, in the world or about to enter it."""
         present = set()
         for row, agent in enumerate(self.view.agent.tolist()):
             present.add(agent)
@@ -120,11 +125,15 @@ class AffectedAgents:
             position = plan.departure[:2]
             shorter = edit.freed is not None and could_shorten(plan.route, position, edit.freed)
             if shorter or outdated(self.assets, plan, position, [edit]):
-                del self.plans.motions[agent]  # entering asks again
+                del self.plans.motions[agent]  # another plan is requested before they enter
                 self.plans.replans += 1
 
     def turn_to_goal(self, row: int) -> None:
-        """Let a row plan the path to another goal, and walk on its old plan until that is found, but no farther."""
+        """Let a row plan the path to another goal.
+
+        Until that is found it goes on along the part of its old plan that it must keep (`_goes_on_to`), and stops
+        behind it. A standing row drops its plan.
+        """
         plans, view = self.plans, self.view
         agent = int(view.agent[row])
         plan = plans.motions.get(agent)
@@ -145,19 +154,24 @@ class AffectedAgents:
         self._ask(row, agent, Join(kept, after))
 
     def _give_way(self, row: int, agent: int, taken: Footprints) -> None:
-        """Let a row walk no farther than it must, and plan from there, if ``taken`` covers the way that it has left."""
+        """Let a row walk no farther than it must, and plan from there, if ``taken`` covers the way that it has left.
+
+        ``taken`` is the area that an edit covers, by layer. A row without a plan only forgets its route.
+        """
         plans, view = self.plans, self.view
         position, cursor = view.pose[row, :2], int(view.cursor[row])
         plan = plans.motions.get(agent)
         route = plans.routes.get(agent) if plan is None else plan.route
-        # It has no way that could be covered.
+        # It has neither plan nor route that could be covered.
         if route is None:
             return
         # First node of its plan that the area takes, ``plan.count`` if none; NONE without a plan, where it is not used.
         clear = NONE if plan is None else first_taken(self.assets, plan, max(cursor, 0), taken)
+        # Neither its motion nor its route is covered.
         if (plan is None or clear == plan.count) and not route_taken(self.assets, route, position, taken):
             return
         plans.routes.pop(agent, None)
+        # The next search plans another route.
         if plan is None:
             return
         # It has not begun its plan.
@@ -210,15 +224,16 @@ class AffectedAgents:
         return bool(self.view.cursor[row] == NONE and self.view.reserved[row] == NONE)
 
     def _drop(self, row: int, agent: int) -> None:
-        """Let a standing row forget its plan; it requests another one at once."""
+        """Let a standing row forget its plan and its way ahead; ``Replanning`` requests another plan."""
         self.plans.motions.pop(agent, None)
         self.view.reserved[row] = self.view.blocked_since[row] = NONE
         self.view.way[row] = np.nan
 
     def _goes_on_to(self, row: int, clear: int) -> int:
-        """Return the node up to which a row keeps its plan: reserved, or played until a search from there is done.
+        """Return the index of the last node of its plan that a row keeps.
 
-        ``clear`` is the first node that it must not play, if it is not reserved.
+        It keeps its present node, nodes that it has reserved, and those that begin before a search from there is done.
+        ``clear`` is the first node that it must not play unless it is reserved; the number of nodes if there is none.
         """
         plans, view = self.plans, self.view
         plan = plans.motions[int(view.agent[row])]

@@ -34,14 +34,15 @@ AHEAD_SECONDS = 0.4
 [s]."""
 
 TRIES = 1000
-"""Moves that are tried for one agent that asks others to give way."""
+"""Largest number of moves that are tried for one agent that asks others to give way."""
 
 ALL_DONE = -1
 """Returned by :func:`go_on` and :func:`ask_in_turn` if no row is left."""
 
 OTHERWISE = 0
-"""Left to the caller: of :func:`go_on`, a row that needs other work than reserving and following its plan, or that may
-not reserve in a kernel; of :func:`ask_in_turn`, those that give way to a row, if any, which are to set out."""
+"""The caller goes on. From :func:`go_on`: the row needs other work than reserving and following its plan, or no row may
+reserve in a kernel. From :func:`ask_in_turn`: the row goes on, and the rows that give way to it, if any, are to set
+out."""
 
 MAKE_ROOM = 1
 """The row has reserved but not gone on yet: a standing agent is in its way ahead."""
@@ -51,8 +52,8 @@ STAYS_REFUSED = 2
 
 _MOVING = int(AgentState.MOVING)
 EXTENDED, REFUSED, BEHIND = 0, 1, 2
-"""Indices in ``Scratch.counts``: rows that have reserved, rows that cannot go on, and rows that go on for which a
-search ends or may begin with that."""
+"""Indices in ``Scratch.counts`` of three numbers: of rows that have reserved, of rows that cannot go on, and of rows
+that enter a node with which a search ends or may begin (these searches are left behind for the caller)."""
 
 
 @helper
@@ -77,7 +78,8 @@ def note_standing(graph, rows, scratch):
 def follow(graph, rows, row, table, progress, scratch, frame):
     """Let a row enter the next node of its plan, which is reserved, when its present one ends.
 
-    Return True if a search for a plan ends with that, or may begin: the caller tests that again.
+    ``frame`` becomes the frame of its present node: the last one if it leaves an idle node early. Return True if a
+    search for a plan ends as it enters the next node, or may begin: the caller tests that again.
     """
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
@@ -107,7 +109,7 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
 
     Rows whose node does not end yet reserve ahead, and slow down if they cannot. ``rows``, ``progress`` and ``scratch``
     are those of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body with a radius of 1 m;
-    ``playback`` is at the natural rate. The kernel stops at the first row that needs more than arrays, and returns its
+    ``playback`` is at the natural rate. The kernel stops at the first row that needs Python code, and returns its
     index in ``chosen`` and what the caller has to do: OTHERWISE or MAKE_ROOM. At the end it returns the number of rows
     and ALL_DONE.
     In any case it notes in ``scratch`` which rows have reserved, cannot go on, or enter a node with which a search ends
@@ -131,6 +133,7 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
             return number, OTHERWISE
         # The next node is not reserved yet.
         if following > rows.reserved[row]:
+            # Outlines of movables are to be kept free, which only Python does.
             if scratch.reserves_otherwise:
                 return number, OTHERWISE
             # If it is refused it slows down while its node lasts, and counts as refused at the end of the node.
@@ -145,7 +148,8 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
                 scratch.refused[scratch.counts[REFUSED]] = row
                 scratch.counts[REFUSED] += 1
                 continue
-            # Reserved. It moves now, so it cannot be asked to give way; a row that stands in its way ahead can.
+            # Reserved. It moves now, so it cannot be asked to give way; a row that stands in its way ahead, nearer than
+            # two radii, can.
             scratch.extended[scratch.counts[EXTENDED]] = row
             scratch.counts[EXTENDED] += 1
             note_standing(graph, rows, scratch)
@@ -153,6 +157,7 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
             wide = 2.0 * rows.body_radius[row]
             if next_in_way(rows.way, rows.rank, scratch.may_move, row, rows.pose, wide, 0, everyone.near) >= 0:
                 return number, MAKE_ROOM
+        # The next node is reserved: enter it if the present one ends.
         if leaves and follow(graph, rows, row, table, progress, scratch, frame):
             scratch.behind[scratch.counts[BEHIND]] = row
             scratch.counts[BEHIND] += 1
@@ -163,7 +168,8 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
 def ask_in_turn(graph, rows, refused, begin, acts, table, progress, obstacles, everyone, scratch, playback, asking):
     """Let ``refused`` rows ask others to give way, one after the other, from number ``begin`` of them on.
 
-    ``acts`` (N,): rows that may rest or step aside if no others give way; the rest try again in a later step.
+    ``acts`` (N,) is True for rows that may rest or step aside if no others give way; the rest try again in a later
+    step.
     ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`; the other arguments are those of :func:`go_on`.
 
     Return the index in ``refused`` of the first row that does more than try in vain, what the caller has to do
@@ -177,7 +183,7 @@ def ask_in_turn(graph, rows, refused, begin, acts, table, progress, obstacles, e
         if rows.next_node[row] != NONE:
             continue
         frame, _ = frame_of(graph, rows, row, playback)
-        count = -1
+        count = -1  # of rows that give way to it; -1: it cannot go on
         # Others are not asked while a movable is about to appear.
         if not scratch.reserves_otherwise:
             # Its share of the tries of this step; what is not used is for the next ones.
@@ -193,6 +199,7 @@ def ask_in_turn(graph, rows, refused, begin, acts, table, progress, obstacles, e
                 scratch.behind[scratch.counts[BEHIND]] = row
                 scratch.counts[BEHIND] += 1
             return number, OTHERWISE, count
+        # In vain, and its node ends or it has waited long.
         if acts[row]:
             return number, STAYS_REFUSED, 0
     return len(refused), ALL_DONE, 0

@@ -102,7 +102,7 @@ class Choosing:
         self._ask(view, np.array(sorted(refused, key=lambda row: (int(view.rank[row]), row)), np.int64), ending)
 
     def _go_on(self, view: View, chosen: NDArray[np.int64]) -> list[int]:
-        """Let rows go on one after the other; return the rows that have a plan but cannot go on along it."""
+        """Let ``chosen`` rows (k,) go on, one after the other; return those with a plan that cannot go on along it."""
         if not len(chosen):
             return []
         plans, scratch = self.plans, self._scratch
@@ -155,7 +155,7 @@ class Choosing:
             number += 1
 
     def _note_changes(self, view: View) -> None:
-        """Update what depends on the rows that reserved or entered a node in a kernel, and forget that they did."""
+        """Update digests of rows that reserved in a kernel, searches of rows that entered a node; empty the lists."""
         scratch = self._scratch
         for row in scratch.extended[: scratch.counts[EXTENDED]].tolist():
             view.timeline_digest[row] = timeline_digest(view.timeline[row])
@@ -164,22 +164,26 @@ class Choosing:
         scratch.counts[:] = 0
 
     def _stays_refused(self, view: View, row: int, ends: bool) -> None:
-        """Let a row to which no other can give way step to a wall, or rest if its node ``ends``."""
-        # Others may have room to leave its way while it stands, and not while it walks towards them.
+        """Let a row to which no other can give way ask those ahead to step aside, step to a wall, or wait on.
+
+        After LONG_SECONDS it gives up its way, except in a narrow passage. If its node ``ends``, it comes to rest.
+        """
+        # No agent is asked while an event waits until its place is empty. Otherwise: others may have room to leave the
+        # way of this row while it stands, and not while it walks towards them.
         if not self.plans.environment.waited_for:
             self._clear_ahead(view, row, self.surroundings.obstacles(view, self._walker(row)))
         if self._waits(view, row, ASIDE_SECONDS) and self._moves(view, row, self._giving_way.step_to_wall):
             # Now there may be a way past each other.
             self.plans.looked_around[view.agent[[row, *standing_near(view, row)]]] = self.plans.step
             return
-        # The rows that it waits for may need its way. In a narrow passage (there its rank is below 0) it keeps it.
+        # The rows that it waits for may need its way. In a narrow passage (its rank is below 0 there) it keeps its way.
         if view.rank[row] >= 0 and self._waits(view, row, LONG_SECONDS):
             view.way[row] = np.nan
         if ends:
             self._rests(view, row)
 
     def _goes_on(self, view: View, row: int) -> bool:
-        """Choose for a row; return False if it has a plan but cannot go on along it."""
+        """Choose for a row that the kernel leaves to Python; return False if the rest of its plan is refused."""
         agent, cursor = int(view.agent[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
         walker = self._walker(row)
@@ -211,9 +215,9 @@ class Choosing:
                 elif not view.stays[row]:
                     return True  # it leaves the world at the end of this node
                 else:
-                    view.state[row] = AgentState.ARRIVED
+                    view.state[row] = AgentState.ARRIVED  # it stays for good
                     view.rank[row] = view.turn[row] = LAST
-        # Where no motion was found along its path, it makes a step: from elsewhere, there may be one.
+        # If searches found a path but no motion along it, it makes a step: from elsewhere, there may be motion.
         vain = self.plans.is_stuck(agent) and not view.awaiting_plan[row]
         if not (vain and self._moves(view, row, self._giving_way.step_off)):
             self._come_to_rest(view, row)
@@ -255,7 +259,7 @@ class Choosing:
         """Let a refused row whose node ends come to rest: it waits, or stops and waits."""
         agent = int(view.agent[row])
         plan = self.plans.motions[agent]
-        # So near to a goal to walk through, it takes that as reached and plans the way to the next one.
+        # This near to a goal that it would walk through, it counts the goal as reached and plans the way to the next.
         if self._walks_through(plan, agent) and distance(view.goal[row], view.pose[row, :2]) < NEAR_GOAL:
             reach_goal(self.plans, view, row)
             self._abandon(view, row, agent)
@@ -270,7 +274,7 @@ class Choosing:
             self._interrupt(view, row, agent)
             self._stop(view, row)
         elif graph.node_idle[node]:
-            # Repeat the idle node. Agents that have arrived stay so (the states are in that order).
+            # Repeat the idle node. Agents that have arrived stay so: ARRIVED is the largest state.
             view.state[row] = max(view.state[row], AgentState.WAITING)
             take(view, row, node, view.origin[row], np.zeros(3))
             self._giving_way.decided(view, row)
@@ -278,9 +282,9 @@ class Choosing:
             self._stand(view, row, agent)
 
     def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
-        """Reserve node ``following`` of the plan, and as many later ones as are needed to come to a stop, if possible.
+        """Reserve node ``following`` of the plan and as many later ones as a stop needs; return True on success.
 
-        Return True if it is.
+        The way ahead and the rank of the row change in any case. On success, standing rows ahead step aside.
         """
         rate = self.plans.motions.rate(int(view.agent[row]), following)
         walker = self._walker(row, rate)
@@ -318,7 +322,7 @@ class Choosing:
         return Walker.of(self.plans.assets.graph, self._rows, row, self._playback, wanted)
 
     def _have_waited(self, view: View, seconds: float) -> NDArray[np.bool_]:
-        """Return which rows (N,) were refused for ``seconds``; that begins anew when one looks for a way around."""
+        """Return which rows (N,) were refused for ``seconds``; the time begins anew as a row looks for a way around."""
         long = self.plans.step - view.blocked_since >= seconds * self.plans.assets.steps_per_second
         return np.asarray(long & (view.blocked_since != NONE))
 
@@ -351,7 +355,7 @@ class Choosing:
         return plan.arrives and not itineraries.is_last(agent, ahead) and not itineraries.stands(agent, ahead)
 
     def _look_ahead(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
-        """Request the path onwards from the goal of a plan before it is reached, if it is a goal to walk through."""
+        """Request the path onwards from the goal of a plan before a row reaches it, if the row walks through it."""
         agent = int(view.agent[row])
         if plan.count - following > NODES_LEFT or view.awaiting_plan[row] or not self._walks_through(plan, agent):
             return
@@ -361,7 +365,7 @@ class Choosing:
             self.plans.request_on(agent, Join(plan, plan.count - 1, reaches=True), len(plan.passes) + 1)
 
     def _abandon(self, view: View, row: int, agent: int) -> None:
-        """Drop the plan of a row, and the way ahead of it."""
+        """Drop the plan of a row and its way ahead, in which others may stop then."""
         self._interrupt(view, row, agent)
         view.way[row] = np.nan
 
@@ -377,12 +381,10 @@ class Choosing:
         take(view, row, int(chain.nodes[1]), chain.origins[1], chain.blend_offsets[1])
 
     def _stand(self, view: View, row: int, agent: int) -> None:
-        """Wait at the end of the node: in an idle node if one may follow, else on the node's last frame.
-
-        An agent that has arrived stays so: of the states, the later one counts.
-        """
+        """Wait at the end of the node: in an idle node if one may follow, else on the node's last frame."""
         idle = self.plans.assets.idle_after(int(view.node[row]))
-        # On the last frame it keeps its plan, whose next node may follow; that node does not follow an idle one.
+        # On the last frame it keeps its plan, whose next node may follow this one. From an idle node that one could not
+        # follow, so the plan is dropped. Agents that have arrived stay so: ARRIVED is the largest state.
         if idle == NONE:
             view.state[row] = max(view.state[row], AgentState.WAITING)
             return

@@ -15,12 +15,14 @@ from crowdsim.recording.header import AgentState
 
 @dataclass
 class Despawning:
-    """Note when each agent arrived (``arrived``: step, -1 before) and remove those that leave."""
+    """Note when each agent arrived, and remove those that leave."""
 
     world: World
     plans: Plans
     count: int
+    """Number of agents of the run."""
     arrived: NDArray[np.int64] = field(init=False)
+    """(n,) step in which each agent arrived at its last goal, NONE before."""
 
     def __post_init__(self) -> None:
         self.arrived = np.full(self.count, NONE, np.int64)

@@ -26,15 +26,15 @@ DEPTH = 16
 """Largest number of agents that give way to one, in one chain."""
 
 TRIES_AHEAD = 100
-"""Moves that are tried to let an agent step aside before it is in the way, or off its place."""
+"""Largest number of moves that are tried to let an agent step aside before it is in the way, or off its place."""
 
 TRIES_A_STEP = 6000
-"""Moves that are tried in one step for all agents that ask."""
+"""Largest number of moves that are tried in one step for all agents that ask."""
 
 
 Step = Callable[[View, int, Obstacles, Chain, Neighbors], bool]
-"""Method of GivingWay by which a row makes a step of its own accord: from view, row, obstacles, draft and the rows by
-cells to whether it does."""
+"""Method of GivingWay by which a row makes a step of its own accord. Its arguments are view, row, obstacles of the row,
+a scratch chain and the rows by cells; it returns True if the row makes the step."""
 
 
 class GivingWay:
@@ -45,7 +45,7 @@ class GivingWay:
         self._moves = moves_of(plans.assets.graph)
         self._trail = Trail.empty(DEPTH, TIMELINE_SLOTS, int(np.diff(self._moves.begin).max(initial=0)))
         self._chain = Chain.empty(MOVE_NODES + 1)
-        self._left = np.zeros(1, np.int64)
+        self._left = np.zeros(1, np.int64)  # tries left in this step
         self._scratch = Scratch.make()
 
     def begin(self, scratch: Scratch) -> None:
@@ -60,12 +60,12 @@ class GivingWay:
         return Asking(self._moves, standing, self._trail, self._left)
 
     def _take_tries(self, most: int) -> None:
-        """Take at most ``most`` tries from those of the step."""
+        """Take at most ``most`` of the tries left in this step for the agent that asks now."""
         self._trail.tries[0] = min(self._left[0], most)
         self._left -= self._trail.tries
 
     def _give_back_tries(self) -> None:
-        """Give the tries that were not used back to the step."""
+        """Leave the tries that this agent has not used to the next ones of the step."""
         self._left += self._trail.tries
         self._trail.tries[0] = 0
 
@@ -82,7 +82,10 @@ class GivingWay:
         self._scratch.may_move[row] = False
 
     def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> None:
-        """Let standing agents in the way ahead of a walking row step aside; ``near`` are the rows by cells."""
+        """Let standing agents in the way ahead of a row, which rank behind it, step aside.
+
+        ``obstacles`` are those of the row, ``draft`` is a scratch chain, and ``near`` are the rows by cells.
+        """
         assets = self.plans.assets
         asking = self.asking(view)
         now = Playback.natural(self.plans.step, assets.frames_per_step)
@@ -99,7 +102,7 @@ class GivingWay:
     def step_to_wall(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> bool:
         """Let a waiting row step close to a wall if that makes room for others; return True if it does.
 
-        ``near`` are the rows by cells.
+        The arguments are those of :meth:`clear_ahead`.
         """
         graph, asking = self.plans.assets.graph, self.asking(view)
         now = Playback.natural(self.plans.step, self.plans.assets.frames_per_step)
@@ -110,11 +113,12 @@ class GivingWay:
     def step_off(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> bool:
         """Let a standing row without a plan step off its place, for its own sake; return True if it does.
 
-        ``near`` are the rows by cells.
+        The arguments are those of :meth:`clear_ahead`.
         """
         graph, asking = self.plans.assets.graph, self.asking(view)
         now = Playback.natural(self.plans.step, self.plans.assets.frames_per_step)
         self._take_tries(TRIES_AHEAD)
+        # It asks itself to step aside.
         count = step_aside(graph, obstacles, Timelines.of(view, near), row, row, now, draft, asking)
         self._give_back_tries()
         self.move(view, count)
@@ -126,7 +130,11 @@ class GivingWay:
             self._set_out(view, int(self._trail.rows[place]), int(self._trail.moves[place]))
 
     def _set_out(self, view: View, row: int, move: int) -> None:
-        """Let a standing row play a move at once, instead of the plan that it has or searches for."""
+        """Let a standing row play a move at once, instead of the plan that it has or searches for.
+
+        ``move`` is its number in :class:`~crowdsim.crowd.giving_way.moves.Moves`. The row owns the timeline of the move
+        already.
+        """
         plans, graph, chain = self.plans, self.plans.assets.graph, self._chain
         agent, node = int(view.agent[row]), int(view.node[row])
         count = lay_move(graph, self._moves, move, node, view.origin[row], chain)

@@ -70,8 +70,9 @@ class Rows(NamedTuple):
 class Walker(NamedTuple):
     """An agent that reserves: its row (NONE before it enters), its node, and how it plays that.
 
-    It goes on from frame ``frame`` of its node. ``origin`` and ``blend_offset`` (3,) place the node, ``place`` (2,) is
-    where the agent is now [m]; ``stays``: it does not leave the world at its last goal.
+    It goes on from frame ``frame`` of its node. ``origin`` and ``blend_offset`` (3,) place the node [m, rad], ``place``
+    (2,) is where the agent is now [m]; ``body_radius`` is that of a disc that contains the body in any behavior [m].
+    ``stays``: it does not leave the world at its last goal.
     """
 
     row: int
@@ -89,7 +90,10 @@ class Walker(NamedTuple):
 
     @classmethod
     def of(cls, graph: GraphArrays, rows: Rows, row: int, natural: Playback, rate: int) -> Walker:
-        """Return the walker of a row that approaches ``rate`` [ticks/step]; ``natural`` is at the natural rate."""
+        """Return the walker of a row that approaches ``rate`` [ticks/step].
+
+        ``natural`` is the playback at the natural rate from this step on.
+        """
         frame, leaves = frame_of(graph, rows, row, natural)
         return cls(
             row,
@@ -131,7 +135,7 @@ class Scratch(NamedTuple):
     chain: Chain
     """Chain under construction."""
     draft: Chain
-    """Copy of it that is extended by the stop."""
+    """Copy of the chain that is extended by the stop."""
     timeline: Floats
     """(K, 13) timeline tried last."""
     ways: Floats

@@ -21,10 +21,11 @@ PATIENCE_SECONDS = 8.0
 """Time that an agent waits for others before it looks for a way around those that stand near [s]."""
 
 LOOKING_SECONDS = 20.0
-"""Time after that during which each new plan first looks for a way around those that stand near [s]."""
+"""Time during which an agent looks for a way around those that stand near whenever it plans [s]. It begins when its
+patience ends, or when it or one near it has stepped to a wall."""
 
 IMPATIENCE_SECONDS = 2.0
-"""Time between two such searches of a waiting agent during that time [s]."""
+"""Time between two searches for a way around others, for an agent that still waits during LOOKING_SECONDS [s]."""
 
 NEARBY = 2.5
 """Distance within which others count as near [m]."""
@@ -59,7 +60,8 @@ class Replanning:
             row = int(row_of[found.agent])
             if row == NONE:
                 plans.hand_out(found.agent, found.plan)  # not in the world yet: spawning takes it from there
-            # More of a motion whose beginning it walks; a continuation of another plan; a plan from a stand.
+            # More of a motion whose beginning it walks; a continuation of another plan; a plan from a stand, its first
+            # result (None) or a longer one that still begins at node 0.
             elif found.first:
                 self._go_on(view, row, found, found.first)
             elif found.first is None and found.join is not None:
@@ -75,7 +77,8 @@ class Replanning:
         patience = np.where(looks, IMPATIENCE_SECONDS, PATIENCE_SECONDS) * rate
         patient = (view.blocked_since < 0) | (blocked < patience)
         rows = np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step))
-        # Of those whose patience ends in one step the last goes first then: two who only wait for each other get turns.
+        # Those whose patience ends in one step change their order: the last in rank gets place 0, and goes first then.
+        # So two who only wait for each other take turns.
         places = np.empty(len(rows), np.int64)
         places[np.lexsort((rows, view.rank[rows]))[::-1]] = np.arange(len(rows))
         of_rows = zip(rows.tolist(), view.agent[rows].tolist(), patient[rows].tolist(), places.tolist(), strict=True)
@@ -86,6 +89,7 @@ class Replanning:
                     continue
                 # It keeps its plan, as it may be free before a way around is found. Others go first meanwhile.
                 view.blocked_since[row] = plans.step
+                # While it looks around already, it keeps its rank.
                 if not looks[row]:
                     view.rank[row] = view.turn[row] = plans.rank_behind_all(place)
                     plans.looked_around[agent] = plans.step
@@ -119,7 +123,7 @@ class Replanning:
         view.plan_digest[row] = 0 if plan is None else plan.digest
         plans.hand_out(found.agent, plan)
         plans.note_motion(found)
-        # Where it finds no motion, it cannot go first: others may have to ask it to make room.
+        # If it finds no motion, it cannot go first: others may have to ask it to make room.
         if plan is None and plans.is_stuck(found.agent):
             view.rank[row] = view.turn[row] = plans.rank(found.agent)
         # Without a way to its goal it ranks last; with one again, as if it set out now.
@@ -166,7 +170,10 @@ class Replanning:
         view.plan_digest[row] = plan.digest
 
     def _is_there(self, view: View, row: int, agent: int) -> bool:
-        """Return True if an agent stands at a goal from where it goes on."""
+        """Return True if an agent stands at its goal already, as prescribed there, and goes on to another one.
+
+        ``accepts`` notes how it stands, and lets it try again a few times.
+        """
         near = distance(view.pose[row, :2], view.goal[row]) < AT_GOAL
         itineraries = self.plans.itineraries
         return near and not itineraries.is_last(agent) and itineraries.accepts(agent, view.pose[row])

@@ -44,6 +44,7 @@ class Reserving:
         obstacles = self.surroundings.obstacles(view, walker)
         graph, nothing = self.plans.assets.graph, np.zeros(3)
         hints = np.full(len(obstacles.layers), NONE, np.int64)
+        # The search began behind the node that it enters, so that node is tested here.
         if plan.count == 0 or not node_is_free(graph, walker.node, walker.origin, nothing, obstacles, hints):
             return None
         # It may go on steering instead, so it need not stop in a narrow passage.
@@ -59,7 +60,7 @@ class Reserving:
         *,
         strict: bool = False,
     ) -> dict[str, Any] | None:
-        """Return the columns of a reservation from a walker's pose on along a plan, None if it finds none.
+        """Find a reservation from a walker's pose on along a plan; return its columns, None if there is none.
 
         ``walkers`` are the same one at several rates, which are tried in turn: a slower one stops in no narrow passage
         if one before it could stand elsewhere; if ``strict``, none stops in one. It takes node ``following`` and as few
@@ -99,7 +100,7 @@ class Reserving:
             "wanted_rate": walker.playback.wanted,
             "reserved": following + taken - 1,
         }
-        # Who comes to rest in a narrow passage ranks first from now on. An agent that is not in a row yet has no rank.
+        # An agent that comes to rest in a narrow passage ranks first from now on. One without a row has no rank yet.
         if walker.row != NONE:
             rank = view.rank[walker.row]
             columns["rank"] = rank_at(rank, rank, *tracks[-1], obstacles.passages, obstacles.body_radius)
@@ -113,6 +114,7 @@ class Reserving:
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
         near, scratch = self.surroundings.neighbors(view), self._scratch
         rest = view.timeline[row, -1, :2]
+        # The way begins there: searches for ways must reach as far.
         near.spread[OF_WAYS] = max(near.spread[OF_WAYS], distance(rest, near.places[row]))
         behind = rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near)
         view.rank[row] = rank_at(view.turn[row], behind, *rest, obstacles.passages, obstacles.body_radius)

@@ -22,8 +22,7 @@ from crowdsim.jit import array_at, helper, kernel
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, next_rate
 
 LOOKAHEAD = 12
-"""Largest number of nodes of the plan that are considered at once, if the agent cannot come to a stand after
-fewer."""
+"""Largest number of nodes of the plan that one reservation takes, if the agent cannot come to a stand after fewer."""
 
 BEHIND_METERS = 2.0
 """Distance behind another agent of the same way up to which one takes its turn [m], so that not each agent at a
@@ -65,8 +64,8 @@ def frame_of(graph, rows, row, playback):
     """Return the frame of its node from which a row goes on, and True if it can leave its node in this step.
 
     ``rows`` are the columns of the captured agents (:mod:`crowdsim.crowd.state.components`), ``row`` is one of
-    them. Time within a frame is counted in ticks, FRAME_TICKS of which are a frame. A waiting agent can leave its
-    idle node also in a step that does not play it to its end: it then counts as at the end of it.
+    them. Time within a frame is counted in ticks, FRAME_TICKS of which are a frame. An agent in an idle node can leave
+    it in any step: it then counts as at the end of that node.
     """
     length = np.int64(graph.node_frames[rows.node[row]])
     frame = np.int64(rows.frame[row])
@@ -82,7 +81,7 @@ def frame_of(graph, rows, row, playback):
 def playback_of(graph, rows, row, playback, wanted):
     """Return the playback of a row from now on, at a rate that approaches ``wanted`` [ticks/step].
 
-    A standing row starts at that rate, as no movement shows a sudden change, and at a whole frame. All else is
+    A standing row starts at the wanted rate, as no movement shows a sudden change, and at a whole frame. All else is
     that of ``playback``.
     """
     stands = graph.node_idle[rows.node[row]]

@@ -65,6 +65,7 @@ class Spawning:
             plan = self.plans.motions.get(agent)
             if plan is None:
                 self._ask(agent)
+            # Its time has come, and its place was not found taken within the last slot.
             elif max(self.cast.start_steps[agent], self.refused.get(agent, -self._pause) + self._pause) <= step:
                 position = plan.departure[:2]
                 # It may have to stand there, swaying; as a disc, it has no core (half length 0.0).
@@ -104,7 +105,7 @@ class Spawning:
         return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, everyone)
 
     def forget(self, agent: int) -> None:
-        """Drop what is known of an agent that asked for its motion, or found its place taken."""
+        """Forget that an agent requested its motion, and that it found its place taken."""
         self.requested.pop(agent, None)
         self.refused.pop(agent, None)
 
@@ -116,6 +117,7 @@ class Spawning:
                 return
             # Its search has failed. Try again only if the environment has changed since.
             if self.requested[agent] >= plans.environment.last_edit_step:
+                # Without a reason, a path was found, but no motion.
                 plans.unreachable.setdefault(agent, NO_MOTION)
                 return
             plans.unreachable.pop(agent, None)

@@ -46,8 +46,9 @@ class Surroundings:
 
     def of_any(self, view: View, playback: Playback) -> Obstacles:
         """Return the obstacles from which kernels derive those of each row: distances in radii of its body."""
-        anybody = Walker(0, NONE, 0, 0, playback, _NOTHING, _NOTHING, _NOTHING, 1.0, False)
-        return self._obstacles(view, anybody, _NOTHING)
+        # In the world (its row is not NONE), no steered body is its own (agent NONE), and its body has a radius of 1 m.
+        walker = Walker(0, NONE, 0, 0, playback, _NOTHING, _NOTHING, _NOTHING, 1.0, False)
+        return self._obstacles(view, walker, _NOTHING)
 
     def with_ways(self, obstacles: Obstacles, scratch: Scratch) -> Obstacles:
         """Return obstacles with the ways noted last in ``scratch``, in which their body must not stop."""
@@ -65,7 +66,7 @@ class Surroundings:
         return Timelines.of(view, self.neighbors(view))
 
     def _obstacles(self, view: View, walker: Walker, kept_free: NDArray[np.float64]) -> Obstacles:
-        """Return the obstacles of a walker; ``kept_free`` (M, 4) are outlines that it must not enter."""
+        """Return the obstacles of a walker; ``kept_free`` (M, 4) are segments of outlines not to be entered [m]."""
         assets, environment = self.plans.assets, self.plans.environment
         return Obstacles(
             layers=tuple(mesh.arrays for mesh in environment.meshes),
@@ -97,8 +98,10 @@ class Surroundings:
             return _NOTHING
         environment, cast = self.plans.environment, self.plans.itineraries.cast
         goal = int(goals[0])
+        # With several goals, agents may come from both sides of any passage.
         if len(goals) > 1 or goal == NONE or (enters and cast.only_goals[walker.agent] != goal):
             return environment.passages
+        # One goal: only passages near its region count.
         if self._at_goal[:2] != (environment.revision, goal):
             lines = shapely.linestrings(environment.passages.reshape(-1, 2, 2))
             off = shapely.distance(lines, cast.regions[goal].convex_hull)
@@ -107,9 +110,9 @@ class Surroundings:
         return self._at_goal[2]
 
     def _kept_free(self, view: View, walker: Walker) -> NDArray[np.float64]:
-        """Return the outlines (M, 4) of obstacles about to appear, except those that the agent is or will be near.
+        """Return the outlines (M, 4) of movables about to appear, as segments: x, y of both ends [m].
 
-        From these it must be free to go away.
+        Outlines that the agent is near, or has reserved to come near, are left out: it must be free to go away.
         """
         waited_for = self.plans.environment.waited_for
         if not waited_for:

@@ -11,7 +11,7 @@ from crowdsim.recording.reader import Recording
 
 
 class Chosen(NamedTuple):
-    """``steps`` steps of the recording from step ``first`` on, and ``agents`` (N,) in ascending order."""
+    """The part of a recording on a page: ``steps`` steps from step ``first`` on, and ``agents`` (N,), ascending."""
 
     first: int
     steps: int
@@ -19,7 +19,10 @@ class Chosen(NamedTuple):
 
 
 def shown_of(recording: Recording, choice: Choice) -> Chosen:
-    """Return the part of a recording that a page shows: always all steps of a range, because it interpolates bodies."""
+    """Return the part of a recording that a page shows: all steps of a range, because the page interpolates bodies.
+
+    Raise CrowdSimError if the range is empty, or if the choice leaves steps out.
+    """
     if not recording.steps or choice.end <= choice.first:
         raise CrowdSimError(f"{recording.path} holds no steps there, so there is nothing to show; choose other times")
     if choice.every != 1:

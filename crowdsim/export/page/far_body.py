@@ -10,6 +10,7 @@ from crowdsim.playback.body_mesh import BodyMesh, Tissue
 from crowdsim.playback.surfaces import Floats, loft, sideways, unit, vertex_normals
 
 MOST_VERTICES = 120
+"""Largest number of vertices of a body for distant agents."""
 
 _SIDES = 4
 """Corners of a prism's cross-section."""
@@ -68,7 +69,7 @@ class _Parts:
         return place
 
     def trunk(self, role: str, low: Floats, high: Floats, widths: tuple[float, float], depth: float, what: int) -> None:
-        """Add a box of tissue ``what`` between two points, to the joint of ``role``.
+        """Add a box of tissue ``what`` between the points ``low`` and ``high`` (3,) [m], to the joint of ``role``.
 
         ``widths``, to the sides at the lower and the upper end, and ``depth``, ahead, are the half axes of the ellipses
         through its corners [m].
@@ -95,7 +96,8 @@ class _Parts:
         # Rotate the square section by 45 degrees, so that its sides, not its corners, face ahead and aside.
         turned = np.sqrt(0.5) * (across + beside), np.sqrt(0.5) * (beside - across)
         surface = loft(centers, *turned, _SIDES)
-        # The end faces use the four corners of the last rings, without a vertex in the middle.
+        # The surface closes its ends around vertices in the middle, its last two. Use two triangles on the four corners
+        # of the ring at each end instead.
         corners = len(centers) * _SIDES
         faces = surface.triangles
         capped = np.isin(faces, (corners, corners + 1)).any(axis=1)

@@ -22,7 +22,7 @@ PLACES = 20_000
 """Integer units per meter for positions of vertices."""
 
 _SIDES = ((40, 16), (10**9, 10))
-"""Corners of a body's cross-sections, by the largest number of agents present at once."""
+"""Corners of a near body's cross-sections: (largest number of agents present at once, corners)."""
 
 
 def pack_bodies(block: Block, skeleton: Skeleton, most_present: int) -> dict[str, Any]:
@@ -60,4 +60,5 @@ def _pack(block: Block, name: str, body: BodyMesh) -> None:
 
 
 def _whole(values: NDArray[np.float32]) -> NDArray[np.int16]:
+    """Return values rounded, and limited to what int16 holds."""
     return np.clip(np.rint(values), -32767, 32767).astype(np.int16)

@@ -1,4 +1,4 @@
-"""Planted feet of captured bodies for a page: in the nodes it plays, and in the first step of each chunk.
+"""Planted feet of captured bodies for a page: in the nodes that it plays, and in the first step of each chunk.
 
 From step to step the viewer follows feet itself, as :mod:`crowdsim.motion.planted.follow_kernels` does.
 """
@@ -27,15 +27,15 @@ from crowdsim.recording.shown.planted_feet import played_in
 PLACES = 10_000
 """Integer units per meter and radian of feet in nodes."""
 FRAMES = 100
-"""Integer units per frame from which, and until which, a foot fades."""
+"""Integer units per frame, for the frames between which the displacement of a foot fades."""
 _NAMES = ("since", "fading", "x", "y", "yaws")
-"""Columns of feet in the first step of each chunk, beside their modes."""
+"""Columns of feet in the first step of each chunk, beside their modes; see :func:`pack_feet`."""
 _ANGLES, _FINE_ANGLES = 1000, 10_000
 """Integer units per radian of feet in steps, and those of few agents."""
 
 
 def feet_units(places: int) -> dict[str, int]:
-    """Return the units per frame, meter and radian of feet in steps, if tracks have ``places`` units a meter."""
+    """Return the units per frame, meter and radian of feet in steps, if tracks have ``places`` units per meter."""
     return {"frame": FRAMES, "place": 2 * places, "angle": _FINE_ANGLES if places == FINE_PLACES else _ANGLES}
 
 
@@ -47,9 +47,9 @@ def pack_feet(block: Block, recording: Recording, chosen: Chosen, played: Ints, 
     foot that stands from the row to the next one, 2 for a right one. ``feet_across`` are the axes (2, 3) of the ankle
     joints that point to the left of their feet.
 
-    Steps are packed one after the other, with both feet of each captured agent in it: a mode; the frame since which a
-    foot fades, and how many frames it does, both 0 for others; and what fades, or how far (x, y [m], turn [rad]) a foot
-    that stands is from where its body is posed.
+    Steps are packed one after the other, each with both feet of its captured agents. A foot has a mode (FREE, STANDS or
+    FADES); the frame since which it fades, and for how many frames, both 0 in other modes; and a displacement (x, y
+    [m], turn [rad]): what fades, or from where the body is posed to where the foot stands.
     """
     table = recording.foot_table
     if table is None or not len(played):
@@ -91,7 +91,7 @@ def _feet_in_step(
 
 
 def _moved(recording: Recording, table: FootTable, now: Played, states: Floats) -> Floats:
-    """Return (2 n, 3) how far feet that stand are from where n bodies are posed: x, y [m] and turn [rad]."""
+    """Return the displacements (2 n, 3) of standing feet from where n bodies are posed: x, y [m] and turn [rad]."""
     poses = recording.pose_table
     positions = np.empty((len(now.node), len(poses.parents), 3), np.float32)
     rotations = np.empty((len(now.node), len(poses.parents), 4), np.float32)
@@ -99,7 +99,8 @@ def _moved(recording: Recording, table: FootTable, now: Played, states: Floats) 
     moved = np.zeros((len(now.node), 2, 3))
     for foot, (_, _, ankle, ball) in enumerate(table.legs.tolist()):
         own = states[foot::2]
-        # A foot goes its way in the clip since it stands, from where it stands.
+        # From the place where it came to stand, a foot moves as it has moved in the clip since then. Its heading as
+        # posed is that of the axis to its left, turned back by a right angle.
         begins, ends = (_place_in_clip(recording, table, now.node, frame, foot) for frame in (own[:, SINCE], now.frame))
         left = rotate(rotations[:, ankle].astype(np.float64), table.across[foot])
         posed = np.column_stack([positions[:, ball, :2], atan2(-left[:, 0], left[:, 1])])
@@ -111,7 +112,7 @@ def _moved(recording: Recording, table: FootTable, now: Played, states: Floats) 
 
 
 def _place_in_clip(recording: Recording, table: FootTable, node: NDArray[np.int32], frame: Floats, foot: int) -> Floats:
-    """Return places (n, 3) of a foot in frames of nodes, between rows along straight lines."""
+    """Return places (n, 3) of a foot [m], [rad] in frames (n,) of nodes (n,), interpolated between rows."""
     poses = recording.pose_table
     whole = np.minimum(np.floor(frame).astype(np.int64), poses.node_frames[node])
     first = poses.node_first[node].astype(np.int64)
@@ -123,5 +124,5 @@ def _place_in_clip(recording: Recording, table: FootTable, node: NDArray[np.int3
 
 
 def pack_no_feet(block: Block) -> None:
-    """Add that no foot is put anywhere: without axes, the viewer reads nothing else of feet."""
+    """Add empty axes of feet, by which the viewer knows that it has no feet to keep in place."""
     block.add("feet_across", np.zeros(0, np.float32))

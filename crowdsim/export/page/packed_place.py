@@ -63,6 +63,7 @@ def pack_scenery(
 
 
 def _joined(a: FlatMesh, b: FlatMesh) -> FlatMesh:
+    """Return two meshes as one."""
     triangles = np.concatenate([a.triangles, b.triangles + len(a.points)])
     return FlatMesh(np.concatenate([a.points, b.points]), triangles, np.concatenate([a.outline, b.outline]))
 
@@ -74,9 +75,10 @@ def _add_mesh(block: Block, name: str, mesh: FlatMesh) -> None:
 
 
 def _pack_movables(block: Block, recording: Recording, chosen: Chosen) -> NDArray[np.float64]:
-    """Add every footprint that a movable has in the page, and its first step and the one after its last.
+    """Add the meshes of movables, one for each time that a movable has one footprint.
 
-    Steps count from the first of the page. Return the corners (n, 3) of all triangles [m].
+    Each vertex comes with two steps, counted from the first of the page: the first one in which its mesh is shown, and
+    the one after the last. Return the corners (n, 3) of all triangles [m].
     """
     header, last = recording.header, chosen.first + chosen.steps
     shown: list[tuple[SolidRecord, int, int]] = []
@@ -113,7 +115,7 @@ def _close(
     movable: int,
     end: int,
 ) -> None:
-    """Add to ``shown`` the footprint that a movable has had until step ``end``, if it had one.
+    """Add to ``shown`` the footprint that a movable has had until step ``end``, with its steps, if it was present.
 
     since: step and footprint of the last change of each movable.
     """
@@ -124,11 +126,15 @@ def _close(
 
 
 def pack_paths(block: Block, recording: Recording, chosen: Chosen) -> int:
-    """Add the planned paths to the block, simplified within each behavior; return their number."""
+    """Add the planned paths to the block, simplified within each behavior; return their number.
+
+    Each path has an agent, a step and a number of pieces; each piece has a behavior and a number of points. The points
+    of all pieces are packed as differences from one to the next, first all x, then all y, in units of places.
+    """
     rows = {agent: row for row, agent in enumerate(chosen.agents.tolist())}
     last = chosen.first + chosen.steps
     paths = [path for path in recording.paths if path.agent in rows and path.step < last and len(path.points) > 1]
-    # The path that each agent follows at the first step, and all later ones.
+    # Keep the path that each agent follows at the first step, and all later ones.
     latest = {path.agent: path.step for path in paths if path.step <= chosen.first}
     paths = [path for path in paths if path.step >= latest.get(path.agent, 0)]
     pieces, owners, kinds = [], [], []
@@ -158,7 +164,10 @@ def pack_paths(block: Block, recording: Recording, chosen: Chosen) -> int:
 
 
 def density_cells(bounds: dict[str, Any]) -> dict[str, Any]:
-    """Return size and number of the cells of the density map; they are enlarged until there are few enough."""
+    """Return the side of the cells of the density map [m], and their numbers along x (columns) and y (lines).
+
+    ``bounds`` are those of :func:`pack_scenery`. Cells are enlarged until there are at most _MOST_CELLS.
+    """
     low, high = np.array(bounds["low"][:2]), np.array(bounds["high"][:2])
     # One more along each axis than fit, for agents at the very end.
     cell = CELL
@@ -171,7 +180,7 @@ def density_cells(bounds: dict[str, Any]) -> dict[str, Any]:
 def pack_density(block: Block, recording: Recording, chosen: Chosen, bounds: dict[str, Any]) -> dict[str, Any]:
     """Add the mean density of agents in each cell over all steps of the page, (lines * columns,) float32 [1/m2].
 
-    Return size and number of the cells.
+    Return side and numbers of the cells, see :func:`density_cells`.
     """
     cells = density_cells(bounds)
     low, (cell, columns, lines) = bounds["low"], cells.values()

@@ -44,7 +44,7 @@ def skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
 
 
 def pack_nodes(block: Block, motion: MotionRecord, played: Ints) -> list[str]:
-    """Add the poses of the nodes ``played`` to the block, column by column, as differences; return the nodes' names."""
+    """Add the poses of the nodes ``played`` (k,) to the block, as differences from row to row; return their names."""
     joints = motion.skeleton.joint_count
     frames = motion.node_frames[played].astype(np.int64)
     some = rows_of_nodes(motion, played)
@@ -60,7 +60,7 @@ def pack_nodes(block: Block, motion: MotionRecord, played: Ints) -> list[str]:
 
 
 def pack_node_tracks(block: Block, motion: MotionRecord, played: Ints) -> None:
-    """Add the tracks of the nodes ``played`` to the block, column by column, as differences from row to row."""
+    """Add the tracks of the nodes ``played`` (k,) to the block, column by column, as differences from row to row."""
     rows = node_tracks(motion).rows[rows_of_nodes(motion, played)]
     block.add_varints("node_tracks", zigzag(first_differences(rows).T.ravel()))
 
@@ -74,7 +74,7 @@ def rows_of_nodes(motion: MotionRecord, played: Ints) -> Ints:
 
 
 def pack_gaits(block: Block, motion: MotionRecord) -> list[dict[str, Any]]:
-    """Add the models of all gaits to the block; return their shapes and numbers, empty if nobody is steered.
+    """Add the models of all gaits to the block; return their shapes and numbers, none if no agent is steered.
 
     All of them walk on the legs of the preferred behavior, the last one, as in playback.
     """
@@ -95,9 +95,9 @@ def pack_gaits(block: Block, motion: MotionRecord) -> list[dict[str, Any]]:
 def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> PackedStretches:
     """Add the stretches in which agents are steered to the block; return them with the phases of their bodies.
 
-    ``parts`` holds agents (A,), as indices into those of the page, and their stretches, whose columns are indices into
-    these (A,). A stretch's four rows ascend (begin, first, end, stop), so each is written as its difference from the
-    one before. Phases are coded with the tracks.
+    Each of ``parts`` holds agents (A,), as indices into those of the page, and their stretches, whose columns are
+    indices into these (A,). The four rows of a stretch ascend: begin, first, end, stop. ``begin`` is written as it is,
+    each of the others as its difference from the one before. Phases are coded with the tracks.
     """
     columns: list[list[Ints]] = [[], [], [], [], []]
     phases: list[NDArray[np.float64]] = []
@@ -121,16 +121,17 @@ def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> PackedS
 def pack_switches(block: Block, recording: Recording, chosen: Chosen) -> None:
     """Add the switches between captured and steered to the block, and the times at which feet then lift and land.
 
-    They are those that are shown after the first step of the page and before its end, with a steered step in it: at the
-    ends of a part of a run, others are left out, and the agent is captured there for some more steps.
+    Only switches are taken that are shown after the first step of the page and before its end, and that have a steered
+    step on the page. Others are left out: the page then shows the agent as captured for some more steps at its ends.
 
     The five times of a switch are counted from it in units of 1 / _FEET s: until when each foot keeps its place (left,
     right), when it has lost its offset (left, right), and when the agent disappears, 0 if it stays. Bits of the flags:
-    1 for a switch to steered, 2 and 4 for a left and a right foot that takes a small step of its own, because it is not
-    seen to lift.
+    1 for a switch to steered, 2 for a left and 4 for a right foot that takes a small step which is added, because the
+    recorded foot does not lift.
     """
     switches = recording.switches
     shown = switches.shown - chosen.first
+    # Rows of the agents on the page; an agent that is not on it finds the row of another one.
     rows = np.searchsorted(chosen.agents, switches.agents)
     rows = np.minimum(rows, len(chosen.agents) - 1)
     mine = (chosen.agents[rows] == switches.agents) & (shown > 0) & (shown < chosen.steps)

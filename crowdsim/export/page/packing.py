@@ -21,7 +21,7 @@ _MEMORY = 4
 Ints = NDArray[np.int64]
 
 _GROUP_BITS = 47
-"""Bits that three letters hold. Of larger groups, browsers would need integers beyond 2**53."""
+"""Bits that three letters hold. Larger groups would exceed 2**53, the largest exact integer of browsers."""
 _LETTERS = 52_016
 """Number of letters: the least whose third power reaches 2**47."""
 _FIRST_LETTER = 0x0C00
@@ -86,7 +86,7 @@ class Block:
         self._size = 0
 
     def add(self, name: str, values: NDArray[Any]) -> None:
-        """Add an array unchanged, in C order and little-endian."""
+        """Add an array under a name, unchanged, in C order and little-endian."""
         values = np.ascontiguousarray(values)
         kind = values.dtype.newbyteorder("<")
         part = values.astype(kind).tobytes()
@@ -96,11 +96,15 @@ class Block:
         self._size += len(part)
 
     def add_varints(self, name: str, values: Ints) -> None:
-        """Add integers >= 0, each in as few bytes as possible."""
+        """Add integers >= 0 (n,) under a name, coded by :func:`varints`."""
         self.add(name, varints(values))
 
     def packed(self, facts: Mapping[str, Any]) -> bytes:
-        """Return the whole block, compressed; equal arrays and facts give equal bytes."""
+        """Return the whole block, compressed: MAGIC, the length of the table, the table as JSON, and the arrays.
+
+        The table holds ``facts`` and, for each array, its offset [bytes], type and size. Equal arrays and facts give
+        equal bytes.
+        """
         table = {name: list(entry) for name, entry in self._table.items()}
         head = json.dumps({**facts, "arrays": table}, separators=(",", ":"), allow_nan=False).encode()
         head += b" " * (-len(head) % _MEMORY)

@@ -54,7 +54,7 @@ from crowdsim.recording.shown.steered_stretches import Stretches, read_stretches
 from crowdsim.whole_files import whole_file
 
 PATHS = ("all", "selected", "none")
-"""Which paths a page draws at first; with "none" it does not contain them."""
+"""Paths that a page draws at first; with "none", the page contains no paths."""
 
 _PATHS_OF_ALL = 300
 """Number of agents present at once up to which all paths are drawn by default."""
@@ -106,7 +106,10 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 
 
 def make_page(recording: Recording, choice: Choice, options: ExportOptions) -> bytes:
-    """Return the bytes of a page of the chosen part of ``recording``, in UTF-16: packed data are smallest in it."""
+    """Return the bytes of a page of the chosen part of ``recording``, in UTF-16, in which packed data are smallest.
+
+    Raise CrowdSimError if the part is empty or leaves steps out, or if there is no such choice of paths.
+    """
     if options.paths is not None and options.paths not in PATHS:
         raise CrowdSimError(f"a page draws paths of {', '.join(PATHS)}, not '{options.paths}'; choose one of them")
     chosen = shown_of(recording, choice)
@@ -131,7 +134,7 @@ def fill_page(
     panel: str = "",
     allowed: Sequence[str] = (),
 ) -> str:
-    """Return the HTML of a page. A byte order mark or a server has to name its encoding.
+    """Return the HTML of a page, which does not name its encoding: a byte order mark or a server has to.
 
     Parameters
     ----------
@@ -142,13 +145,13 @@ def fill_page(
     style : str
         Style sheet.
     packed : mapping
-        Compressed data by the name of the element that holds them; none if its scripts get them elsewhere.
+        Compressed data by the name of the element that holds them; none if the scripts get their data elsewhere.
     unpacked : sequence of str
-        Further scripts, which ``scripts`` may run.
+        Further scripts, contained in ``packed``, which ``scripts`` may run.
     panel : str
         HTML of further controls.
     allowed : sequence of str
-        What its policy allows beside its own scripts and style, and saving pictures.
+        Directives of the content security policy beside those for its own scripts and style, and saved pictures.
     """
     parts = {
         "{{policy}}": "; ".join([_policy([*scripts, *unpacked], style), *allowed]),
@@ -161,7 +164,7 @@ def fill_page(
         ),
         "{{scripts}}": "\n".join(f"<script>{script}</script>" for script in scripts),
     }
-    # All at once: a title may look like the name of a part.
+    # Replace all parts at once, because a title may look like the name of a part.
     return re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], shared_text("page.html"))
 
 
@@ -172,6 +175,7 @@ def _policy(scripts: Sequence[str], style: str) -> str:
 
 
 def _digest(text: str) -> str:
+    """Return the SHA-256 of a text as content security policies take it."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode('utf-8')).digest()).decode()}'"
 
 
@@ -223,10 +227,11 @@ def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, titl
 
 
 def page_units(places: int) -> dict[str, int]:
-    """Return the integer units of the page per meter (``places``), turn, cycle, frame, radian, and meter of a root.
+    """Return the integer units of a page whose tracks have ``places`` units per meter.
 
-    Also the units of turn and of phase in a step in which they are coded, and the parts of a step or unit that the ends
-    of stretches are exact to.
+    They are units per meter of tracks (place), whole turn, cycle (phase), frame, radian of joints (rotation), and meter
+    of root joints (root); the steps of turns and phases by which they are coded (turn_step, phase_step), in these
+    units; and the parts of a unit or step to which the ends of stretches are exact.
     """
     return {
         "place": places,
@@ -249,7 +254,7 @@ def _opening(recording: Recording, chosen: Chosen) -> float:
 
 
 def agent_facts(agents: AgentsRecord, chosen: Ints) -> dict[str, Any]:
-    """Return groups and levels with their colors; group and goals (x, y) [m] of each of the agents ``chosen`` (n,)."""
+    """Return groups and levels with their colors; group and goal (x, y) [m] of each of the agents ``chosen`` (n,)."""
     names = sorted(set(agents.groups))
     index = {name: number for number, name in enumerate(names)}
     return {
@@ -264,13 +269,14 @@ def agent_facts(agents: AgentsRecord, chosen: Ints) -> dict[str, Any]:
 
 
 def _number(value: float) -> float | None:
+    """Return a value rounded to two digits; None if it is not finite, which JSON cannot hold."""
     return round(value, 2) if np.isfinite(value) else None
 
 
 def activity(recording: Recording, chosen: Chosen) -> tuple[Ints, Ints, Ints]:
-    """Return (steps,) how many agents are present, and the most that move, and wait, at once in each bar.
+    """Return numbers of agents: present in each step (steps,), and moving and waiting in each bar (bars,).
 
-    Bars stand behind the slider: equal spans of the steps, at most _BARS.
+    Bars are drawn behind the slider: at most _BARS equal spans of steps, each with its largest number in a step.
     """
     present, moving, waiting = (np.zeros(chosen.steps, np.int64) for _ in range(3))
     at_once = max(1, _SAMPLES_AT_ONCE // max(recording.agent_count, 1))
@@ -286,10 +292,7 @@ def activity(recording: Recording, chosen: Chosen) -> tuple[Ints, Ints, Ints]:
 
 
 def _stretches(recording: Recording, chosen: Chosen) -> Iterator[tuple[Ints, Stretches]]:
-    """Yield the stretches of all steps in which agents are steered, some agents at a time.
-
-    With them come these agents (A,), as indices into those of the page.
-    """
+    """Yield some agents (A,) at a time, as indices into those of the page, with their steered stretches."""
     if not recording.header.motion.gaits:
         return
     rows = slice(chosen.first, chosen.first + chosen.steps)

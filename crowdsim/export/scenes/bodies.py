@@ -41,7 +41,10 @@ class BodyMotion(NamedTuple):
     rotations: NDArray[np.float32]
 
     def shown(self, count: int) -> tuple[int, ...]:
-        """Return the frames out of ``count`` at which the agent appears and disappears, in turn."""
+        """Return the frames at which the agent appears and disappears, in turn.
+
+        An agent that is present in the last of all ``count`` frames does not disappear.
+        """
         shown = [int(self.frames[0])]
         for row in np.flatnonzero(np.diff(self.frames) > 1).tolist():
             shown += [int(self.frames[row]) + 1, int(self.frames[row + 1])]
@@ -51,9 +54,9 @@ class BodyMotion(NamedTuple):
 
 
 def default_rate(recording: Recording, agents: int) -> int:
-    """Return the default frame rate of animation files [1/s]: that of the steps, for many agents at most MANY_RATE.
+    """Return the default frame rate of animation files of ``agents`` agents [1/s].
 
-    It divides that of the steps.
+    It is the rate of the steps, or for more than MANY agents its largest divisor up to MANY_RATE.
     """
     recorded = recording.steps_per_second
     most = recorded if agents <= MANY else MANY_RATE
@@ -75,6 +78,7 @@ def body_motions(recording: Recording, choice: Choice) -> Iterator[BodyMotion]:
         rotations.append(turns[present])
     if not agents:
         return
+    # Sort the rows by agent; those of one agent stay in order of time.
     agent = np.concatenate(agents)
     order = np.argsort(agent, kind="stable")
     ends = np.flatnonzero(np.diff(agent[order], append=-1)) + 1
@@ -89,12 +93,16 @@ def body_motions(recording: Recording, choice: Choice) -> Iterator[BodyMotion]:
 
 
 def _local(skeleton: Skeleton, world: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return rotations (k, J, 4) relative to the parent joints, with signs that do not flip from frame to frame."""
+    """Return rotations (k, J, 4) relative to the parents of joints, from those in the world.
+
+    Signs do not flip from frame to frame.
+    """
     exact = unit(world.astype(np.float64))
     parents = np.asarray(skeleton.parents)
     local = exact.copy()
     local[:, 1:] = multiply(conjugate(exact[:, parents[1:]]), exact[:, 1:])
-    # A quaternion and its negative are one rotation: flip the signs from each frame on that is nearer to the negative.
+    # A quaternion and its negative are one rotation. If a frame is nearer to the negative of the one before, signs are
+    # flipped from there on.
     flips = np.sum(local[1:] * local[:-1], axis=-1) < 0.0
     signs = np.where(np.logical_xor.accumulate(flips, axis=0), -1.0, 1.0)
     local[1:] *= signs[..., None]
@@ -102,7 +110,10 @@ def _local(skeleton: Skeleton, world: NDArray[np.float32]) -> NDArray[np.float32
 
 
 class Jump(NamedTuple):
-    """A crossing of the ends of a periodic floor: row of the first frame beyond, and the position without wrapping."""
+    """A crossing of the ends of a periodic floor: row of the first frame after it, and its position without wrapping.
+
+    The position ``beyond`` (3,) lies outside of the floor [m].
+    """
 
     row: int
     beyond: NDArray[np.float32]
@@ -117,9 +128,9 @@ def jumps(recording: Recording, roots: NDArray[np.float32]) -> list[Jump]:
 def unwrapped(
     ends: Ends | None, before: NDArray[np.float32], after: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return positions ``after`` (k, 2 or 3) [m] without wrapping, and which (k,) wrapped since ``before``.
+    """Return positions ``after`` (k, 2 or 3) [m] without wrapping since ``before``, and (k,) which have wrapped.
 
-    Those have crossed the ends of a periodic floor: they moved by more than half of it in a step.
+    A position has wrapped at the ends of a periodic floor if it moved by more than half of the floor.
     """
     beyond = after.copy()
     if ends is None:

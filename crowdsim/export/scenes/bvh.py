@@ -20,7 +20,7 @@ from crowdsim.whole_files import whole_file
 
 
 def write(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
-    """Write a file of the only chosen agent.
+    """Write a file of the chosen agent, which has to be the only one.
 
     Raises
     ------
@@ -29,8 +29,9 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
     """
     motions = list(body_motions(recording, choice)) if len(choice.agents) == 1 else []
     if len(motions) != 1:
+        chosen = f"agent {choice.agents[0]} never is" if len(choice.agents) == 1 else f"{len(choice.agents)} are chosen"
         raise CrowdSimError(
-            f"a BVH file holds one character who is present, not {len(choice.agents)} or one who is not; "
+            f"a BVH file holds one character that is present at some time, but {chosen}; "
             "choose one with --agents, or write a folder with: -o FOLDER --format bvh"
         )
     file.write_bytes(_text(recording, motions[0], choice.rate))
@@ -39,7 +40,7 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 def write_folder(recording: Recording, folder: Path, choice: Choice, options: ExportOptions) -> None:
     """Write a file for each chosen agent that is ever present; create the folder if necessary.
 
-    Raise CrowdSimError if an agent is absent for a while in between; files of those before it are then kept.
+    Raise CrowdSimError if an agent is absent for a while in between. Files of agents before it are then kept.
     """
     folder.mkdir(exist_ok=True)
     digits = len(str(max(recording.agent_count - 1, 0)))
@@ -55,6 +56,7 @@ def _text(recording: Recording, motion: BodyMotion, rate: int) -> bytes:
             f"character {motion.agent} is absent for a while, which BVH cannot express; use --start and --end"
         )
     roots = motion.roots.astype(np.float64)
+    # Shift all positions after a crossing, so that the agent goes on beyond the end of a periodic floor.
     for leap in jumps(recording, motion.roots):
         roots[leap.row :] += leap.beyond.astype(np.float64) - motion.roots[leap.row]
     lines, order = hierarchy(recording.header.motion.skeleton)

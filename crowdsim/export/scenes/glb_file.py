@@ -28,7 +28,10 @@ class GltfBuffer:
         self.accessors: list[dict[str, Any]] = []
 
     def add_view(self, values: NDArray[Any], target: int | None = None) -> int:
-        """Append the bytes of an array; return the index of its view. target: VERTICES, INDICES, or None for others."""
+        """Append the bytes of an array; return the index of its view.
+
+        target: VERTICES, INDICES, or None for other data.
+        """
         content = np.ascontiguousarray(values).tobytes()
         view: dict[str, Any] = {"buffer": 0, "byteOffset": self._length, "byteLength": len(content)}
         if target is not None:
@@ -44,9 +47,8 @@ class GltfBuffer:
     ) -> int:
         """Describe ``values``, which begin at byte ``offset`` of a view; return the index of the accessor.
 
-        ``bounds`` adds their least and greatest values, which glTF requires for positions and times. ``normalized``:
-        the integers stand for shares of their largest value. What was described before, in all of these, is not
-        described a second time.
+        ``bounds`` adds their least and greatest values, which glTF requires for positions and times. ``normalized``
+        marks integers that stand for shares of the largest integer. An accessor with the same properties is reused.
         """
         known = view, offset, values.dtype.name, values.shape, bounds, normalized
         if known in self._known:
@@ -75,6 +77,7 @@ class GltfBuffer:
         document |= {"bufferViews": self.views, "accessors": self.accessors}
         kept = {name: value for name, value in document.items() if value != []}
         text = json.dumps(kept, ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode()
+        # Both chunks are filled up to whole 4 bytes; their heads are length and kind.
         text += b" " * (-len(text) % 4)
         with file.open("wb") as stream:
             stream.write(struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + self._length))

@@ -55,6 +55,7 @@ class _Scene:
         self._skins: list[dict[str, Any]] = []
         self._channels: list[dict[str, Any]] = []
         self._samplers: list[dict[str, Any]] = []
+        # Numbers of the materials by color, and of the meshes of bodies by look.
         self._paints: dict[tuple[float, ...], int] = {}
         self._bodies: dict[int, int] = {}
         times = np.arange(len(choice.steps)) / choice.rate
@@ -102,7 +103,7 @@ class _Scene:
         body = body_of(skeleton)
         joints, weights = np.zeros((body.vertex_count, 4), np.uint8), np.zeros((body.vertex_count, 4), np.float32)
         joints[:, :2], weights[:, :2] = body.joints, body.weights
-        joints[weights == 0.0] = 0  # as glTF wants it
+        joints[weights == 0.0] = 0  # glTF requires joint 0 for weight 0
         points, normals = bound_points(body, skeleton)
         self._points = [add(build, VERTICES, bounds=True) for build in points]
         self._attributes = {
@@ -116,7 +117,8 @@ class _Scene:
         ]
         positions, rotations = sculpted_pose(skeleton)
         binds = np.tile(np.eye(4, dtype=np.float32), (skeleton.joint_count, 1, 1))
-        # From the body to a joint: the transposed rotation. glTF stores matrices column by column.
+        # Inverse of a joint's pose: from the space of the body to that of the joint. glTF stores matrices column by
+        # column, so the last row here is the translation.
         axes = rotate(rotations[:, None], np.eye(3))
         binds[:, :3, :3] = axes.transpose(0, 2, 1)
         binds[:, 3, :3] = -(axes @ positions[:, :, None])[..., 0]
@@ -172,11 +174,14 @@ class _Scene:
         self._show(top, motion.shown(len(self._times)))
 
     def _move(self, node: int, motion: BodyMotion, times: int) -> None:
-        """Animate the position of the root joint, ``node``; ``times`` is the accessor of the times of its frames."""
+        """Animate the position of the root joint, which is ``node``.
+
+        ``times`` is the accessor of the times of the motion's frames.
+        """
         roots = motion.roots
         leaps = jumps(self._recording, roots)
         if leaps:
-            # Shortly before the first frame beyond an end, a sample more where the body would be without the end.
+            # Shortly before the first frame after a crossing, add a sample with the position beyond the end.
             seconds = self._times[motion.frames]
             rows = np.array([leap.row for leap in leaps])
             roots = np.insert(roots, rows, np.stack([leap.beyond for leap in leaps]), axis=0)
@@ -187,7 +192,7 @@ class _Scene:
         self._animate(node, "translation", times, self._buffer.add(roots))
 
     def _time_accessor(self, frames: NDArray[np.int64]) -> int:
-        """Return the accessor of the times of frames; agents share those of consecutive frames."""
+        """Return the accessor of the times of ``frames`` (k,); consecutive frames need no times of their own."""
         first, count = int(frames[0]), len(frames)
         times = self._times[frames]
         if frames[-1] - first + 1 != count:
@@ -195,6 +200,7 @@ class _Scene:
         return self._buffer.add_accessor(self._time_view, times, 4 * first, bounds=True)  # 4 bytes a time
 
     def _animate(self, node: int, path: str, times: int, values: int, interpolation: str = "LINEAR") -> None:
+        """Animate the property ``path`` of a node; ``times`` and ``values`` are accessors."""
         self._samplers.append({"input": times, "output": values, "interpolation": interpolation})
         self._channels.append({"sampler": len(self._samplers) - 1, "target": {"node": node, "path": path}})
 
@@ -205,6 +211,7 @@ class _Scene:
         """
         if shown == (0,):
             return
+        # A node that appears later has scale 0 from the first frame on.
         frames = np.array(shown if shown[0] == 0 else (0, *shown))
         sizes = (np.arange(len(frames)) % 2 == (0 if shown[0] == 0 else 1)).astype(np.float32)
         scales = self._buffer.add(np.repeat(sizes, 3).reshape(-1, 3))

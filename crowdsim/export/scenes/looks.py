@@ -17,7 +17,7 @@ VARIETY = 30
 """Number of looks; agents whose numbers differ by a multiple of it look the same."""
 
 _SIDES = 10
-"""Corners of a body's cross-sections; all agents share one body, but each is drawn."""
+"""Corners of a body's cross-sections: few, as a viewer draws the shared body for each agent."""
 
 
 def paints(variety: int) -> list[list[Paint]]:
@@ -30,7 +30,7 @@ def paints(variety: int) -> list[list[Paint]]:
 
 
 def body_of(skeleton: Skeleton) -> BodyMesh:
-    """Return the body that all agents share, in three builds."""
+    """Return the body that all agents share; :func:`bound_points` gives its builds."""
     return build_body(skeleton, _SIDES)
 
 
@@ -49,6 +49,6 @@ def bound_points(body: BodyMesh, skeleton: Skeleton) -> tuple[NDArray[np.float32
 
 
 def tissue_triangles(body: BodyMesh) -> list[tuple[Tissue, NDArray[np.int64]]]:
-    """Return the triangles of each tissue; one between two tissues belongs to that of its first corner."""
+    """Return the triangles (t, 3) of each tissue; a triangle belongs to the tissue of its first corner."""
     of = body.tissue[body.triangles[:, 0]]
     return [(tissue, body.triangles[of == tissue]) for tissue in Tissue if (of == tissue).any()]

@@ -18,7 +18,7 @@ TALL = 1.1
 
 
 class Paint(NamedTuple):
-    """A color, sRGB from 0 to 1, and its opacity."""
+    """A color with a name: sRGB from 0 to 1, and opacity, 1 for no transparency."""
 
     name: str
     red: float
@@ -85,6 +85,7 @@ def place_parts(recording: Recording, choice: Choice) -> list[PlacePart]:
 
 
 def _part(name: str, paint: Paint, mesh: FlatMesh, shown: tuple[int, ...] | None = None) -> PlacePart:
+    """Return a mesh as a part of the environment, with smooth normals; an empty mesh has none."""
     normals = vertex_normals(mesh.points, mesh.triangles) if len(mesh.triangles) else mesh.points
     points = mesh.points.astype(np.float32)
     return PlacePart(name, paint, points, normals.astype(np.float32), mesh.triangles.astype(np.uint32), shown)
@@ -93,6 +94,7 @@ def _part(name: str, paint: Paint, mesh: FlatMesh, shown: tuple[int, ...] | None
 def _stands(recording: Recording, choice: Choice) -> list[tuple[SolidRecord, tuple[int, ...]]]:
     """Return each movable at each of its positions, and the frames at which it appears and disappears there."""
     steps = choice.steps
+    # Frames at which each movable appears and disappears, in turn, by its footprint; and the present footprint of each.
     stands: dict[tuple[int, str], list[int]] = {}
     standing: dict[int, str] = {}
     for change in recording.changes:
@@ -113,10 +115,13 @@ def _stands(recording: Recording, choice: Choice) -> list[tuple[SolidRecord, tup
 
 
 def _merged(frames: list[int], count: int) -> list[int]:
-    """Return the frames at which something appears and disappears in turn, without empty spans and later frames."""
+    """Return ``frames``, at which something appears and disappears in turn, without empty spans.
+
+    Frames from ``count`` on, which lie after the end, are left out.
+    """
     merged: list[int] = []
     for frame in frames:
-        if merged and merged[-1] == frame:  # it goes in the frame in which it came, or comes again as it goes
+        if merged and merged[-1] == frame:  # it goes in the frame in which it came, or comes again when it goes
             merged.pop()
         else:
             merged.append(frame)

@@ -24,7 +24,7 @@ from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
 
 _INSTANT = 0.001
-"""Time before a step at which those who leave, or wrap at the end of a periodic floor, are still shown [s]."""
+"""Time before a frame at which agents that leave, or cross an end of a periodic floor, are still shown [s]."""
 
 _STILL = 1e-6
 """Change of a quaternion below which a joint counts as not turning."""
@@ -95,6 +95,7 @@ class _Stage:
         return self._materials[key]
 
     def _bind(self, prim: Any, paint: Paint) -> None:
+        """Give a prim the material of a paint."""
         self._shade.MaterialBindingAPI.Apply(prim).Bind(self._material(paint))
 
     def _mesh(self, path: str, points: NDArray[Any], normals: NDArray[Any], triangles: NDArray[Any]) -> Any:
@@ -167,6 +168,7 @@ class _Stage:
         bound.CreateJointIndicesPrimvar(False, 2).Set(self._vt.IntArray.FromNumpy(body.joints.reshape(-1)))
         bound.CreateJointWeightsPrimvar(False, 2).Set(self._vt.FloatArray.FromNumpy(body.weights.reshape(-1)))
         bound.CreateGeomBindTransformAttr(self._gf.Matrix4d(1.0))
+        # The number of each triangle by its corners: a subset of the mesh lists the triangles of a tissue.
         order = {tuple(corners): number for number, corners in enumerate(body.triangles.tolist())}
         self._tissues = []
         for tissue, triangles in tissue_triangles(body):
@@ -178,7 +180,7 @@ class _Stage:
             self._tissues.append((tissue, name))
 
     def _add_look(self, look: int, worn: list[Paint]) -> None:
-        """Add the class of bodies in a look, with its materials; ``worn`` has the paint of each tissue."""
+        """Add the class of bodies with one look; ``worn`` holds the paint of each tissue, by its number."""
         self._stage.CreateClassPrim(f"/_look_{look}").SetTypeName("SkelRoot")
         self._stage.GetPrimAtPath(f"/_look_{look}").GetInherits().AddInherit("/_body")
         points = self._builds[build_of(look)]
@@ -192,7 +194,7 @@ class _Stage:
             self._bind(self._stage.OverridePrim(f"/_look_{look}/Body/{name}"), worn[tissue])
 
     def _add_character(self, motion: BodyMotion, look: int, skeleton: Skeleton, joints: list[str]) -> None:
-        """Add an agent that inherits the body in a look, with its rotations and places over time."""
+        """Add an agent that inherits the body with a look, and its rotations and positions over time."""
         stage, sdf, layer = self._stage, self._sdf, self._layer
         path = f"/World/Characters/character_{motion.agent}"
         root = self._skel.Root.Define(stage, path)
@@ -222,6 +224,7 @@ class _Stage:
             for frame, turned, place in zip(motion.frames.tolist(), packed, motion.roots.tolist(), strict=True):
                 layer.SetTimeSample(turns, frame, quaternions(turned))
                 layer.SetTimeSample(move, frame, vector(*place))
+            # Shortly before the first frame after a crossing, add a sample with the position beyond the end.
             for leap in jumps(self._recording, motion.roots):
                 before = float(motion.frames[leap.row]) - _INSTANT * self._choice.rate
                 layer.SetTimeSample(move, before, vector(*leap.beyond.tolist()))
@@ -250,8 +253,9 @@ class _Stage:
             at = np.column_stack([frame.x[agents], frame.y[agents], zeros]).astype(np.float32)
             turned = np.column_stack([zeros, zeros, np.sin(half), np.cos(half)]).astype(np.float16)
             with self._sdf.ChangeBlock():
-                # Arrays of equal length are interpolated, even if their agents differ. If some come, go, or wrap at the
-                # end of a periodic floor, those of the last frame are moved on until just before this one.
+                # USD interpolates arrays of equal length, even if their agents differ. So if some agents come, go, or
+                # wrap at an end of a periodic floor, add a sample just before this frame: the agents of the last frame,
+                # at their new positions without wrapping if they are still there.
                 were, there, faced = last
                 stays, to = np.isin(were, agents), np.isin(agents, were)
                 there, faced = there.copy(), faced.copy()
@@ -272,6 +276,7 @@ class _Stage:
         capsule = self._geom.Capsule.Define(self._stage, top.GetPath().AppendChild("body"))
         capsule.CreateAxisAttr(self._geom.Tokens.z)
         capsule.CreateRadiusAttr(_CAPSULE_RADIUS)
+        # The height of a capsule in USD does not include its round ends.
         capsule.CreateHeightAttr(_CAPSULE_HEIGHT - 2.0 * _CAPSULE_RADIUS)
         corner = np.array([_CAPSULE_RADIUS, _CAPSULE_RADIUS, 0.5 * _CAPSULE_HEIGHT], np.float32)
         capsule.CreateExtentAttr(self._vt.Vec3fArray.FromNumpy(np.stack([-corner, corner])))
@@ -299,7 +304,7 @@ class _Stage:
 
 
 def _offsets(skeleton: Skeleton) -> NDArray[np.float64]:
-    """Return joint positions relative to the parent; 0 for the root, which is where the agent is."""
+    """Return joint positions (J, 3) relative to the parent [m]; 0 for the root, which the agent's position places."""
     offsets = np.array(skeleton.offsets)
     offsets[np.asarray(skeleton.parents) < 0] = 0.0
     return offsets

@@ -40,5 +40,6 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 
 
 def _quoted(text: str) -> str:
+    """Return a text as a field of CSV: in quotes if it contains special characters or spaces at its ends."""
     special = any(character in text for character in ',"\r\n') or text != text.strip()
     return '"' + text.replace('"', '""') + '"' if special else text

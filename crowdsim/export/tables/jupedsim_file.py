@@ -49,7 +49,7 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 
 
 def _fill(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
-    """Write all tables into ``file``; it is deleted if anything fails, so a rollback is unnecessary."""
+    """Write all tables into ``file``, without a journal: callers delete the file if anything fails."""
     steps = choice.steps
     first = int(steps[0]) // choice.every if len(steps) else 0
     with closing(sqlite3.connect(file)) as base:
@@ -85,9 +85,10 @@ def _fill(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 def _areas(
     recording: Recording, layer: str | None, steps: NDArray[np.int64]
 ) -> tuple[list[shapely.MultiPolygon], NDArray[np.int64]]:
-    """Return the free floors between changes during ``steps`` (F,), and the index of the one in each step, (F,).
+    """Return the free floors during ``steps`` (F,), and the index (F,) of the floor in each step.
 
-    Some may be equal, as those before a door closes and after it opens.
+    There is a floor for each time between two changes. Some may be equal, as those before a door closes and after it
+    opens again.
     """
     begins = np.unique([0, *(change.step for change in recording.changes)])
     numbers = np.searchsorted(begins, steps, side="right") - 1
@@ -100,15 +101,18 @@ def _areas(
 
 
 def _cells(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return one of the positions (n, 2) [m] in each square decimeter: enough to find the parts that agents enter."""
+    """Return one of the positions ``places`` (n, 2) [m] for each square decimeter that contains any.
+
+    They suffice to find the parts of an area that agents enter.
+    """
     _, found = np.unique(np.floor(places * 10.0), axis=0, return_index=True)
     return places[found]
 
 
 def _kept(area: shapely.MultiPolygon, places: NDArray[np.float64]) -> shapely.Polygon | shapely.MultiPolygon:
-    """Return the parts of an area that agents enter at any time, the largest part if there are none.
+    """Return the parts of an area that agents enter at any time, or the largest part if they enter none.
 
-    places: (n, 2) where agents are [m]. PedPy reads areas of one part only.
+    places: (n, 2) positions of agents [m]. PedPy reads areas of one part only.
     """
     parts: Sequence[shapely.Polygon] = shapely.get_parts(area).tolist()
     inside = [part for part in parts if shapely.contains_xy(part, places).any()]

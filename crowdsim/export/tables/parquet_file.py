@@ -45,6 +45,7 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
         def flush() -> None:
             """Write the rows held so far as one row group."""
             rows = all_rows(iter(held))
+            # Words are stored as indices into a list of each column; index -1 (no behavior) becomes a missing value.
             codes: dict[str, NDArray[np.integer]] = {
                 "behavior": rows.behavior,
                 "state": rows.state,

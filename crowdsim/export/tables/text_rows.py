@@ -25,7 +25,7 @@ def decimals(values: ArrayLike, places: int) -> Bytes:
     """Return finite numbers (R,) with ``places`` decimal places, at most six, as characters (R, width) uint8.
 
     With 0 places they must be integers, which are taken as they are, exact also beyond 2**53. In the result, 0 stands
-    for no character: where there is no sign, and before shorter numbers.
+    for no character: in place of the sign of positive numbers, and before numbers with fewer digits.
     """
     given = np.asarray(values)
     if not np.isfinite(given).all():
@@ -56,7 +56,7 @@ def words(codes: ArrayLike, texts: Sequence[str]) -> Bytes:
 
 
 def text_rows(columns: Sequence[Bytes], separator: str, end: str = "\n") -> bytes:
-    """Return one line for each row of all ``columns``, without the zeros in them."""
+    """Return one line for each row of all ``columns``, which are joined by ``separator``; zeros are left out."""
     count = len(columns[0])
     parts: list[Bytes] = []
     for column in columns:
@@ -67,4 +67,5 @@ def text_rows(columns: Sequence[Bytes], separator: str, end: str = "\n") -> byte
 
 
 def _repeated(text: str, count: int) -> Bytes:
+    """Return a column of ``count`` rows that all hold ``text``."""
     return np.broadcast_to(np.frombuffer(text.encode(), np.uint8), (count, len(text.encode())))

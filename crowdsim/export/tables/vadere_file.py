@@ -19,6 +19,7 @@ from crowdsim.recording.track_rows import TrackRows, all_rows
 HEAD = "pedestrianId simTime endTime startX-PID1 startY-PID1 endX-PID1 endY-PID1 targetId-PID2\n"
 
 _NO_TARGET = -1
+"""What the format holds for an agent without a target; recordings have none of Vadere's targets."""
 
 
 def write(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
@@ -44,9 +45,10 @@ def write(recording: Recording, file: Path, choice: Choice, options: ExportOptio
 
 
 def _steps(rows: TrackRows, count: int, agents: int, rate: int, ends: Ends | None) -> bytes:
-    """Return the text of the first ``count`` of rows, which are sorted by frame and agent.
+    """Return the text of the first ``count`` of ``rows``, which are sorted by frame and agent.
 
-    ``agents`` is the number of agents of the recording; frames come at ``rate`` [1/s].
+    Rows after these hold the next frame, in which their steps end. ``agents`` is the number of agents of the recording;
+    frames come at ``rate`` [1/s].
     """
     # Frame and agent in one sorted number: that of the same agent in the next frame is larger by ``agents``.
     keys = rows.frame * agents + rows.agent

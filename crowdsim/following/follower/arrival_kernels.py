@@ -5,7 +5,8 @@ distance from the path, discs and joints are tested as the search tests those of
 
 Arguments of all helpers: ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``guide``,
 ``rules``, ``search``, ``laid`` and ``chain`` are those of :mod:`crowdsim.following.follower.follow_workspace`;
-``count`` is the number of nodes of the solution; ``goal`` (3,) and ``heading`` are poses and directions [m, rad].
+``count`` is the number of nodes of the solution, which is in ``search.best_step`` and ``search.best_place``; ``goal``
+(3,) is x, y [m] and heading [rad]; ``heading`` is a direction in the world [rad].
 """
 
 import math
@@ -57,13 +58,13 @@ def _read_chain(graph, search, chain, count, bent):
 
 @helper
 def _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
-    """Bend the last ``bent`` edges to the goal; return True if they end there, with the heading unless it is nan.
+    """Bend the last ``bent`` edges to the goal; return True if the motion ends there, with the required heading.
 
-    within: largest distance from the goal [m]. heading, tolerance: [rad]. ``chain`` is filled and bent; the heading of
-    ``goal`` is scratch.
+    within: largest distance from the goal [m]. heading, tolerance: required heading and largest difference from it
+    [rad]; with a heading of nan, any will do. ``chain`` is filled and bent; goal[2] is overwritten.
     """
     _read_chain(graph, search, chain, count, bent)
-    # First to the place, with any heading.
+    # First to the place, with any heading. Done if the end stays too far off, or if no heading is required.
     goal[2] = math.nan
     miss = bend_chain(chain.joint, chain.limit, chain.turn, bent, chain.end, goal, HEADING_LEVER, EXACT)
     if miss > within or math.isnan(heading):
@@ -81,8 +82,7 @@ def _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
 def _arc_before(graph, guide, search, first):
     """Return the arc length of the path beside the start of the solution's node ``first`` [m].
 
-    Follow the solution (:class:`~crowdsim.following.follower.follow_workspace.Search`) from its begin: a path that
-    comes by the same place twice has two such arc lengths.
+    Follow the solution from its begin, as a path that comes by the same place twice has two arc lengths beside it.
     """
     arc = 0.0
     for i in range(first):
@@ -96,10 +96,10 @@ def _arc_before(graph, guide, search, first):
 
 @helper
 def _lay_chain(graph, guide, rules, search, laid, chain, first, bent, x, y, heading, arc):
-    """Lay the nodes behind the chain's joints as rows of ``laid``, from the given pose and arc length on.
+    """Lay the nodes behind the chain's joints as rows of ``laid``, from pose (x, y, heading) at arc length ``arc`` on.
 
-    ``first`` is the solution's node behind the first joint, ``bent`` the number of joints. Others as of :func:`arrive`.
-    Return False if a node ends farther off the path than the rules allow.
+    ``first`` is the number in the solution of the node behind the first joint, ``bent`` the number of joints. Others as
+    of :func:`arrive`. Return False if a node ends farther off the path than the rules allow.
     """
     for j in range(bent):
         node, edge = np.int64(search.best_step[first + j, 0]), np.int64(search.best_step[first + j, 1])
@@ -135,8 +135,8 @@ def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, withi
 
     Parameters
     ----------
-    graph, guide, rules, layers, reach, search: as of :func:`crowdsim.following.follower.follow_kernels.follow`.
-    laid, chain: scratch of :func:`crowdsim.following.follower.follow_workspace.make_chain`.
+    graph, guide, rules, layers, reach: as of :func:`crowdsim.following.follower.follow_kernels.follow`.
+    search, laid, chain: the solution, and scratch, of :func:`crowdsim.following.follower.follow_workspace.make_chain`.
     within: largest distance from the goal [m].
     heading, tolerance: heading of the body at the end and its tolerance [rad]; nan for any heading.
 
@@ -156,7 +156,7 @@ def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, withi
         bent = min(2 * bent, joints)
         if not _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
             continue
-        # Where the first moved node begins: the end of the node before it, which stays.
+        # The pose from which the nodes are laid anew: the end of the node before the first joint, which stays.
         first = count - bent
         before = search.best_place[first - 1]
         x, y, h = node_end(graph, np.int64(search.best_step[first - 1, 0]), before[0], before[1], before[2])

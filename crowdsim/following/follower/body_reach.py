@@ -23,9 +23,10 @@ class BodyReach(NamedTuple):
     """Joints of N nodes and E edges in R frames of J joints, in the form that kernels read.
 
     node_first: (N,) int64, row of each node's frame 0. edge_first: (E,) int64, row of frame 0 of each edge's target
-    when it follows its source: while the source's pose fades, in the first BLEND_FRAMES frames, poses differ.
+    when it follows its source: in its first BLEND_FRAMES frames the source's pose fades, so its joints lie elsewhere.
     node_pace: (N,) largest movement of the track between two frames [m].
-    node_most, edge_most: (N,) and (E,) distance of the farthest joint in any of these rows [m].
+    node_most: (N,) distance of the farthest joint in any frame of the node [m]. edge_most: (E,) the same for the frames
+    that begin at edge_first.
     joint: (R, J, 2) float32, floor projections in the frame of the track pose, the farthest first [m].
     far: (R,) distance of the farthest joint in this frame or the next ones of the node, WINDOW in all [m].
     room: (B,) distance from the path within which each joint must stay in sections of each behavior [m]. least: the
@@ -44,7 +45,7 @@ class BodyReach(NamedTuple):
 
 
 def body_reach(graph: GraphArrays, poses: PoseTable, room: Floats) -> BodyReach:
-    """Compute where all joints are in all frames of all nodes.
+    """Compute where all joints are in all frames of all nodes, and in the first frames behind each edge.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ def body_reach(graph: GraphArrays, poses: PoseTable, room: Floats) -> BodyReach:
     columns = node.astype(np.int32), before.astype(np.int32), frame.astype(np.float64)
     # With all track poses 0, joints stay in the frame of the track.
     pose_joints(poses, *columns, np.zeros((first[-1], 3)), positions, np.empty((first[-1], joints, 4), np.float32))
-    # Joints sorted by distance from the track; far looks ahead over the faded rows, then over the node's own.
+    # Sort joints by distance from the track. ``far`` looks ahead; behind the faded rows of an edge come the node's own.
     flat = positions[:, :, :2]
     away = hypot(flat[:, :, 0], flat[:, :, 1])
     order = np.argsort(-away, axis=1, kind="stable")

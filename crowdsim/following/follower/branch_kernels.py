@@ -62,11 +62,12 @@ END_COST = 0.25
 
 @helper
 def _fit_heading(maps, guide, rules, node, heading, arc, window):
-    """Return the smallest turn that makes a body's heading at the end of ``node`` fit the path at ``arc`` [rad].
+    """Return the smallest turn [rad] that makes a body's heading at the end of ``node`` fit the path at ``arc``.
 
-    The heading fits if it is a facing of the node's behavior, or of a behavior that may follow it here. The path's
-    direction counts anywhere within ``window`` meters, as a body may round a corner sooner or later than its path.
-    ``node`` is one of the motion graph, ``heading`` [rad] the body's in the world. Pi if no behavior is allowed.
+    The heading fits if it is the path's direction plus a facing of the node's behavior, or of a behavior of one of its
+    successors; only behaviors that are allowed at ``arc`` count. Directions of the path up to ``window`` meters before
+    and behind ``arc`` count, as a body may round a corner sooner or later than its path. ``heading`` [rad] is that of
+    the body in the world. The turn is positive to the left; it is pi if no behavior is allowed.
     """
     best = math.pi
     here = sample_index(guide, arc)
@@ -82,7 +83,7 @@ def _fit_heading(maps, guide, rules, node, heading, arc, window):
                 continue
             for i in range(begin, end + 1):
                 turn = guide.pose[i, 2] + facing - heading
-                # Wrap to (-pi, pi] by repeated subtraction.
+                # Wrap to (-pi, pi], by full turns.
                 for _ in range(_MOST_TURNS):
                     if turn > math.pi:
                         turn -= 2.0 * math.pi
@@ -97,12 +98,14 @@ def _fit_heading(maps, guide, rules, node, heading, arc, window):
 
 @helper
 def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
-    """Return the extra rotation about the planted foot of ``edge`` that brings its target's end nearest to the path.
+    """Return the extra rotation [rad] about the planted foot of ``edge`` that fits its target's end best to the path.
 
-    One joint of the 2011 paper's planar chain (inverse branch kinematics). (x, y, heading) is the end of the node
-    before, ``arc`` its place on the path. The result is clamped to the edge's range [rad].
+    Place and heading count, the heading by _HEADING_LEVER. This is one joint of the 2011 paper's planar chain (inverse
+    branch kinematics). (x, y, heading) is the end of the node before, and ``arc`` the path's arc length beside it. The
+    rotation is clamped to the edge's range.
     """
     low, high = graph.edge_low[edge], graph.edge_high[edge]
+    # This edge allows no extra rotation.
     if high - low <= 0.0:
         return 0.0
     node = np.int64(graph.edge_target[edge])
@@ -113,7 +116,8 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     px, py = graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1]
     jx, jy = x + c * px - s * py, y + s * px + c * py
     ex, ey, eh = node_end(graph, np.int64(node), ox, oy, oh)
-    # toward: angle at the pivot from the end to the path's nearest point. mend: turn that corrects the heading.
+    # toward: angle at the pivot from the end to the path's nearest point, searched a little back and one node's length
+    # ahead. mend: turn that corrects the heading.
     aim, _ = project(guide, ex, ey, arc - 0.2, arc + graph.node_length[node] + 0.3)
     gx, gy = path_point(guide, aim)
     lever = (ex - jx) ** 2 + (ey - jy) ** 2
@@ -162,9 +166,9 @@ def _place_entry(graph, maps, guide, rules, laid, root, entry, x, y, heading, ar
 def _stray(graph, maps, guide, laid, entry, arc, arc_after, area):
     """Integrate the gap between an entry's track and the path from ``arc`` to ``arc_after``.
 
-    Return ``area`` plus that integral [m2], and the least squared distance from the track to the goal [m2]. A behavior
-    other than the planned one counts as a gap of MISFIT_COST a step between the two. Set ``laid.wide`` (wider than
-    planned anywhere) and ``laid.strayed`` (largest gap [m]).
+    Return ``area`` plus that integral [m2], and the least squared distance from the track to the goal [m2]. The gap
+    counts as larger by MISFIT_COST times the difference between the numbers of the node's and the planned behavior. Set
+    ``laid.wide`` (wider than planned anywhere) and ``laid.strayed`` (largest gap [m], without this addition).
     """
     node = laid.node[entry]
     behavior = graph.node_behavior[node]
@@ -177,7 +181,7 @@ def _stray(graph, maps, guide, laid, entry, arc, arc_after, area):
     wide = behavior > guide.behavior[sample_before(guide, arc)]
     begin, end = maps.outline_first[node], maps.outline_first[node + 1]
     step = travel / (end - begin)
-    # Outline points are matched to the path by their share of the length walked.
+    # Outline points are matched to the path by their share of the length walked; a node may turn without walking.
     pace = (arc_after - arc) / max(travel, 1e-9)
     qx, qy = path_point(guide, arc)
     strayed = math.sqrt((ox - qx) * (ox - qx) + (oy - qy) * (oy - qy))
@@ -218,9 +222,10 @@ def _reaches(graph, guide, rules, laid, entry, nearest):
 
 @helper
 def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
-    """Decide if an entry placed after ``arc`` may be taken and if it reaches the goal; add its cost to ``area`` [m2].
+    """Decide if an entry placed after ``arc`` may be taken, and if it reaches the goal.
 
-    Write fit, reached, wide, strayed, arc, area and off of its row of ``laid``, and free: nothing is tested yet.
+    ``area`` is the cost of the branch before it [m2]. Write fit, reached, wide, strayed, arc, area and off of its row
+    of ``laid``, and set free to False, as nothing is tested yet.
     """
     node = laid.node[entry]
     x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
@@ -228,6 +233,7 @@ def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
     # The path beside the end of the node: searched a little back, and one node's length ahead.
     arc_after, end_gap = project(guide, x, y, arc - 0.2, arc + graph.node_length[node] + 0.3)
     backward = arc - arc_after
+    # A sway back that is small enough to fit counts as no movement along the path.
     arc_after = max(arc_after, arc)
     error = abs(_fit_heading(maps, guide, rules, node, heading, arc_after, _HEADING_WINDOW))
     here = sample_index(guide, arc_after)
@@ -251,7 +257,7 @@ def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
     # Near the goal the required heading counts, not that of the path.
     if not math.isnan(rules.goal_heading) and arc_after > guide.length - _HEADING_WINDOW:
         error = abs(wrap_angle(rules.goal_heading - heading))
-    # A node that ends standing past the goal is useless: there are no steps back.
+    # A node that ends standing past the goal is useless, as there are no steps back; others may overshoot a little.
     stuck = rules.end_standing and graph.node_ends_standing[node]
     last = guide.length if stuck else guide.length + rules.goal_tolerance
     laid.fit[entry] = fit and (reached or arc_after <= last)
@@ -268,11 +274,11 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
     """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; return how many to take.
 
     The number is less than ``depth`` if an entry reaches the goal before, and 0 if one up to there is unfit: it ends
-    far off the path, goes back, faces a wrong way, passes the goal, its behavior is not allowed here, or a test of this
-    stage has found it blocked. Without a root (-1) an entry is a node, laid at the stage's end pose itself.
+    far off the path or beyond the goal, goes back, or faces a wrong way; its behavior is not allowed here; or a test of
+    this stage has found it blocked. Without a root (-1) an entry is a node, laid at the stage's end pose itself.
 
     ``laid.area`` sums the area between branch and path (equation 5 of the 2012 paper, with equal shares of each node's
-    length), plus the costs of nodes, time and behaviors other than planned, in the same unit.
+    length), plus costs in the same unit: of nodes, of time, of delay, and of behaviors other than planned.
     """
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     arc = stage_arc
@@ -300,10 +306,10 @@ def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, jo
     """Return True if the body's disc is free on one layer along a laid branch; else mark the first blocked node unfit.
 
     A node of a wider behavior than planned needs the whole planned clearance (radius + margin), as the plan is narrow
-    for lack of that space. ``depth`` is the number of nodes; ``hints`` are the triangles found last on each layer
-    (updated).
-    ``stage_end`` (3,) is the pose before the branch. ``joined``: the branch follows the stage's end with a blend
-    offset, which fades out over a node's first frames. ``laid.free`` keeps what was found, as branches share nodes.
+    for lack of that space; others need radius + sampling margin. ``depth`` is the number of nodes; ``hints`` (layers,)
+    are the triangles found last on each layer, -1 for none, and are updated. ``stage_end`` (3,) is the pose before the
+    branch. ``joined``: the branch follows the stage's end with a blend offset, which fades out over a node's first
+    frames. ``laid.free`` keeps which nodes are free on this layer, as branches share nodes.
     """
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     for d in range(depth):

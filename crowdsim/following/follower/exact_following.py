@@ -39,14 +39,14 @@ def follow_exactly(
 ) -> tuple[FollowResult, float]:
     """Follow a path to a stand within ``arrival`` meters of its end, by bending the motion at its last edges.
 
-    Of the solutions within the tolerance of ``options`` (10 cm by default), take the first that ends there, or can be
-    bent to it. If none can, searches with other tolerances, a wider range of headings and other numbers of branches
-    follow until one succeeds. Arguments as of :func:`follow_path`.
+    Of the solutions that end within the goal tolerance of ``options`` (10 cm by default), take the first that ends
+    within ``arrival`` meters or can be bent to do so. If there is none, searches with other tolerances, a wider range
+    of headings and other numbers of branches follow until one succeeds. Other arguments as of :func:`follow_path`.
 
     Returns
     -------
-    (result, distance of its end from the goal [m]). If none arrives it is the nearest solution; if none is found, the
-    partial one that came farthest.
+    (result, distance of its end from the goal [m]). If no solution arrives, the result is the one that ends nearest to
+    the goal; if there is no solution, it is the partial motion that came farthest.
     """
     graph = character.graph
     options = replace(options or FollowOptions(goal_tolerance=0.1), end_standing=True)
@@ -66,6 +66,7 @@ def follow_exactly(
                 continue
             if best is None or _rank(found, off) < _rank(*best):
                 best = found, off
+            # Nothing more is found, or this one arrives.
             if found.status != FollowStatus.FOUND or off <= arrival:
                 break
         if best is not None and best[0].status == FollowStatus.FOUND and best[1] <= arrival:
@@ -77,8 +78,9 @@ def follow_exactly(
 def _searches(options: FollowOptions) -> Iterator[tuple[FollowOptions, int]]:
     """Yield the options of one search after the other, with the number of solutions to try in each.
 
-    The ends of motions are a matter of chance, and one search continues to similar ends; searches of another breadth
-    and tolerance find others. A solution with a heading in a wider range may be turned to the required one.
+    Where motions end is a matter of chance. One search goes on to similar ends; searches with another number of
+    branches or another tolerance find others. If a heading is required, twice its tolerance is tried as well: bending
+    may turn such a solution to the required heading.
     """
     spreads = (1.0,) if options.goal_heading is None else (1.0, 2.0)
     rounds = (
@@ -100,7 +102,10 @@ def _searches(options: FollowOptions) -> Iterator[tuple[FollowOptions, int]]:
 
 
 def _rank(found: FollowResult, off: float) -> tuple[bool, float]:
-    """Return a sort key, least is best: solutions by distance from the goal, then partial ones by how far they came."""
+    """Return a sort key, least is best: solutions by ``off``, their distance from the goal [m], then partial motions.
+
+    Of partial motions, the one that came farther along the path is better.
+    """
     solved = found.status == FollowStatus.FOUND
     return not solved, off if solved else -found.reached
 
@@ -110,7 +115,7 @@ def _faces(graph: GraphArrays, found: FollowResult, options: FollowOptions) -> b
     if options.goal_heading is None:
         return True
     heading = found.origins[-1, 2] + graph.node_motion[found.nodes[-1], 2]
-    # The kernel rounds differently.
+    # A little more than the tolerance, as the kernel rounds differently.
     return abs(float(wrap_angle(heading - options.goal_heading))) <= options.goal_heading_tolerance + 1e-9
 
 

@@ -1,13 +1,13 @@
 """The path-following search: stages, candidates from the motion maps, backtracking (2012 paper, algorithm 2).
 
 A stage is the last node of a partial solution, with its place. Its candidates are branches of that node's map that stay
-near the path. The one with the best score whose bodies are free is appended; its last node is the next stage. A stage
+near the path. The best candidate that a body can walk freely is appended; its last node is the next stage. A stage
 without candidates left is dropped, and the one before continues.
 
 Arguments of all helpers: ``graph`` (GraphArrays), ``maps`` (MapArrays), ``guide``, ``rules``, ``search`` and ``laid``
 as of :mod:`crowdsim.following.follower.follow_workspace`; ``top``, the row of the last stage; ``root``, its node, whose
-map it reads, -1 before the first; ``entry``, counted within that map; ``origin`` and ``end``, poses x, y [m], heading
-[rad]; ``arc``, the arc length of the path beside a pose [m]. ``serial`` numbers stages.
+map is read, -1 before the first node; ``entry``, counted within that map; ``origin`` and ``end`` of a node (3,), x, y
+[m], heading [rad]; ``arc``, the arc length of the path beside a pose [m]; ``serial``, the number of a stage.
 """
 
 import math
@@ -38,9 +38,9 @@ NEXT = 4
 SERIAL = 5
 SINGLES = 6
 STAGE_COLUMNS = 7
-"""Columns of ``search.stage``: last node; nodes of the solution up to it; how many of these since the path was last
-gained on; number of candidates; the next one; serial number (0 until candidates are collected); their kind: none yet
-(-1), along the path (0), single successors (1)."""
+"""Columns of ``search.stage``: last node; nodes of the solution up to it; how many of these since a branch last gained
+_GAIN meters; number of candidates; the next one; serial number (0 until candidates are collected); their kind: none yet
+(-1), along the path (0), single successors, too (1)."""
 
 TOP, QUERIES, BEST, KEPT, FULL = range(5)
 STATE_COLUMNS = 5
@@ -84,9 +84,9 @@ def _load_branch(maps, search, root, entry):
 
 @helper
 def _keep(scores, items, begin, count, capacity, score, item):
-    """Insert an item into the sorted list of at most ``capacity`` from row ``begin`` on; return the new count.
+    """Insert (score, item) into the sorted list of at most ``capacity`` rows from ``begin`` on; return the new count.
 
-    ``scores`` ascend, then ``items``, so the order of insertion has no effect. A full list drops its last item.
+    Pairs of ``scores`` and ``items`` ascend, so the order of insertion has no effect. A full list drops its last pair.
     """
     at = begin + count
     if count == capacity:
@@ -105,7 +105,7 @@ def _keep(scores, items, begin, count, capacity, score, item):
 
 @helper
 def _first_row(keys, begin, end, low):
-    """Return the first row of ascending ``keys[begin:end]`` that is not below ``low``, by bisection."""
+    """Return the first row of ascending ``keys[begin:end]`` that is not below ``low``, or ``end``, by bisection."""
     while begin < end:
         middle = (begin + end) >> 1
         if keys[middle] < low:
@@ -117,7 +117,7 @@ def _first_row(keys, begin, end, low):
 
 @helper
 def _facing_bins(rules, along):
-    """Return, as bits, the heading bins of the map in or next to which a body moving along ``along`` [rad] faces."""
+    """Return, as bits 0 to 11, the heading bins in or next to which a body moving along ``along`` [rad] may face."""
     bins = np.int64(0)
     for b in range(rules.facings.shape[0]):
         for f in range(rules.facings.shape[1]):
@@ -130,10 +130,11 @@ def _facing_bins(rules, along):
 
 @helper
 def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
-    """List the entries of the map in and around the cells that the path crosses from ``arc`` on; return their number.
+    """List entries of the map near the path from ``arc`` on in whose heading bins a body may face; return their count.
 
-    Query points lie two cells apart, up to just beyond the map's average length. ``search.listed`` keeps the entries
-    with the best estimated scores: those before extra rotations, with a triangle over the gap at the end as the area.
+    Query points lie two cells apart, up to just beyond the map's average length; each looks into its cell and the eight
+    around it. ``search.listed`` keeps the entries of least estimated score. The estimate takes half of gap times gain
+    for the area, and leaves out rotations at edges, heading errors, and costs of time and of ending in other behaviors.
     """
     base, stop = maps.first[root], maps.first[root + 1]
     points = int(maps.average[root] / _QUERY_STEP) + 1
@@ -156,13 +157,13 @@ def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 key = maps.key[row]
                 if key > high:
                     break
-                if bins >> (key & 15) & 1 == 0 or marked[ROW, row - base] == serial:
+                if bins >> (key & 15) & 1 == 0 or marked[ROW, row - base] == serial:  # faces elsewhere, or seen
                     continue
                 marked[ROW, row - base] = serial
                 level = np.float64(ahead[row, LEVEL])
-                if level < 1.0:
+                if level < 1.0:  # the root itself is no candidate
                     continue
-                # Gap between the entry's end and the path as many meters on as the entry walks.
+                # Gap between the entry's end and the point of the path ``walked`` meters from ``arc`` on.
                 walked = np.float64(ahead[row, WALKED])
                 px, py = path_point(guide, arc + walked)
                 mx, my = np.float64(ahead[row, END_X]), np.float64(ahead[row, END_Y])
@@ -184,11 +185,13 @@ def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
 
 @helper
 def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
-    """Score the candidates of stage ``top`` into its list; return their number.
+    """Fill the list of stage ``top`` with its candidates, least score first; return their number.
 
-    Candidates are the best branches ``along`` the path and, if ``singles``, all other direct successors, which help
-    where the path leaves the map's cells. Without a root every node that is not idle may be the first. The score is
-    equation 5 of the 2012 paper, with the track of the last node, too, as all children of a node start alike.
+    Candidates are the branches near the path if ``along``, and all other direct successors if ``singles``, as the path
+    may leave the map's cells (without a root: all nodes that are not idle). The list has room for ``rules.candidates``
+    and as many as there are singles. Scores are equation 5 of the 2012 paper, area over squared gain, but the track of
+    the last node counts, too, as all children of a node start alike; the area includes other costs (`lay_branch`) and
+    that of the error at the end (``laid.off``); and GOAL_FIRST is subtracted if the branch reaches the goal.
     """
     root, serial = search.stage[top, NODE], search.stage[top, SERIAL]
     origin, end, arc = search.stage_origin[top], search.stage_end[top], search.stage_arc[top]
@@ -197,13 +200,13 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
     first, stop = np.int64(0), np.int64(0)
     if along and root >= 0:
         listed = _list_along_path(maps, guide, rules, search, root, origin, arc, serial)
-        search.state[FULL] += listed == search.listed.shape[0]
+        search.state[FULL] += listed == search.listed.shape[0]  # more entries may fit than were listed
     if singles and root >= 0:
         base = maps.first[root]
         first, stop = np.int64(1), np.int64(1)
         while stop < maps.first[root + 1] - base and maps.level[base + stop] == 1:  # direct successors
             stop += 1
-    elif singles:
+    elif singles:  # without a root: all nodes
         stop = np.int64(graph.node_frames.shape[0])
     count = np.int64(0)
     for i in range(listed + stop - first):
@@ -221,7 +224,7 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
             if search.marked[ENTRY, entry] == serial:
                 continue
             search.marked[ENTRY, entry] = serial
-        # Equation 5: area over gain^2 (of 0.1 m at least), so that branches of different length compare.
+        # Squared, as the area grows with gap and length. At least 0.1 m, as turns in place gain nothing.
         gain = max(laid.arc[entry] - arc, 0.1)
         score = (laid.area[entry] + laid.off[entry]) / (gain * gain)
         if laid.reached[entry]:
@@ -233,8 +236,8 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
 
 @helper
 def _seen(search, family, end, arc):
-    """Enter a stage (family of its node, end pose, arc [m]) into the visited ones; return True if one like it is in."""
-    # Mix five numbers by a prime; 48 headings are a full turn. If unlike stages get one key, a candidate is lost.
+    """Return True if a stage like this (family of its node, end pose, arc [m]) was visited; else mark it as visited."""
+    # Mix five numbers by a prime; 48 headings are a full turn. If unlike stages get one key, one of them is lost.
     key = np.int64(family)
     key = key * 1000003 + np.int64(math.floor(end[0] / _PLACE_GRAIN + 0.5))
     key = key * 1000003 + np.int64(math.floor(end[1] / _PLACE_GRAIN + 0.5))
@@ -256,7 +259,7 @@ def _seen(search, family, end, arc):
 
 @helper
 def _open_stage(search, top, node, origin, end, arc, count, still):
-    """Push the last of a solution's ``count`` nodes as a stage; ``still``: nodes since the path was last gained on."""
+    """Push the last of a solution's ``count`` nodes as a stage; ``still``: nodes since a branch last gained _GAIN."""
     search.stage[top, STILL] = still
     search.stage[top, NODE] = node
     for k in range(3):
@@ -282,7 +285,7 @@ def _record_best(search, count):
 
 @helper
 def _begin(graph, guide, start_pose, start_node, search):
-    """Open the first stage, at ``start_pose`` or at the end of ``start_node``, which begins there."""
+    """Open the first stage at ``start_pose``, or, if ``start_node`` is not -1, at the end of this node laid there."""
     end = np.empty(3)
     for k in range(3):
         end[k] = start_pose[k]
@@ -306,9 +309,7 @@ def _begin(graph, guide, start_pose, start_node, search):
 
 @kernel
 def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, search, laid):
-    """Search a motion along a path.
-
-    Another call continues: to the next solution, or with a greater budget.
+    """Search a motion along a path; another call continues, to the next solution or with a greater budget.
 
     Parameters
     ----------
@@ -320,18 +321,17 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
     Returns
     -------
     (status, nodes of the best solution, arc length it reached [m], map queries made). The best solution is in
-    ``search.best_*``: complete if the status is FOUND, else the one that came farthest. PAST_KEPT: all that is left
-    would change a node that must stay.
+    ``search.best_*``: complete if the status is FOUND, else the one that came farthest.
     """
     hints = np.full(len(layers), np.int64(NONE))
     room = search.candidate.shape[0] // search.stage.shape[0]
     state = search.state
-    if state[QUERIES] == 0:
+    if state[QUERIES] == 0:  # the first call
         _begin(graph, guide, start_pose, np.int64(start_node), search)
     top = state[TOP]
     queries = state[QUERIES]
     while top >= 0:
-        if search.stage[top, COUNT] < state[KEPT]:
+        if search.stage[top, COUNT] < state[KEPT]:  # another branch here would change a node that must stay
             return PAST_KEPT, state[BEST], search.best_arc[0], queries
         root = search.stage[top, NODE]
         end = search.stage_end[top]
@@ -360,7 +360,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
             search.stage[top, NEXT] = 0
             search.stage[top, SIZE] = _collect(graph, maps, guide, rules, search, laid, top, along, singles)
             continue
-        # Lay the next candidate anew, as others have been laid over its rows, and test it.
+        # Lay the next candidate anew, as others may have been laid over its rows, and test it.
         entry = search.candidate[begin + search.stage[top, NEXT]]
         search.stage[top, NEXT] += 1
         depth = _load_branch(maps, search, root, entry)

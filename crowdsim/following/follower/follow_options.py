@@ -19,20 +19,22 @@ class FollowOptions:
     Attributes
     ----------
     goal_tolerance : float
-        Largest distance from the path's end at which the last node passes, or ends if it must [m].
+        Largest distance from the path's end [m] at which the last node passes it; at which the node ends, if it must
+        end standing or with a heading.
     end_standing : bool
         True if the last node must end standing.
     goal_heading : float or None
-        Heading of the body at the end of the last node [rad], which then must end within the goal tolerance; None for
-        any.
+        Heading of the body at the end of the last node [rad]; None for any.
     goal_heading_tolerance : float
         Largest difference from ``goal_heading`` [rad].
     margin : float
         Clearance beyond the body's radius for nodes of a wider behavior than planned [m]: the margin of plans.
     transition_reach : float
-        Distance from a section planned for a turned behavior, or for a narrower one, within which it may be used [m].
+        A turned behavior may be used only within this distance of a section that is planned for it or for a narrower
+        behavior [m].
     heading_tolerance : float
-        Largest angle between body and path at the end of each node that moves [rad].
+        Largest angle between the body's heading and one that its behavior allows on the path, at the end of each node
+        that moves [rad].
     deviation : float
         Largest distance of the end of a node from the path [m].
     sampling_margin : float

@@ -75,10 +75,10 @@ class Laid(NamedTuple):
     """Entries of the present map as they were laid last, one row each, valid for the stage whose ``serial`` it carries.
 
     fit: may be taken. wide: of a wider behavior than planned. reached: at the goal. free: (entries, layers + 1), found
-    free on each layer, and all joints found in their section. node, edge, twist [rad], origin: as of `FollowResult`.
-    end: (entries, 3) pose x, y [m], heading [rad] at its end. arc: arc length of the path beside the end [m]. area:
-    cost up to the end, off: cost of the error at the end [m2]. strayed: largest distance of the track from the path
-    [m].
+    free on each layer; in the last column, all joints found in their section. node, edge, twist [rad], origin
+    (entries, 3): as of `FollowResult`. end: (entries, 3) pose x, y [m], heading [rad] at its end. arc: arc length of
+    the path beside the end [m]. area: cost of the branch up to the end [m2]. off: cost of the error at the end [m2].
+    strayed: largest distance of the track from the path [m], infinite if it was not measured.
     """
 
     serial: NDArray[np.int64]
@@ -100,11 +100,13 @@ class Laid(NamedTuple):
 class Search(NamedTuple):
     """Stack of S stages, their candidates, and the present and the best solution of up to K nodes.
 
-    state: (STATE_COLUMNS,). best_arc: (1,) arc length that the best solution reached [m].
-    stage: (S, STAGE_COLUMNS). stage_origin, stage_end: (S, 3) poses. stage_arc: (S,) [m]. candidate, score: S equal
-    shares. listed, listed_score: entries to be laid, with their estimated scores. marked: (2, entries) serial numbers.
-    branch: entries of one branch. memory: hash set of visited stages.
-    step, best_step: (K, 2) node and the edge into it. place, best_place: (K, 4) origin and twist of each node.
+    state: (STATE_COLUMNS,) and stage: (S, STAGE_COLUMNS), see :mod:`crowdsim.following.follower.follow_kernels`.
+    best_arc: (1,) arc length that the best solution reached [m]. stage_origin, stage_end: (S, 3) poses of the stage's
+    node, x, y [m], heading [rad]. stage_arc: (S,) [m]. candidate, score: entries and their scores, in S parts of equal
+    length, one for each stage. listed, listed_score: entries to be laid, with their estimated scores. marked: (2,
+    entries) serial numbers. branch: entries of one branch. memory: hash set of visited stages, 0 in free slots.
+    step, best_step: (K, 2) node and the edge into it, -1 for none. place, best_place: (K, 4) origin and twist of each
+    node.
     """
 
     state: NDArray[np.int64]
@@ -127,7 +129,11 @@ class Search(NamedTuple):
 
 
 class Chain(NamedTuple):
-    """Joints to be bent: joint (J, 2) places [m], limit (J, 2) and turn (J,) [rad]; end (3,) pose that they carry."""
+    """Joints to be bent, and the pose at the end that they carry, with J = MOST_BENT.
+
+    joint: (J, 2) places [m]. limit: (J, 2) least and greatest turn [rad]. turn: (J,) present turn [rad]. end: (3,) x, y
+    [m], heading [rad].
+    """
 
     joint: Floats
     limit: Floats
@@ -138,8 +144,8 @@ class Chain(NamedTuple):
 def make_guide(samples: Samples, behaviors: int, turned: Iterable[int], reach: float) -> Guide:
     """Return the path as kernels read it.
 
-    ``turned`` are those of the ``behaviors`` that face more than 45 degrees off their motion; ``reach`` [m] is the
-    `transition_reach` of `FollowOptions`.
+    ``behaviors`` is the number of behaviors; ``turned`` are the numbers of those that face more than 45 degrees off
+    their motion; ``reach`` [m] is the `transition_reach` of `FollowOptions`.
     """
     length = float(samples.arc[-1])
     pieces = len(samples.arc) - 1
@@ -154,10 +160,10 @@ def make_guide(samples: Samples, behaviors: int, turned: Iterable[int], reach: f
 def make_workspace(
     graph: GraphArrays, maps: MotionMaps, length: float, rules: Rules, branches: int
 ) -> tuple[Search, Laid]:
-    """Return empty arrays for one search along ``length`` meters, of ``branches`` listed entries a stage.
+    """Return empty arrays for one search along ``length`` meters that lists up to ``branches`` entries at each stage.
 
-    The number of stages grows with the length; once all are in use, the search goes no deeper. Memory that is never
-    written is never taken from the system.
+    The number of stages grows with the length; once all are in use, the search goes no deeper. The arrays may be
+    larger than needed: the system provides memory only when it is written.
     """
     depth = maps.depth
     stages = 64 + int(8.0 * length)
@@ -194,7 +200,7 @@ def make_workspace(
 
 
 def _make_laid(entries: int, rules: Rules) -> Laid:
-    """Return empty rows for ``entries`` entries."""
+    """Return empty rows for ``entries`` entries, none of them laid: no stage has the serial number 0."""
     return Laid(
         serial=np.zeros(entries, np.int64),
         fit=np.empty(entries, np.bool_),

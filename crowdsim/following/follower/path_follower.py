@@ -46,7 +46,11 @@ Floats = NDArray[np.float64]
 
 
 class FollowStatus(IntEnum):
-    """Result of a search along a path. BLOCKED: nothing is left. PAST_KEPT: what is left would change kept nodes."""
+    """Result of a search along a path, as :func:`~crowdsim.following.follower.follow_kernels.follow` returns it.
+
+    FOUND: a motion to the goal. OUT_OF_BUDGET: all map queries are made. BLOCKED: no branch is left to try. PAST_KEPT:
+    branches that are left would change nodes that must stay.
+    """
 
     FOUND = FOUND
     OUT_OF_BUDGET = OUT_OF_BUDGET
@@ -55,7 +59,7 @@ class FollowStatus(IntEnum):
 
 
 _STATUSES = tuple(FollowStatus)
-"""By number, which is faster than a look-up."""
+"""Statuses by number: an index is faster than a call of FollowStatus."""
 
 TIGHTER = (0.45, 0.4, 0.35, 0.3, 0.25, 0.2)
 """Smaller clearances that are tried for a path that cannot be followed in its own [m]."""
@@ -122,18 +126,18 @@ class Character:
 
     @cached_property
     def behaviors(self) -> int:
-        """Return the number of behaviors that the graph needs."""
+        """Return the number of behaviors that the graph needs: one more than the largest behavior of a node."""
         return int(self.graph.node_behavior.max(initial=0)) + 1
 
     @cached_property
     def turned(self) -> tuple[int, ...]:
-        """Return the behaviors that face more than 45 degrees off their motion."""
+        """Return the numbers of the behaviors whose facings are all more than 45 degrees off their motion."""
         turned = ~(np.abs(self.facings) <= np.pi / 4.0).any(axis=1)
         return tuple(np.flatnonzero(turned).tolist())
 
     @classmethod
     def of(cls, behaviors: Sequence[Behavior], graph: GraphArrays, maps: MotionMaps) -> Character:
-        """Return the character that walks with ``behaviors``.
+        """Return the character that walks with ``behaviors``, tested by its discs only (``reach`` is None).
 
         Parameters
         ----------
@@ -244,7 +248,7 @@ class PathFollower:
 
     @property
     def left_out(self) -> bool:
-        """Return True if it may have left out branches: it would find no others with more ``branches`` if not."""
+        """Return True if a stage listed as many entries as it may, so that more ``branches`` may find other motions."""
         return bool(self._search.state[FULL])
 
     @property
@@ -256,7 +260,10 @@ class PathFollower:
 
 
 def _result(status: int, steps: NDArray[np.int64], places: Floats, reached: float, expansions: int) -> FollowResult:
-    """Return a copy of a solution."""
+    """Return a solution of K nodes, copied: steps (K, 2), node and edge into it; places (K, 4), origin and twist.
+
+    The other arguments are as of :class:`FollowResult`.
+    """
     return FollowResult(
         _STATUSES[status],
         steps[:, 0].astype(np.int32),
@@ -279,8 +286,9 @@ def follow_path(
     """Find nodes that walk along a path with every body disc free on all layers (2012 paper, section 5).
 
     If all joints must stay in their sections and nothing is found, try again with less clearance, each time with the
-    whole budget: motions that need less are valid with more, and a search among many free branches may go astray that
-    tighter limits keep on the path. So more clearance is never worse. Safe to call from several threads at once.
+    whole budget (:data:`TIGHTER`). A motion that needs less clearance is valid with more, and tighter limits may keep a
+    search on the path that goes astray among many free branches. So more clearance is never worse. Safe to call from
+    several threads at once.
 
     Parameters
     ----------
@@ -322,6 +330,7 @@ def follow_path(
         return found
     spent = found.expansions
     for room in TIGHTER:
+        # Only clearances below the given one are left to try.
         if found.status == FollowStatus.FOUND or room >= reach.least:
             continue
         tighter = reach._replace(room=np.minimum(reach.room, room), least=room)
@@ -339,9 +348,10 @@ def search_path(
     start_node: int = -1,
     options: FollowOptions | None = None,
 ) -> FollowResult:
-    """Do as :func:`follow_path`, in the given clearance only.
+    """Search as :func:`follow_path` does, but with the given clearance only.
 
-    A quarter of the budget goes into a quick search. If that finds nothing, a thorough one looks at more branches.
+    A quarter of the budget goes into a quick search. If that finds nothing, a thorough search looks at more branches,
+    with the budget that is left. If neither finds a solution, return the partial motion that came farther.
     """
     options = options or FollowOptions()
     quick = replace(options, budget=max(options.budget // 4, 1))
@@ -354,7 +364,7 @@ def search_path(
     )
     again = PathFollower(*arguments, thorough).next()
     expansions = found.expansions + again.expansions
-    # Of two partial motions, keep the one that came farther.
+    # Of two partial motions, keep the one that came farther; the status is that of the last search.
     farther = again.status == FollowStatus.FOUND or again.reached >= found.reached
     return replace(again if farther else found, status=again.status, expansions=expansions)
 

@@ -4,7 +4,7 @@
 runs from 0 to the path's length. The path continues straight beyond both ends, so that a motion that starts before it
 or overshoots it still has a target.
 
-``low`` and ``high`` bound the arc length that is searched [m].
+``arc`` is an arc length, ``low`` and ``high`` bound the arc length that is searched [m].
 """
 
 import math
@@ -41,8 +41,8 @@ def path_point(guide, arc):
 def project(guide, x, y, low, high):
     """Return the arc length of the path's point nearest to (x, y), from ``low`` to ``high``, and its distance [m].
 
-    Whole pieces between samples are searched, so it may be up to a step outside of ``low`` and ``high``; on the first
-    and the last piece, which continue straight, it may be below 0 or above the path's length. The first of several
+    Whole pieces between samples are searched, so the arc length may be up to a step outside of ``low`` and ``high``. It
+    may be below 0 or above the path's length, as the first and the last piece continue straight. The first of several
     nearest points wins. Pieces that cannot be nearer than the best are skipped, as consecutive samples are at most a
     step apart.
     """
@@ -100,9 +100,9 @@ def path_gap(guide, x, y, low, high):
 
 @kernel
 def near_planned(arc, behavior, widest, reach, allowed):
-    """Fill ``allowed`` (m,): True within ``reach`` [m] of a sample whose behavior is ``widest`` or a narrower one.
+    """Fill ``allowed`` (m,): True within ``reach`` [m] of a sample planned for behavior ``widest`` or a narrower one.
 
-    ``arc`` (m,) [m] and ``behavior`` (m,) are those of the samples.
+    ``arc`` (m,) are the arc lengths of the samples [m], ``behavior`` (m,) int32 the behaviors planned there.
     """
     # Forwards from the planned samples, then backwards.
     last = -math.inf

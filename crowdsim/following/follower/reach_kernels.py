@@ -26,8 +26,12 @@ _BESIDE = 0.15
 
 @helper
 def _first_and_most(reach, node, edge):
-    """Return a node's first row without a blend offset, its first row while one fades, and its farthest joint [m]."""
+    """Return a node's first row, its first row while a blend offset fades, and its farthest joint [m].
+
+    Rows are those of ``reach.joint``. The distance is the largest in any row of both kinds.
+    """
     rows = reach.node_first[node]
+    # Without an edge nothing fades.
     if edge < 0:
         return rows, rows, reach.node_most[node]
     return rows, reach.edge_first[edge], max(reach.node_most[node], reach.edge_most[edge])
@@ -38,7 +42,8 @@ def _joints_keep_in(guide, reach, row, gap, at, x, y, heading):
     """Return True if all joints in one frame lie within the room of the section nearest to each.
 
     Joints are sorted from the farthest from the track to the nearest, so the loop ends at the first that cannot leave.
-    gap: distance of the track from the path [m]; at: arc length beside the track [m].
+    gap: distance of the track from the path [m]. at: arc length of the path beside the track [m]. x, y, heading: pose
+    of the track in the world [m, rad].
     """
     c, s = cos_sin(heading)
     for j in range(reach.joint.shape[1]):
@@ -47,6 +52,7 @@ def _joints_keep_in(guide, reach, row, gap, at, x, y, heading):
         # This joint and all nearer ones are within the smallest room of any section.
         if gap + far <= reach.least:
             return True
+        # Search the joint's nearest path point within this arc length of the track's.
         far += _BESIDE
         arc, off = path_gap(guide, x + c * u - s * v, y + s * u + c * v, at - far, at + far)
         if off > reach.room[guide.behavior[sample_index(guide, arc)]]:
@@ -56,7 +62,7 @@ def _joints_keep_in(guide, reach, row, gap, at, x, y, heading):
 
 @helper
 def _frame_of_passing(graph, guide, node, frames, x, y, heading, dx, dy, dh):
-    """Return the frame of ``node``, 0 to ``frames``, in which its track is nearest to the end of the path.
+    """Return the first frame of ``node``, from 0 to ``frames``, in which its track is nearest to the end of the path.
 
     x, y, heading: origin of the node [m, rad]. dx, dy, dh: blend offset at its begin, which fades [m, rad].
     """
@@ -75,9 +81,11 @@ def _frame_of_passing(graph, guide, node, frames, x, y, heading, dx, dy, dh):
 def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, stage_arc, joined):
     """Return True if every joint in every frame of a laid branch, with blend offsets faded, stays in its section.
 
-    Else mark the first node that leaves unfit for the stage. ``depth``, ``stage_end``, ``stage_arc`` and ``joined`` are
-    those of :mod:`crowdsim.following.follower.branch_kernels`; tested nodes are marked in the last column of
-    ``laid.free``. A motion that need not end standing, nor with a heading, ends where it passes the goal.
+    Else mark the first node in which a joint leaves its section as unfit for this stage. ``depth`` is the number of
+    nodes; ``stage_end`` (3,) and ``stage_arc`` are pose and arc length at the end of the stage [m, rad]; ``joined`` is
+    that of :func:`crowdsim.following.follower.branch_kernels.branch_is_free`. Nodes that pass are marked in the last
+    column of ``laid.free``, as branches share nodes. If neither a stand nor a heading is required at the goal, a node
+    that reaches it is tested only up to the frame in which it passes the goal.
     """
     column = laid.free.shape[1] - 1
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
@@ -98,8 +106,8 @@ def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, 
                 frames = np.int64(graph.node_frames[node])
                 if laid.reached[entry] and not rules.end_standing and math.isnan(rules.goal_heading):
                     frames = _frame_of_passing(graph, guide, node, frames, ox, oy, oh, dx, dy, dh)
-                # pace: largest step of the track between frames. The smoothstep fade is fastest half way, at 1.5 times
-                # its mean.
+                # pace: largest step of the track between frames, above 0 as a divisor. The smoothstep fade is fastest
+                # half way, at 1.5 times its mean.
                 pace = reach.node_pace[node] + 1.5 * blend_offset / BLEND_FRAMES + 1e-9
                 at, moved = arc, 0.0
                 frame = np.int64(0)
@@ -107,7 +115,7 @@ def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, 
                     row = frame + (fading if frame < BLEND_FRAMES else rows)
                     px, py, ph = track_pose(graph, node, frame, ox, oy, oh, dx, dy, dh)
                     at, gap = path_gap(guide, px, py, at - _BESIDE, at + moved + _BESIDE)
-                    # far covers WINDOW frames: if neither they nor the track's movement can reach out, skip them all.
+                    # far covers WINDOW frames: if no joint can leave in them, however the track moves, skip them all.
                     leap = np.int64(1)
                     if gap + reach.far[row] + (WINDOW - 1) * pace <= reach.least:
                         leap = np.int64(WINDOW)

@@ -1,7 +1,7 @@
 """The free channel of a planned path: test if a place lies within it by one look into a grid.
 
 A path planned with clearance r guarantees that every place within r of it is free. Each cell of the grid stores the
-piece of the path nearest to its center.
+piece of the path nearest to its center. ``channel`` is a :class:`crowdsim.following.graph_search.channel.Channel`.
 """
 
 import math

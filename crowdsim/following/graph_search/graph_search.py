@@ -42,8 +42,8 @@ class SearchOptions:
     bend_reach: distance from the goal within which that is tried [m] (d_o).
     arrival: largest distance from the goal at which a bent branch may end [m] (d_i).
     heading_lever: weight of a heading error when bending, for goals with a heading [m/rad].
-    weight: weight of the distance to the goal against the distance walked. 1 finds the shortest motion; a greater
-    weight finds one sooner that is longer by at most that factor.
+    weight: weight of the distance to the goal against the distance walked, at least 1. With 1 the shortest motion is
+    found; with more, a motion is found sooner that is at most this many times as long as the shortest.
     place_grain, heading_grain: distances within which two ends of one node count as the same [m], [rad].
     budget: nodes expanded before the search gives up.
     """
@@ -105,7 +105,8 @@ class _Rules(NamedTuple):
 class _Space(NamedTuple):
     """Probes, and the channel and meshes in which they are tested.
 
-    counters: (COUNTERS,). hints: (2,) a triangle near the last place on each mesh.
+    counters: (COUNTERS,), see :mod:`~crowdsim.following.graph_search.graph_search_kernels`. hints: (2,) a triangle near
+    the last place on each mesh, -1 for none.
     """
 
     probes: Probes
@@ -117,9 +118,11 @@ class _Space(NamedTuple):
 
 
 class _Tree(NamedTuple):
-    """Search nodes: waiting ones, in the order of ``heap``; laid ones in rows of ``link`` and ``place``.
+    """Search nodes: those that wait in the queue, and those that are laid, at most ``budget``.
 
-    closed: hash set of the laid ones.
+    heap: (w,) HEAP_ROW of :mod:`crowdsim.navmesh.mesh.heap_kernels`, the queue; its items are rows of ``waiting``.
+    waiting: (w, 2). link: (budget, 3) and place: (budget, PLACE_COLUMNS), rows of laid nodes; for the columns see
+    :mod:`~crowdsim.following.graph_search.graph_search_kernels`. closed: hash set of the laid ones, 0 in free slots.
     """
 
     heap: NDArray[np.void]
@@ -130,7 +133,11 @@ class _Tree(NamedTuple):
 
 
 class _Chain(NamedTuple):
-    """Joints to be bent: joint (J, 2) [m], limit (J, 2) and turn (J,) [rad], end (3,) pose that they carry."""
+    """Joints to be bent, at most J, and the pose that they carry.
+
+    joint: (J, 2) places [m]. limit: (J, 2) least and greatest turn [rad]. turn: (J,) present turn [rad]. end: (3,) x, y
+    [m], heading [rad].
+    """
 
     joint: Floats
     limit: Floats
@@ -139,7 +146,7 @@ class _Chain(NamedTuple):
 
 
 class _Out(NamedTuple):
-    """Solution: step (K, 2), node and edge into it; place (K, 4), origin and twist."""
+    """Solution of at most K nodes: step (K, 2), node and edge into it; place (K, 4), origin and twist [m, rad]."""
 
     step: NDArray[np.int32]
     place: Floats
@@ -219,7 +226,10 @@ def _length(graph: GraphArrays, nodes: NDArray[np.int32], origins: Floats) -> fl
 
 
 def _as_goal(goal: ArrayLike) -> Floats:
-    """Return the goal as (3,) x, y and heading, nan for any."""
+    """Return the goal as (3,) x, y [m] and heading [rad], nan if it has none.
+
+    Raise MotionError if it is of another shape, or has numbers that are not finite.
+    """
     given = np.array(goal, np.float64)
     if given.shape not in ((2,), (3,)) or not np.isfinite(given).all():
         raise MotionError(f"a goal is x, y or x, y and a heading, all finite, not {given}")
@@ -227,7 +237,7 @@ def _as_goal(goal: ArrayLike) -> Floats:
 
 
 def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[MeshArrays, MeshArrays] | None) -> _Rules:
-    """Return the options in the form that kernels read; without branch kinematics, bend within a reach of 0."""
+    """Return the options in the form that kernels read; without branch kinematics ``bend_reach`` is 0: never bend."""
     return _Rules(
         in_channel=channel is not None,
         in_meshes=meshes is not None,
@@ -248,9 +258,8 @@ def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[MeshAr
 def _tree(graph: GraphArrays, budget: int) -> _Tree:
     """Return empty arrays of the largest size possible; memory that is never written is never taken.
 
-    All nodes may wait at first, and each of the ``budget`` nodes that are laid adds its edges. For the columns see
-    :mod:`~crowdsim.following.graph_search.graph_search_kernels`. The last array is a hash table, with a power of two of
-    slots of which at most a quarter is used.
+    All nodes may wait at first, and each of the ``budget`` nodes that are laid adds its edges. The last array is a hash
+    table, with a power of two of slots of which at most a quarter is used.
     """
     room = len(graph.node_frames) + budget * int(np.diff(graph.edge_start).max(initial=0))
     return _Tree(

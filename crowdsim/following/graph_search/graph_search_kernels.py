@@ -63,9 +63,8 @@ _BEYOND = 1e-6
 def _node_is_free(space, rules, node, x, y, heading, dx, dy, dh, goal):
     """Return True if ``node`` from (x, y, heading) on is free, and the least distance of its track to the goal [m].
 
-    If it is not free, the distance is that of the part before.
-
-    (dx, dy, dh) is the blend offset: the end of the node before less this origin.
+    If it is not free, only the part of the track up to the first blocked probe counts for the distance. (dx, dy, dh) is
+    the blend offset: the end of the node before less this origin [m, rad]. Counters and hints of ``space`` are updated.
     """
     probes, counters, hints = space.probes, space.counters, space.hints
     c, s = cos_sin(heading)
@@ -101,7 +100,8 @@ def _node_is_free(space, rules, node, x, y, heading, dx, dy, dh, goal):
 def _key(rules, node, x, y, heading):
     """Return a node's key in the closed set: its number, and the grains of place and heading in which it ends.
 
-    20 bits each for x and y, 9 for the heading, 14 for the node; + 1 as 0 marks a free slot.
+    (x, y, heading) is the pose at its end. 20 bits each for x and y, 9 for the heading, 14 for the node; + 1 as 0 marks
+    a free slot.
     """
     ix = np.int64(math.floor(x / rules.place_grain + 0.5)) & 0xFFFFF
     iy = np.int64(math.floor(y / rules.place_grain + 0.5)) & 0xFFFFF
@@ -122,9 +122,9 @@ def _slot(closed, key):
 
 @helper
 def _put(tree, count, made, parent, edge, cost):
-    """Push a search node as row ``made``: ``edge`` taken after row ``parent``; return the queue's size.
+    """Push a search node, row ``made`` of ``tree.waiting``: ``edge`` taken after laid row ``parent``.
 
-    Without a parent (NONE), ``edge`` is the number of the first node.
+    Without a parent (NONE), ``edge`` is the number of the first node. Return the queue's size.
     """
     tree.waiting[made, PARENT] = parent
     tree.waiting[made, EDGE] = edge
@@ -157,7 +157,7 @@ def _list_branch(tree, out, row):
 
 @helper
 def _link(graph, tree, chain, j, row, edge):
-    """Fill joint ``j`` of ``chain`` with ``edge`` behind ``row`` of the search: its pivot is the planted foot."""
+    """Fill joint ``j`` of ``chain`` with ``edge``, taken behind ``row``: the place of its planted foot, and no turn."""
     x, y, heading = tree.place[row, END], tree.place[row, END + 1], tree.place[row, END + 2]
     px, py = graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1]
     chain.joint[j, 0], chain.joint[j, 1], _ = compose(x, y, heading, px, py, 0.0)
@@ -271,10 +271,10 @@ def _put_first(graph, rules, start, start_node, goal, tree):
 
 @helper
 def _lay(graph, space, rules, start, start_node, goal, tree, item, row):
-    """Lay the search node of queue row ``item`` in ``row`` of the tree.
+    """Lay the search node of row ``item`` of ``tree.waiting`` in ``row`` of ``tree.link`` and ``tree.place``.
 
-    Return False if it is closed or not free, and the least distance of its track to the goal [m], infinite if the track
-    was not tested.
+    Return (True, distance) if it was laid; (False, distance) if it is not free, or if it ends as one laid before
+    (`_key`). The distance is the least one of its track to the goal [m], infinite if the track was not tested.
     """
     parent = np.int64(tree.waiting[item, PARENT])
     edge = np.int64(tree.waiting[item, EDGE])
@@ -318,7 +318,7 @@ def _is_goal(rules, goal, heading, gap):
 
 @kernel
 def search(graph, space, rules, start, start_node, goal, tree, chain, out):
-    """Search a short motion to the goal: nodes are tried in the order of f, and may be bent to it.
+    """Search a short motion to the goal: try nodes in the order of f, and bend branches that end near the goal to it.
 
     Parameters
     ----------
@@ -330,7 +330,7 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
     Returns
     -------
     (status, nodes of the solution, nodes expanded). The solution is in ``out``: complete if the status is FOUND, else
-    the one whose end is nearest to the goal.
+    the branch whose end is nearest to the goal, without nodes if none was laid.
     """
     count = _put_first(graph, rules, start, start_node, goal, tree)
     made = count
@@ -338,10 +338,9 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
     best = np.int64(NONE)
     best_gap = math.inf
     while count > 0 and expanded < rules.budget:
-        # Take out the node of least f and lay it down.
+        # Take out the node of least f and lay it down. With a weight of 1, no solution is shorter than its f.
         pop(tree.heap, count)
         count -= 1
-        # The node taken out has the least f, which is ``promised``.
         promised = tree.heap[count].key
         row = expanded
         laid, nearest = _lay(graph, space, rules, start, start_node, goal, tree, tree.heap[count].item, row)
@@ -363,7 +362,8 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
                     return FOUND, length, expanded
             if _is_goal(rules, goal, heading, min(gap, nearest) if rules.on_the_way else gap):
                 return FOUND, _list_branch(tree, out, row), expanded
-        # Push its successors but idle ones. One that is no longer than a solution must be is bent to the goal at once.
+        # Push its successors but idle ones. A successor near the goal is bent to it at once if the motion is hardly
+        # longer than any solution must be, which is ``promised``.
         for e in range(np.int64(graph.edge_start[node]), np.int64(graph.edge_start[node + 1])):
             target = np.int64(graph.edge_target[e])
             if graph.node_idle[target]:
@@ -371,6 +371,7 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
             px, py, ph = next_origin(graph, e, 0.0, x, y, heading)
             walked = tree.place[row, WALKED] + graph.node_length[target] + hypot(x - px, y - py)
             px, py, ph = node_end(graph, target, px, py, ph)
+            # Leave out a successor that ends as one laid before.
             child = _key(rules, target, px, py, ph)
             if tree.closed[_slot(tree.closed, child)] == child:
                 continue

@@ -47,10 +47,11 @@ class Probes(NamedTuple):
 
 
 def body_probes(graph: GraphArrays, radii: Floats, sampling_margin: float = 0.005) -> Probes:
-    """Return discs about the track every fourth frame, as the path follower tests them.
+    """Return discs about the track every TEST_FRAMES frames, as the path follower tests them.
 
     Parameters
     ----------
+    graph: motion graph.
     radii: (B, 2) radius of each behavior on the two layers [m].
     sampling_margin: added to the radii for the motion between samples [m].
 
@@ -71,13 +72,14 @@ def body_probes(graph: GraphArrays, radii: Floats, sampling_margin: float = 0.00
 
 
 def joint_probes(graph: GraphArrays, poses: PoseTable, joints: Sequence[int], flesh: float = FLESH) -> Probes:
-    """Return the floor projections of ``joints`` every fourth frame, each for its own layer (2011 paper, section 5).
+    """Return the floor projections of ``joints`` every TEST_FRAMES frames (2011 paper, section 5).
 
-    A joint below SPLIT [m] is tested on the legs' layer, one above on the torso's; its radius on the other one is 0.
+    A joint below SPLIT [m] is tested only on the legs' layer, any other only on the torso's: its radius on the other
+    layer is 0.
 
     Parameters
     ----------
-    poses: poses of the graph's nodes.
+    graph, poses: motion graph, and the poses of its nodes.
     joints: indices of joints that reach out, such as hands, toes and head.
     flesh: distance from a joint to the skin [m].
     """
@@ -95,13 +97,17 @@ def joint_probes(graph: GraphArrays, poses: PoseTable, joints: Sequence[int], fl
 
 
 def _tested_frames(graph: GraphArrays, node: int) -> NDArray[np.int64]:
-    """Return every TEST_FRAMES-th frame of a node, and its last."""
+    """Return the numbers of every TEST_FRAMES-th frame of a node, from 0 on, and of its last."""
     last = int(graph.node_frames[node])
     return np.unique(np.append(np.arange(0, last, TEST_FRAMES), last))
 
 
 def _rows(graph: GraphArrays, node: int, frames: NDArray[np.int64]) -> Floats:
-    """Return probe rows of ``frames`` with the track's places and the share of the blend offset left (smoothstep)."""
+    """Return probe rows (F, PROBE_COLUMNS) of ``frames`` (F,), with columns X, Y and FADE filled and the others 0.
+
+    FADE falls from 1 to 0 over BLEND_FRAMES (smoothstep), as in
+    :func:`crowdsim.motion.graph.track_kernels.blend_weight`.
+    """
     rows = np.zeros((len(frames), PROBE_COLUMNS))
     rows[:, [X, Y]] = graph.tracks[graph.node_track[node] + frames, :2]
     u = np.minimum(frames / BLEND_FRAMES, 1.0)
@@ -110,7 +116,7 @@ def _rows(graph: GraphArrays, node: int, frames: NDArray[np.int64]) -> Floats:
 
 
 def _joint_positions(graph: GraphArrays, poses: PoseTable, node: int, frames: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Return the joints' positions (F, J, 3) in the node's frame [m]."""
+    """Return the positions (F, J, 3) of all joints in ``frames`` (F,), x, y, z in the node's frame [m]."""
     count, joints = len(frames), len(poses.parents)
     positions, rotations = np.empty((count, joints, 3), np.float32), np.empty((count, joints, 4), np.float32)
     track = np.ascontiguousarray(graph.tracks[graph.node_track[node] + frames])
@@ -121,6 +127,6 @@ def _joint_positions(graph: GraphArrays, poses: PoseTable, node: int, frames: ND
 
 
 def _joined(parts: Sequence[Floats]) -> Probes:
-    """Concatenate the probes of all nodes."""
+    """Concatenate the probe rows of all nodes, an array (k, PROBE_COLUMNS) of each."""
     first = np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64)
     return Probes(first, np.ascontiguousarray(np.concatenate(parts)))

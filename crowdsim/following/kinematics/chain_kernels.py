@@ -3,9 +3,10 @@
 A joint is the planted foot at an edge of the branch; turning it rotates all that comes after it.
 
 Arguments of all helpers are those of :func:`bend_chain`, and the pose e of the chain's end: ex, ey [m], eh [rad].
-``joint`` (K, 2) are places [m], ``limit`` (K, 2) least and largest turn and ``turn`` (K,) present turn of each [rad],
-``count`` how many there are, base first; ``lever`` weighs an error of heading [m/rad]. In a leap p = (px, py, ph) is a
-vector in the space of the end's pose.
+``joint`` (K, 2) are the places of the joints [m], base first, ``limit`` (K, 2) the least and the largest turn of each
+and ``turn`` (K,) its present turn [rad]; the first ``count`` are in use. ``goal`` (3,) is a pose x, y [m], heading
+[rad], nan for any; ``lever`` weighs an error of heading [m/rad]. In a leap, p = (px, py, ph) is a vector in the space
+of the end's pose.
 """
 
 import math
@@ -41,9 +42,9 @@ def _miss(goal, ex, ey, eh, lever):
 def _leap_vector(joint, limit, turn, count, ex, ey, dx, dy, dh, lever):
     """Return the vector p for which the turns J'p move the end by about (dx, dy, dh) [m].
 
-    dh is the change of its heading times ``lever``; both are 0 if any heading will do. Damped least squares: p is
-    (J J' + damping I)^-1 (dx, dy, dh)', with a column of J per joint: the end's velocity as it turns. Joints at a limit
-    that would turn beyond it are left out.
+    dh is the change of the end's heading times ``lever``; both are 0 if any heading will do. J has a column for each
+    joint, the end's velocity as the joint turns; J' is its transpose. Damped least squares: p is
+    (J J' + damping I)^-1 (dx, dy, dh)'. Joints at a limit that would turn beyond it are left out.
     """
     damping = _DAMPING * (dx * dx + dy * dy + dh * dh) + _TINY
     # Upper triangle of J J' + damping I.
@@ -128,6 +129,7 @@ def _sweep(joint, limit, turn, count, ex, ey, eh, goal, lever):
             toward = (pull * toward + weight * wrap_angle(goal[2] - eh)) / max(pull + weight, _TINY)
         after = min(max(turn[j] + toward, limit[j, 0]), limit[j, 1])
         by = after - turn[j]
+        # The joint is at its limit, or its turn is right: nothing behind it moves.
         if by == 0.0:
             continue
         turn[j] = after
@@ -155,7 +157,7 @@ def bend_chain(joint, limit, turn, count, end, goal, lever, enough):
     end: (3,) float64 pose x, y [m] and heading [rad] of the chain's end; updated.
     goal: (3,) float64 pose to reach; its heading is nan if any will do.
     lever: weight of a heading error [m/rad].
-    enough: distance at which to stop [m].
+    enough: distance at which to stop [m], weighted heading error included.
 
     Returns
     -------

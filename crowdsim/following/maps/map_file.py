@@ -64,7 +64,7 @@ def maps_in_file(
 
 
 def maps_key(graph: GraphArrays, depth: int, reach: float, max_entries: int) -> str:
-    """Return the hash of all input of a build."""
+    """Return the hash of the input of :meth:`MotionMaps.build` that its result depends on, as 24 hexadecimal digits."""
     digest = hashlib.sha256(f"{VERSION} {depth} {float(reach)!r} {max_entries}".encode())
     columns: tuple[NDArray[Any], ...] = tuple(graph)
     for name, column in zip(graph._fields, columns, strict=True):
@@ -76,8 +76,9 @@ def maps_key(graph: GraphArrays, depth: int, reach: float, max_entries: int) -> 
 def save_maps(maps: MotionMaps, file: Path) -> None:
     """Write maps to a file, which gets its name when it is complete.
 
-    It holds a line that tells its kind, a line with the CRC-32 and the text of a JSON header, and the arrays. The
-    header has type, shape, offset behind the header [bytes] and CRC-32 of each array.
+    The file has a line that names its kind, a line with the CRC-32 and the text of a JSON header, and the arrays. The
+    header has version and number of all bytes, and the type, shape, offset behind the header [bytes] and CRC-32 of each
+    array.
     """
     header: dict[str, Any] = {"version": VERSION, "arrays": {}}
     offset = 0
@@ -102,11 +103,10 @@ def _checksum(column: NDArray[Any]) -> int:
 
 
 def load_maps(file: Path) -> MotionMaps:
-    """Return maps whose arrays lie in the file, mapped into memory; raise MotionError if that cannot be done.
+    """Return maps whose arrays lie in the file, mapped into memory.
 
-    The file may be of another kind or version, or damaged.
-
-    What is written to the arrays does not reach the file.
+    Raise MotionError if the file cannot be read, is of another kind or version, or is damaged. What is written to the
+    arrays does not reach the file.
     """
     try:
         with file.open("rb") as stream:

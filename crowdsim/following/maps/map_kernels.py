@@ -46,7 +46,7 @@ _OFFSET = 1 << 19
 
 @helper
 def pack_cell(ix, iy, heading_bin):
-    """Return one int64 that sorts cells by x, then y, then heading bin."""
+    """Return one int64 that sorts cells by x, then y, then heading bin (0 to 15; bins of headings are 0 to 11)."""
     return ((np.int64(ix) + _OFFSET) << 20 | (np.int64(iy) + _OFFSET)) * 16 + np.int64(heading_bin)
 
 
@@ -63,8 +63,11 @@ def cell_key(x, y, heading):
 
 @helper
 def _occupy(table_key, table_node, table_stamp, stamp, key, node):
-    """Enter (cell, node) into the frontier of map ``stamp``, a hash table; return False if it was there already."""
-    # Fibonacci hashing, linear probing; slots with an older stamp are free.
+    """Enter (cell, node) into the frontier of a map, a hash table; return False if it was there already.
+
+    ``key`` is the packed cell, ``stamp`` the number of the map's root, which marks the slots in use.
+    """
+    # Fibonacci hashing, linear probing; slots with the stamp of an earlier map are free.
     mask = table_key.shape[0] - 1
     mixed = (key * 31 + node) * np.int64(-7046029254386353131)
     slot = (mixed >> 32) & mask
@@ -94,7 +97,7 @@ def _sift_up(heap, cost, at):
 
 @helper
 def _sift_down(heap, cost, size):
-    """Restore the heap of ``size`` entries after its top was replaced: least cost first, then least number."""
+    """Restore the heap of ``size`` entries, ordered by (cost, entry), after its top was replaced."""
     entry = heap[0]
     at = 0
     while 2 * at + 1 < size:
@@ -124,11 +127,12 @@ def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edg
     depth: largest number of edges of a branch. capacity: largest number of entries per map.
     reach: search cost up to which entries are expanded [m]; the root always is.
     first: (end - begin + 1,) int64, filled with the row of each map's entry 0, and the number of all rows.
-    key, parent, edge, node, level, pose, length: columns of ((end - begin) * capacity,) rows, one for each entry, map
-    after map. key: int64, cell of the entry. parent, edge, node, level: int32; the parent is an entry of the same map,
-    counted from its entry 0 (-1 for the root), ``edge`` leads from there (-1), ``level`` counts edges since the root.
-    pose: (rows, 3) float32, start of the entry (x, y [m], heading [rad]). length: float32, length of the branch up to
-    there [m].
+    key, parent, edge, node, level, pose, length: columns of ((end - begin) * capacity,) rows, filled with one row for
+    each entry, map after map. key: int64, cell of the entry. parent, edge, node, level: int32. The parent is an entry
+    of the same map, counted from its entry 0; ``edge`` is the edge of the motion graph from the parent's node to this
+    one; both are -1 for the root. ``level`` is the number of edges since the root. pose: (rows, 3) float32, start of
+    the entry (x, y [m], heading [rad]). length: float32, length of the branch from the root's start to there [m], blend
+    offsets by BLEND_OFFSET_WEIGHT.
     """
     # One hash table for all maps, at most a quarter full; the root's number is its stamp.
     table = 16

@@ -51,11 +51,12 @@ class MapArrays(NamedTuple):
     edge, node, level: (E,) int32, edge taken into the entry's node, that node, number of edges since the root.
     ahead: (E, AHEAD_COLUMNS) float32, in the order of ``key``: data for ranking an entry before it is laid down, see
     :mod:`crowdsim.following.maps.map_kernels`. Places are in the frame of the root's start.
-    average: (N,) float64, mean length of a map's branches [m] (2012 paper, equation 2), blend offsets weighted.
+    average: (N,) float64, mean length of a map's branches [m] (2012 paper, equation 2), each from the root's start to
+    the start of an entry, blend offsets weighted.
     family: (N,) int32, equal for nodes with the same successors.
     ends_as: (N, B) bool, True if a node is of a behavior or has a successor of it.
     leads_to: (N,) int32, behavior of most successors; the least number of several, 0 without successors.
-    late: (N,) float64, how much longer a node takes than its behavior takes on average for the way that it moves [s].
+    late: (N,) float64, how much longer a node takes than its behavior does on average for the same distance [s].
     outline_first: (N + 1,) int64, rows of ``outline`` for each node.
     outline: (S, 3) float64, x, y and arc length of points along each node's track, its end included, at most a cell
     apart [m].
@@ -208,7 +209,8 @@ def _grow(
 ) -> tuple[NDArray[Any], ...]:
     """Return the maps of nodes ``begin`` to ``end`` (exclusive): sizes, averages, and columns of :class:`MapArrays`.
 
-    The columns are key, order, parent, edge, node, level and ahead.
+    Sizes are numbers of entries, averages mean lengths [m], both one for each map. The columns are key, order, parent,
+    edge, node, level and ahead. Other arguments as of :func:`grow_maps`.
     """
     rows = (end - begin) * capacity
     first = np.empty(end - begin + 1, np.int64)
@@ -253,9 +255,10 @@ def _behavior_counts(graph: GraphArrays) -> NDArray[np.int32]:
 
 
 def _delays(graph: GraphArrays) -> NDArray[np.float64]:
-    """Return how much longer each node takes than its behavior does on average for the same way [s], 0 at least.
+    """Return how much longer each node takes than its behavior does on average for the same distance, (N,) [s].
 
-    The mean speed of a behavior is that of all its nodes that move on, without turns in place.
+    It is 0 at least. The average of a behavior is that of all its nodes but turns in place, which are late themselves
+    by nearly all of their time.
     """
     seconds = graph.node_frames / CAPTURE_RATE
     moved = hypot(graph.node_motion[:, 0], graph.node_motion[:, 1])

@@ -31,10 +31,11 @@ class CaptureFolder(NamedTuple):
 def read_folder(
     paths: Sequence[Path], meters_per_unit: float | None = None, joints: Mapping[str, str] | None = None
 ) -> CaptureFolder:
-    """Return all clean stretches of the captures ``paths`` that share their joints, on one skeleton.
+    """Return the clean stretches of the captures ``paths`` as clips on one skeleton.
 
-    It is the skeleton of the person with most frames, whose clips come first. People with other joints, files that
-    cannot be read, and files without legs or without a clean stretch are left out with a note.
+    Clips must have the joints that most frames have. The skeleton has the bones that most frames of these have, and
+    their clips come first. Clips with other joints or without joints of the legs, and files that cannot be read or have
+    no clean stretch, are left out with a note.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ def read_folder(
 
     Raises
     ------
-    MotionError: if two names differ only in their endings, two clips have the same name, or nothing is left.
+    MotionError: if two files differ only in their endings, two clips have the same name, or nothing is left.
     """
     seen: dict[str, Path] = {}
     for path in paths:
@@ -65,7 +66,7 @@ def read_folder(
     notes += [f"clip '{clip.name}' is left out: {missing}" for clip in clips if (missing := _missing(clip))]
     clips = [clip for clip in clips if not _missing(clip)]
     if not clips:
-        raise MotionError("; ".join(notes))
+        raise MotionError("; ".join(notes) or "no captures are given")
     by_joints = _frames(clips, _joints)
     most = max(by_joints, key=lambda value: by_joints[value])
     for clip in clips:

@@ -23,9 +23,9 @@ def summarize(
 ) -> dict[str, Any]:
     """Return one row of a table: values by column, units in the names, None if there is none.
 
-    ``meters_per_unit`` and ``joints`` are those of :func:`read_capture`.
-    ``problem`` says why the file or its motion cannot be read, or that a clip is no locomotion. A file that cannot be
-    read has a row with nothing but its name and its problem.
+    ``meters_per_unit`` and ``joints`` are those of :func:`read_capture`. The column ``problem`` says why the file or
+    its motion cannot be read, or that a clip is no locomotion (the last one, if there are several). A file that cannot
+    be read has a row with nothing but its name and its problem.
     """
     row: dict[str, Any] = dict.fromkeys(_COLUMNS)
     row["file"] = path.name
@@ -45,7 +45,7 @@ def summarize(
 def summarize_all(
     paths: Iterable[Path], meters_per_unit: float | None = None, joints: Mapping[str, str] | None = None
 ) -> list[dict[str, Any]]:
-    """Return a row for each of ``paths``."""
+    """Return a row of :func:`summarize` for each of ``paths``."""
     return [summarize(path, meters_per_unit, joints) for path in paths]
 
 

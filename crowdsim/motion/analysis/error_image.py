@@ -68,8 +68,9 @@ def error_image(clips: Sequence[Clip]) -> ErrorImage:
 def valleys(image: ErrorImage, threshold: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return rows and columns (n,) of the local minima of at most ``threshold`` meters, in row order.
 
-    A minimum is below its eight neighbors, the first of equal ones in row order. Of those within 0.2 s of each other
-    the deepest stays. A moment paired with itself does not count, nor one whose window reaches beyond its clip.
+    A minimum is below its eight neighbors; of equal neighbors, the first in row order counts. Of minima within 0.2 s of
+    each other the deepest stays. A pair does not count if both are the same frame, or if a window reaches beyond its
+    clip.
     """
     frames = np.arange(image.clip_first[-1])
     clip = image.clip_of(frames)
@@ -97,9 +98,9 @@ def valleys(image: ErrorImage, threshold: float) -> tuple[NDArray[np.int64], NDA
 
 
 def _deepest(i: NDArray[np.int64], j: NDArray[np.int64], value: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return (n,): True if no deeper kept minimum is within VALLEY_REACH; the first of equal ones wins.
+    """Return (n,): True if no deeper kept minimum is within VALLEY_REACH rows and columns.
 
-    i, j, value: (n,) row, column and distance [m] of each minimum.
+    Of equally deep ones, the first by row, then column, stays. i, j, value: (n,) row, column and distance [m] of each.
     """
     keep = np.zeros(len(i), bool)
     if not len(i):
@@ -114,9 +115,9 @@ def _deepest(i: NDArray[np.int64], j: NDArray[np.int64], value: NDArray[np.float
 class _Piece:
     """A few consecutive frames of a clip and those that their windows reach, about their planar mean.
 
-    rows: their rows in the image. flat, turned: (n + 2 reach, 2 J) x and y, and y and -x, of all joints; up: (n + 2
-    reach, J) their z [m]; reach is WINDOW_REACH. mean_x, mean_y: (n,) means of the windows; own: (n,) sums of squares
-    about them; points: number of points of a window.
+    rows: the n rows of these frames in the image. flat, turned: (n + 2 reach, 2 J) x and y, and y and -x, of all
+    joints; up: (n + 2 reach, J) their z [m]; reach is WINDOW_REACH. mean_x, mean_y: (n,) means of the windows [m]; own:
+    (n,) sums of squares about these means [m2]; points: number of points of a window.
     """
 
     rows: slice
@@ -184,7 +185,11 @@ def _window_sums(values: Floats) -> Floats:
 
 
 def _diagonal_sums(products: Floats) -> Floats:
-    """Return sums of WINDOW entries down each diagonal, by doubling: WINDOW is 16 + 4 + 1."""
+    """Return sums (n - 2 reach, m - 2 reach) of WINDOW entries down each diagonal of ``products`` (n, m).
+
+    By doubling: WINDOW is 16 + 4 + 1.
+    """
+    # ``total`` has sums of ``span`` entries, a power of two; keep those of which WINDOW is composed.
     total, span = products, 1
     parts = []
     remaining = WINDOW

@@ -32,7 +32,10 @@ SUFFIX = ".npz"
 
 @dataclass(frozen=True)
 class GraphSettings:
-    """Settings of a graph; see :func:`build_motion_graph`, :func:`build_standard_graph` and :func:`read_clips`."""
+    """Settings of a graph; see :func:`build_motion_graph`, :func:`build_standard_graph` and :func:`read_clips`.
+
+    standard: True for a standard motion graph, False for a feature-based one.
+    """
 
     standard: bool = False
     threshold: float = DEFAULT_THRESHOLD
@@ -59,7 +62,10 @@ def build_graph(paths: Sequence[Path], settings: GraphSettings) -> MotionGraph:
 
 
 def graph_in_file(file: Path, paths: Sequence[Path], settings: GraphSettings) -> tuple[MotionGraph, bool]:
-    """Return the graph in ``file``, and True if it had to be built: there was none of these captures and settings."""
+    """Return the graph in ``file``, and True if it had to be built and written.
+
+    It is built if the file does not exist, or holds a graph of other captures, settings or of another VERSION.
+    """
     made_of = _made_of(paths, settings)
     if file.is_file():
         header, stored = _read(file)
@@ -105,7 +111,10 @@ _SKELETON = ("parents", "offsets", "end_parents", "end_offsets")
 
 
 def _read(file: Path) -> tuple[dict[str, Any], MotionGraph | None]:
-    """Return the header of a file, and its graph unless that is of another version."""
+    """Return the header of a file, and its graph, None if the file is of another VERSION.
+
+    Raise MotionError if it holds no motion graph.
+    """
     try:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             header = json.loads(stored["header"].tobytes())

@@ -55,6 +55,7 @@ def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], 
     row_of = np.repeat(np.arange(graph.report.nodes), np.diff(graph.arrays.edge_start))
     ends = np.array([first[clip] + last for clip, _, last in places])[row_of]
     starts = np.array([first[clip] + begin for clip, begin, _ in places])[graph.arrays.edge_target]
+    # Edges that go on with their clip leave and enter the same frame, and are no transitions.
     joins = ends != starts
     axes.scatter(
         minima[1], minima[0], s=size, c="red", linewidths=0, label=f"{len(minima[0]):,} local minima (standard graph)"
@@ -165,7 +166,7 @@ def _label(node: str) -> str:
 
 
 def _curve(a: Floats, b: Floats) -> Floats:
-    """Return points (n, 2) from a to b, bent toward the middle; an outward loop if they are the same."""
+    """Return points (n, 2) from a to b (2,) on the unit circle, bent inward; an outward loop if both are the same."""
     if np.allclose(a, b):
         turn = np.linspace(0.0, 2.0 * np.pi, 13)[:, None]
         side = np.array([-a[1], a[0]])

@@ -39,14 +39,16 @@ def build_standard_graph(
 
     Parameters
     ----------
+    sources: clips on the same joints.
     threshold: largest distance of moments that join [m].
     max_out_edges: keep only so many nearest transitions out of each frame.
     image: error image of the clips that are not idle, if it is known.
-    most_drift: as of :func:`build_motion_graph` [m].
+    most_drift: leave out transitions that add more than this to the drift of a planted foot [m]; clip names must be
+    unique.
 
     Raises
     ------
-    MotionError: if no moments join.
+    MotionError: if clips do not fit together, or no moments join.
     """
     sources = [source for source in sources if not source.idle]
     prepared = prepare_sources(sources)
@@ -56,7 +58,7 @@ def build_standard_graph(
     if max_out_edges is not None:
         leave, enter = _nearest(image, leave, enter, max_out_edges)
     cuts = np.unique(np.concatenate([leave, enter]))
-    # Windows of the image never hold a standing pose, so those of nodes do not either.
+    # The image compares frames as they are, also around a stand; so must the clouds of nodes (hold_standing).
     clip_of = image.clip_of(cuts)
     nodes: list[Node] = []
     for index, source in enumerate(prepared):
@@ -120,7 +122,7 @@ def _nearest(
 
 
 def _segments(source: PreparedSource, frames: list[int]) -> list[Segment]:
-    """Return the segments between ``frames``; a cut stands if both feet are slow."""
+    """Return the segments between consecutive ``frames``, the cuts; a cut is standing if both feet are slow there."""
     still = source.foot_speed.max(axis=1) < StandingDetector.speed
     return [Segment(a, b, bool(still[a]), bool(still[b])) for a, b in pairwise(frames)]
 
@@ -130,14 +132,15 @@ def _edges(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return sources and targets (E,) of all edges, sorted: continuations of clips, and transitions.
 
-    leave, enter: (n,) rows of the image that transitions leave and enter; those at which no nodes meet do not count.
+    leave, enter: (n,) rows of the image that transitions leave and enter. A transition counts only if a node ends at
+    the row that it leaves, and one starts at the row that it enters.
     """
     count = int(image.clip_first[-1])
     ending, starting = np.full(count, -1), np.full(count, -1)
     for index, node in enumerate(nodes):
         row = image.clip_first[node.source]
         ending[row + node.segment.last], starting[row + node.segment.first] = index, index
-    # Nodes that meet at a frame of their clip, and those that meet at a transition.
+    # Nodes that meet at a frame of their clip, and nodes that meet at a transition.
     frames = np.arange(count)
     source = ending[np.concatenate([frames, leave])]
     target = starting[np.concatenate([frames, enter])]

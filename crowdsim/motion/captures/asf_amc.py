@@ -28,7 +28,10 @@ _ANGLE_UNITS = {"deg": True, "degree": True, "degrees": True, "rad": False, "rad
 
 @dataclass(frozen=True)
 class _Bone:
-    """Bone of an ASF file; ``axes`` is the order of its own axes, ``turns`` that of its angles, first applied first.
+    """Bone of an ASF file.
+
+    axes: order of the turns of its own axes, as XYZ; turns: order of its angles, as RX (and TX of the root). Both name
+    first what is applied first.
 
     offset: (3,) from its begin to its end, in file units. axis: (3,) angles that turn its own axes, in the file's unit
     of angles.
@@ -80,7 +83,7 @@ def parse_amc(path: Path) -> RawMotion:
 
 
 def _skeleton_path(path: Path) -> Path:
-    """Return the ASF file for an AMC file; raise MotionError if it is missing or ambiguous."""
+    """Return the ASF file for an AMC file, see :func:`parse_amc`; raise MotionError if it is missing or ambiguous."""
     for stem in (path.stem, path.stem.rpartition("_")[0]):
         if stem and (path.parent / f"{stem}.asf").is_file():
             return path.parent / f"{stem}.asf"
@@ -94,7 +97,10 @@ def _skeleton_path(path: Path) -> Path:
 
 
 def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
-    """Yield (place, words) of each line that is not empty or a comment."""
+    """Yield (place, words) of each line that is not empty or a comment; the place is ``file:number``.
+
+    Raise MotionError if the file cannot be read or is no ASCII text.
+    """
     require_regular(path, MotionError)
     try:
         text = path.read_text(encoding="ascii")
@@ -260,13 +266,16 @@ def _rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
     count = len(angles)
     if not bone.turns:
         return np.broadcast_to(np.array([1.0, 0.0, 0.0, 0.0]), (count, 4))
-    # C M C^-1, of which M has its turns reversed, as euler_rotations applies the last one first.
+    # C M C^-1. The turns of M are reversed, as euler_rotations applies the last one first.
     own = _own_axes(bone, scale)
     turned = euler_rotations(angles[:, ::-1], [turn[1] for turn in bone.turns[::-1]])
     return multiply(multiply(np.broadcast_to(own, (count, 4)), turned), np.broadcast_to(conjugate(own), (count, 4)))
 
 
 def _root_rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
-    """Return rotations (F, 4) of the root from its turns, the places left out."""
+    """Return rotations (F, 4) of the root for ``angles`` (F, 3) [rad], in the order of RX, RY and RZ in ``bone.turns``.
+
+    scale: as of :func:`_rotations`.
+    """
     turns = tuple(turn for turn in bone.turns if turn[0] == "R")
     return _rotations(_Bone(bone.name, bone.offset, bone.axis, bone.axes, turns), angles, scale)

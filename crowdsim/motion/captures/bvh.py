@@ -30,7 +30,7 @@ _STARTS_LINE = frozenset(("HIERARCHY", "ROOT", "JOINT", "End", "OFFSET", "CHANNE
 
 
 def parse_bvh(path: Path) -> RawMotion:
-    """Read a BVH file; raise MotionError for any error of pybvh."""
+    """Read a BVH file; raise MotionError for any error or warning of pybvh."""
     import pybvh
 
     require_regular(path, MotionError)
@@ -50,9 +50,11 @@ def parse_bvh(path: Path) -> RawMotion:
 
 
 def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...], tuple[str, ...]]:
-    """Return ``path``, or a copy in ``folder`` with the lines and channels that pybvh needs, and what that assumes.
+    """Return a file that pybvh can read, notes on what it assumes, and the names of joints that stand still.
 
-    Also return the joints that stand still above hips that travel; the first of these then has the places of the hips.
+    The file is ``path``, or a copy in ``folder`` if pybvh needs other lines or channels. The joints that stand still
+    are those above hips that travel, see :func:`with_travelling_root`: the first of them has the places of the hips in
+    the copy.
 
     Raise MotionError for errors that pybvh accepts: missing parts, unbalanced braces, rows that run into each other,
     and more joints than a body has.

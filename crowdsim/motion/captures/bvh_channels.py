@@ -94,7 +94,8 @@ def _require_channels(name: str, line: Sequence[str]) -> None:
 def _own_offset(offset: Floats, places: Floats) -> tuple[Floats, float]:
     """Return a joint's constant place relative to its parent, and its largest distance from there, in file units.
 
-    offset: (3,). places: (F, 3) of its channels. Positions that are all about zero are relative to the offset.
+    offset: (3,). places: (F, 3) of its channels. If their mean is shorter than 1 % of the offset, they count from the
+    offset, else from the parent.
     """
     mean = places.mean(axis=0)
     away: NDArray[np.float64] = np.linalg.norm(places - mean, axis=1)

@@ -22,10 +22,10 @@ _SHORTEST = 0.3
 def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int]], bool, list[tuple[int, int]]]:
     """Find the frames of world ``positions`` (F, J, 3) [m], ``rate`` of them per second, that can be used.
 
-    Return the clean stretches as (first, last) frames, True if the first frame was a calibration pose, and the jumps as
-    (frame behind it, joint). The frames within 25 ms of a jump, at least the one on either side, are removed, as those
-    next to a spike are off, too.
-    Remaining stretches shorter than 0.3 s are dropped, unless there was no jump.
+    Return the clean stretches as (first, last) frames, both included; True if the first frame was a calibration pose;
+    and the jumps as (first frame after the jump, joint). A calibration pose, and the frames within 25 ms of a jump, at
+    least one on either side, are removed, as those next to a spike are wrong, too. Remaining stretches shorter than 0.3
+    s are dropped, unless there was no jump.
     """
     count = len(positions)
     leaps = np.linalg.norm(np.diff(positions, axis=0), axis=-1)
@@ -38,6 +38,7 @@ def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int
     frames, joints = np.nonzero(leaps > GLITCH_SPEED / rate)
     jumps = [(int(f) + 1, int(j)) for f, j in zip(frames, joints, strict=True) if f >= first]
 
+    # ``first`` leaves out the calibration pose, and the leap from it, which is no glitch.
     usable = np.ones(count, bool)
     usable[:first] = False
     # At low rates, _MARGIN is less than a frame.
@@ -54,7 +55,8 @@ def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int
 def resample(root_positions: Floats, rotations: Floats, rate: float, target: float) -> tuple[Floats, Floats]:
     """Return the motion at ``target`` frames per second: every n-th frame if that is exact, else interpolated.
 
-    ``root_positions`` (f, 3) [m] and ``rotations`` (f, j, 4) of the joints are given at ``rate`` frames per second.
+    ``root_positions`` (n, 3) [m] and ``rotations`` (n, J, 4) of the joints are given at ``rate`` frames per second. The
+    last frame of the result is no later than the last one given.
     """
     ratio = rate / target
     step = round(ratio)

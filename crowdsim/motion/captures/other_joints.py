@@ -29,28 +29,30 @@ _BONES = {
 """The joint at the other end of the bone that each role turns."""
 
 _AS_ABOVE = {"head": "neck", "left_wrist": "left_elbow", "right_wrist": "right_elbow"}
-"""Joints whose bones end in nothing that has a role: they rest as the joint above them does."""
+"""Roles of joints whose bone ends in no joint with a role: their rest poses differ as those of the joint above do."""
 
 _NEEDED = ("hips", *(f"{side}_{part}" for side in ("left", "right") for part in ("hip", "knee", "ankle")))
 
 
 def on_joints_of(clip: Clip, skeleton: Skeleton) -> Clip:
-    """Move ``skeleton`` as the clip moves its own, whatever the joints of both are called.
+    """Return a clip that moves ``skeleton`` as ``clip`` moves its own, whatever the joints of both are called.
 
-    A joint without a role goes with its parent, but those between hips and chest go over from the turn of the one to
-    that of the other in even parts. Places scale with the length of the legs. Raise MotionError if one of both has no
-    legs, or if a bone of one points nearly opposite to that of the other at rest.
+    A joint without a role goes with its parent, except between hips and chest: these joints turn from the rotation of
+    the hips to that of the chest in even parts. Places scale with the length of the legs, and the lowest joint of all
+    frames is as high as before. Raise MotionError if either skeleton lacks hips or joints of the legs, or if a bone
+    points nearly opposite ways in both at rest.
     """
     own = clip.skeleton
+    # The same joints: their rotations hold as they are.
     if own.names == skeleton.names and np.array_equal(own.parents, skeleton.parents):
         return retarget(clip, skeleton)
     for role in _NEEDED:
         if role not in own.roles or role not in skeleton.roles:
             raise MotionError(f"clip '{clip.name}' has no joint for '{role}', or the other behaviors have none")
     positions, world = clip.posed
-    # Rotations in the world (turned): a joint with a role turns as the one with that role, from its own rest pose;
-    # others go with their parents, and those of the spine share its turn. level: turn about the vertical between the
-    # directions in which both skeletons face at rest.
+    # World rotations ``turned``: a joint with a role turns as the clip's joint in that role, from its own rest pose.
+    # Other joints go with their parents, but those of the spine share its turn. ``level``: turn about the vertical from
+    # the direction in which ``skeleton`` faces at rest to the one in which ``own`` does.
     level = multiply(_facing(own), conjugate(_facing(skeleton)))
     turned = np.tile([1.0, 0.0, 0.0, 0.0], (clip.frame_count, skeleton.joint_count, 1))
     roles = {joint: role for role, joint in skeleton.roles.items() if role in own.roles}
@@ -109,7 +111,7 @@ def _rest_turn(own: Skeleton, skeleton: Skeleton, level: Floats, role: str) -> F
 
 
 def _share_spine(skeleton: Skeleton, turned: Floats) -> None:
-    """Turn the joints between hips and chest, which have no role, as evenly as their number allows.
+    """Turn the joints between hips and chest, which have no role, from one to the other in even parts.
 
     turned: (F, J, 4) world rotations of all joints, changed in place.
     """

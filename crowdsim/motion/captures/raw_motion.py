@@ -71,7 +71,10 @@ def snap_rate(rate: float) -> float:
 
 
 def euler_rotations(angles: Floats, order: Sequence[str]) -> Floats:
-    """Return quaternions (..., 4) of turns by ``angles`` (..., n) [rad] about axes ``order``, the last one first."""
+    """Return quaternions (..., 4) of turns by ``angles`` (..., n) [rad] about axes ``order``, the last applied first.
+
+    order: n names of axes, X, Y or Z.
+    """
     result = about_axis(np.eye(3)["XYZ".index(order[0])], angles[..., 0])
     for i, axis in enumerate(order[1:], start=1):
         result = multiply(result, about_axis(np.eye(3)["XYZ".index(axis)], angles[..., i]))

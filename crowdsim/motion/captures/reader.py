@@ -38,8 +38,8 @@ _LEG_RANGES = ((0.7, 1.05), (0.35, 0.7), (1.05, 1.25))
 class CaptureReport:
     """What reading a capture file assumed and removed.
 
-    meters_per_unit: [m]. leg_length: from hip to ankle along the bones [m] (to the lowest point if the joints have no
-    known names).
+    unit: name of the file's unit of length, "given" if the caller gave it. meters_per_unit: its length [m]. leg_length:
+    from hip to ankle along the bones [m] (from the root to the lowest point if the joints have no known names).
     up, facing: signed axes of the file that became +z and +x.
     source_rate: frames per second of the file.
     dropped_first: True if the first frame was a calibration pose.

@@ -14,8 +14,8 @@ from crowdsim.motion.clips.skeleton import Skeleton
 def retarget(clip: Clip, skeleton: Skeleton) -> Clip:
     """Return the motion of ``clip`` on the bones of ``skeleton``, which has the same joints.
 
-    Joints keep their rotations; positions scale with leg length, so that a standing foot stays in place. Raise
-    MotionError if the joints differ.
+    Joints keep their rotations. Positions scale with leg length, so that a standing foot stays in place, and the lowest
+    joint of all frames is as high as before. Raise MotionError if the joints differ.
     """
     own = clip.skeleton
     if own.names != skeleton.names or not np.array_equal(own.parents, skeleton.parents):
@@ -24,6 +24,7 @@ def retarget(clip: Clip, skeleton: Skeleton) -> Clip:
             f"clip '{clip.name}' has other joints than the rest "
             f"({', '.join(extra) if extra else 'the same ones in another order'}); keep it in a folder of its own"
         )
+    # The same bones: nothing to scale.
     if np.allclose(own.offsets, skeleton.offsets, rtol=0.0, atol=1e-6):
         return Clip(clip.name, skeleton, clip.root_positions, clip.rotations)
     root = clip.root_positions * (skeleton.leg_length() / own.leg_length())

@@ -21,7 +21,10 @@ _STILL_ANGLE = np.radians(0.1)
 
 
 class _Joint(NamedTuple):
-    """Parent (-1 for none), offset in file units, first column of its values, line and names of its channels."""
+    """Parent (-1 for none), offset (3,) in file units, first column of its values, line and names of its channels.
+
+    The line is an index into the lines of the hierarchy.
+    """
 
     name: str
     parent: int
@@ -34,12 +37,12 @@ class _Joint(NamedTuple):
 def with_travelling_root(
     lines: Sequence[Sequence[str]], values: Floats
 ) -> tuple[list[list[str]], Floats, tuple[str, ...]]:
-    """Return hierarchy and rows (F, C) in which the first joint has the places of the hips, and the still joints above.
+    """Return hierarchy, rows (F, C) in which the first joint has the places of the hips, and names of the still joints.
 
     lines: words of the hierarchy, line by line. values: (F, c) of all its channels, in their order, in file units and
-    degrees. The still joints are those from the first one to the parent of the first that travels; none, and everything
-    as given, if one of them moves or turns, or if none travels. Their turns stay theirs; :func:`without_still` removes
-    them.
+    degrees. The still joints are those from the first one to the parent of the first that travels. If one of them
+    moves, turns or has no channels of rotation, or if no joint travels, there are none, and everything is returned as
+    given. Still joints keep their turns; :func:`without_still` removes the joints.
     """
     given = [list(line) for line in lines]
     joints = _joints(lines)
@@ -52,11 +55,14 @@ def with_travelling_root(
     for number, index in enumerate(chain):
         joint = joints[index]
         own = _places(joint, values)
-        # The one that travels: it goes farther than the longest bone is long.
+        # The one that travels: it goes farther than the longest bone is long. A first joint that does is a usual root.
         if own is not None and number and np.ptp(own, axis=0).max() > longest:
             break
         moved = 0.0 if own is None else np.ptp(own, axis=0).max()
         turns = _turns(joint, values)
+        # A joint that cannot turn is refused with its channels later, by :func:`plain_channels`.
+        if not turns.shape[1]:
+            return given, values, ()
         # Whatever moves or turns above the hips is a part of the body.
         if moved > _STILL * longest or np.ptp(turns, axis=0).max(initial=0.0) > _STILL_ANGLE:
             return given, values, ()
@@ -146,6 +152,6 @@ def _places(joint: _Joint, values: Floats) -> Floats | None:
 
 
 def _turns(joint: _Joint, values: Floats) -> Floats:
-    """Return the angles (F, n) of a joint, in the order of its channels [rad]."""
+    """Return the angles (F, n) of a joint, in the order of its n channels of rotation [rad]."""
     columns = [joint.column + k for k, name in enumerate(joint.channels) if name not in PLACES]
     return np.radians(values[:, columns])

@@ -33,7 +33,7 @@ def edit_arms(clip: Clip, weight: Floats) -> Clip:
 
     Parameters
     ----------
-    weight: (F,) share from 0 (frame unchanged) to 1 (arms fully held).
+    weight: (F,) share of holding in each frame, from 0 (frame unchanged) to 1 (arms fully held).
 
     Raises
     ------
@@ -71,9 +71,9 @@ def _shoulder_frame(clip: Clip) -> Floats:
 def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direction, held: Direction) -> Floats:
     """Return local rotations (F, 4) of ``joint`` with which the limb from ``joint`` to ``tip`` points to ``held``.
 
-    Directions ``hanging`` and ``held`` are in the frame of the shoulders. By as much as the limb in the clip deviates
-    from ``hanging``, it swings: the result deviates from ``held`` by _SWING_LEFT of that. ``rotations`` (F, J, 4) are
-    those of the clip, with the joints between chest and ``joint`` already edited.
+    Directions ``hanging`` and ``held`` are in the frame of the shoulders. The direction of the limb in the clip less
+    ``hanging`` is its swing, of which the share _SWING_LEFT is added to ``held``. rotations: (F, J, 4) of the clip;
+    joints above ``joint`` in the arm are already edited.
     """
     positions, world = forward_kinematics(clip.skeleton, clip.root_positions, rotations)
     frame = _shoulder_frame(clip)

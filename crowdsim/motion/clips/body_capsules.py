@@ -33,7 +33,7 @@ class Capsules(NamedTuple):
 def body_capsules(clip: Clip, first: int, last: int) -> Capsules:
     """Return the body of a clip from frame ``first`` to before ``last``, one capsule per bone.
 
-    Each is as thick as the thinner end of its bone: as thick as the hips, the thighs would be wider than the body.
+    Each is as thick as the thinner end of its bone: thighs with the flesh of the hips would be wider than the body.
     """
     skeleton = clip.skeleton
     positions, world = forward_kinematics(skeleton, clip.root_positions, clip.rotations)

@@ -67,7 +67,7 @@ def measure_clearances(clip: Clip, bands: Sequence[tuple[float, float]], facing:
 
     Parameters
     ----------
-    bands: (low, high) heights [m].
+    bands: (low, high) heights [m], both included.
     facing: angle from the direction of motion to the heading (`Behavior.facing`) [rad]: 0 for a body that walks ahead,
     pi/2 for one that side-steps, whose depth then counts.
     """
@@ -78,7 +78,10 @@ def measure_clearances(clip: Clip, bands: Sequence[tuple[float, float]], facing:
 
 
 def _reaches(offset: Floats, height: Floats, flesh: Floats, bands: Sequence[tuple[float, float]]) -> Floats:
-    """Return the largest reach (bands,) of points (F, P) beside the track, at ``height``, with ``flesh`` (P,) [m]."""
+    """Return the largest reach (bands,) of points to either side of the track within each band, 0 for none [m].
+
+    offset, height: (F, P) distance to the left of the track, and above the floor. flesh: (P,) about each point [m].
+    """
     reach = np.abs(offset) + flesh
     result = []
     for low, high in bands:
@@ -90,10 +93,10 @@ def _reaches(offset: Floats, height: Floats, flesh: Floats, bands: Sequence[tupl
 def frame_reaches(
     clip: Clip, bands: Sequence[tuple[float, float]], facing: float = 0.0
 ) -> tuple[NDArray[np.int64], Floats]:
-    """Return the frames (n,) that go on, and the reach (n, bands) of the body to a side of its track in each [m].
+    """Return the frames (n,) that go on, and the larger reach (n, bands) of the body to the sides of its track [m].
 
-    As :func:`measure_clearances`, but the lowest of several bands measures only the legs: low hands, or those of a
-    ducked body, belong to the next band.
+    As :func:`measure_clearances`, but the first of several bands, the lowest, measures only the legs: low hands, or
+    those of a ducked body, belong to the next band.
     """
     found = _beside_track(clip, facing)
     if found is None:
@@ -114,6 +117,7 @@ def frame_spreads(clip: Clip) -> Floats:
     """Return the distance (F,) from the track to the farthest point of the body, seen from above [m]."""
     points, flesh, _ = _body_points(clip)
     away = points[..., :2] - track_of(clip)[:, None, :2]
+    # To the skin: flesh is added to each point's distance.
     spreads: Floats = np.max(hypot(away[..., 0], away[..., 1]) + flesh, axis=1)
     return spreads
 
@@ -121,9 +125,9 @@ def frame_spreads(clip: Clip) -> Floats:
 def measure_turning(clip: Clip, bands: Sequence[tuple[float, float]], back: bool) -> Floats:
     """Return the largest reach (bands,) of the body to either side while it turns off its way, or ``back`` onto it [m].
 
-    The way points where the body faces in the first frame, or in the last one if it turns back. Frames in which it
-    faces nearly as in the first or last one do not count: there it has one behavior or the other, not turned between
-    them; 0 if none counts. Bands as in :func:`measure_clearances`.
+    The direction of the way is the heading in the first frame, or in the last one if the body turns back. Only frames
+    count in which it faces neither nearly as in the first nor nearly as in the last frame: in the others it already has
+    one of the two behaviors. 0 if no frame counts. Bands as in :func:`measure_clearances`.
     """
     track = track_of(clip)
     heading = np.unwrap(track[:, 2])
@@ -177,6 +181,7 @@ def _beside_track(clip: Clip, facing: float) -> _Beside | None:
     facing: as of :func:`measure_clearances` [rad].
     """
     track = track_of(clip)
+    # A single frame has no velocity.
     if len(track) < 2:
         return None
     velocity = np.gradient(track, axis=0) * CAPTURE_RATE
@@ -200,9 +205,13 @@ def _body_points(clip: Clip) -> tuple[Floats, Floats, NDArray[np.int64]]:
     points, flesh, owner = [positions], [around], [np.arange(skeleton.joint_count)]
 
     def add_bone(start: Floats, end: Floats, thick: float, thin: float, joint: int) -> None:
-        """Sample a bone with ends (frames, 3) [m] every _SPACING; its flesh [m] goes from ``thick`` to ``thin``."""
+        """Add points along a bone of ``joint`` with ends (F, 3) [m], _SPACING apart or less, without its start.
+
+        Flesh about them goes from ``thick`` to ``thin`` [m].
+        """
         length = float(np.max(np.linalg.norm(end - start, axis=1)))
         count = int(np.ceil(length / _SPACING))
+        # The ends of a bone of no length are joints, which are points already.
         if count < 1:
             return
         share = np.arange(1, count + 1) / count
@@ -230,7 +239,10 @@ def _body_points(clip: Clip) -> tuple[Floats, Floats, NDArray[np.int64]]:
 
 
 def joint_flesh(skeleton: Skeleton) -> Floats:
-    """Return the flesh (J,) by role [m]; joints without a role as their nearest ancestor with one."""
+    """Return the distance (J,) from each joint to the skin, by its role [m].
+
+    Joints without a role have that of their nearest ancestor with one; _FLESH if there is none.
+    """
     flesh = np.full(skeleton.joint_count, _FLESH)
     by_joint = {joint: _FLESH_BY_ROLE[role] for role, joint in skeleton.roles.items()}
     for joint, parent in enumerate(skeleton.parents):

@@ -25,13 +25,14 @@ _CENTRAL = {
     "neck": ("neck", "lowerneck", "neck1"),
     "head": ("head",),
 }
+"""Names of joints in the middle of the body by role; again the first that a file has counts."""
 
 _SHARED = 0.75
 """Share of the joint names with a common beginning or end from which on that part is ignored."""
 
 
 def _spellings(side: str, stem: str) -> tuple[str, ...]:
-    """Return the ways in which a side and a stem are combined."""
+    """Return the ways in which a side and a stem are combined, as ``leftarm``, ``larm``, ``armleft``, ``arml``."""
     return side + stem, side[0] + stem, stem + side, stem + side[0]
 
 
@@ -54,7 +55,7 @@ def _normalize(name: str) -> str:
 
 
 def _shared_beginning(names: Sequence[str]) -> str:
-    """Return the longest beginning that most of ``names`` share, '' if there is none."""
+    """Return the longest beginning that at least the share _SHARED of ``names`` have, '' if there is none."""
     best = ""
     for length in range(1, max(map(len, names)) + 1):
         start, count = Counter(name[:length] for name in names if len(name) >= length).most_common(1)[0]
@@ -65,11 +66,12 @@ def _shared_beginning(names: Sequence[str]) -> str:
 
 
 def _stripped(names: Sequence[str]) -> list[str]:
-    """Return normalized names without common beginnings or ends, such as a character's name, ``bip01`` or ``jnt``."""
+    """Return normalized names without common beginnings or ends, such as a character's name, ``bip1`` or ``jnt``."""
     normal = [_normalize(name) for name in names]
     # Of a few joints, most may begin alike by chance.
     if len(names) < 8:
         return normal
+    # A name that is nothing but the common part keeps it (or name).
     beginning = _shared_beginning(normal)
     normal = [name.removeprefix(beginning) or name for name in normal]
     ending = _shared_beginning([name[::-1] for name in normal])[::-1]
@@ -115,9 +117,11 @@ def find_roles(
 
 
 def _add_trunk(roles: dict[str, int], parents: Sequence[int]) -> None:
-    """Add chest, neck and head to ``roles`` by structure: where both arms hang, the next joint up, and the last one.
+    """Add chest, neck and head to ``roles``, in place, by where the arms hang.
 
-    Roles that are known stay, and no joint gets a second one. Nothing is added if a shoulder is unknown.
+    The chest is the nearest joint above both shoulders. The neck is its first child that leads to no shoulder. The head
+    is the last joint down from the neck, along first children. Roles that are known stay, and no joint gets a second
+    one. Nothing is added if a shoulder is unknown.
     """
     if "left_shoulder" not in roles or "right_shoulder" not in roles:
         return

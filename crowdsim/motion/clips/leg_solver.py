@@ -42,12 +42,12 @@ def stretch(leg: Leg) -> Floats:
 
 
 def missing_height(leg: Leg, targets: Floats, most: Floats) -> Floats:
-    """Return how far hips must come down for ankles to reach ``targets`` (n, 3), (n,) [m]; negative if they need not.
+    """Return how far (n,) hips must come down for ankles to reach ``targets`` (n, 3) [m]; negative if they need not.
 
-    most: (n,) stretch up to which legs may reach.
+    most: (n,) stretch up to which legs may reach, as of :func:`stretch`.
     """
-    # Pythagoras: the hip's largest height above the target at this horizontal distance; at least 0.1 m, also for a
-    # target that is out of reach at any height.
+    # Pythagoras: the hip's largest height above the target at this horizontal distance; taken as 0.1 m if it is less,
+    # or if the target is out of reach at any height.
     x, y, z = (leg.hips - targets).T
     reach = most * _whole(leg)
     missing: Floats = z - np.sqrt(np.maximum(reach * reach - x * x - y * y, 0.01))
@@ -57,16 +57,18 @@ def missing_height(leg: Leg, targets: Floats, most: Floats) -> Floats:
 def raised_heels(leg: Leg, balls: Floats, targets: Floats, most: Floats) -> Floats:
     """Return the rotations (n, 4) about ``balls`` (n, 3) [m] by which heels rise so that legs reach their ankles.
 
-    Only the heel of a foot that the hip has passed rises, and none by more than _RISES. targets: (n, 3) places of the
-    ankles before their heels rise [m]. most: (n,) stretch up to which legs may reach.
+    A heel rises by _RISES at most, and only if its leg does not reach. While the hip is behind the ball of the foot,
+    the heel stays down. From there to _PASSED ahead of it, it rises by a growing share of what the leg needs, then by
+    all. A foot up to _SHORT_FOOT long has no heel to rise. targets: (n, 3) places of the ankles before their heels rise
+    [m]. most: (n,) stretch up to which legs may reach.
     """
     foot, hip = balls - targets, leg.hips - balls
     ahead = unit(foot * np.array([1.0, 1.0, 0.0]))
     # In the vertical plane of the foot, seen from the ball: the hip at (x, z), the ankle on a circle of this radius.
     x, z = np.sum(hip * ahead, axis=-1), hip[:, 2]
     radius = np.maximum(_length(foot), 1e-9)
-    # Law of cosines in the triangle of ball, ankle and hip, of which the hip may lie aside of the plane. The angle is
-    # how far the ankle turns about the ball, negative if the heel rises.
+    # Law of cosines in the triangle of ball, ankle and hip; the hip may lie outside the plane of the foot. ``angle`` is
+    # the turn of the ankle about the ball [rad], negative if the heel rises.
     reach = most * _whole(leg)
     square = np.sum(hip * hip, axis=-1) + radius * radius - reach * reach
     share = square / (2.0 * radius * np.maximum(np.sqrt(x * x + z * z), 1e-9))

@@ -34,7 +34,11 @@ def track_of(clip: Clip) -> Floats:
 
 
 def _hips_and_heading(clip: Clip) -> tuple[Floats, Floats]:
-    """Return the middle (F, 2) of the hip joints on the ground [m], and the unsmoothed unwrapped heading (F,) [rad]."""
+    """Return the middle (F, 2) of the hip joints on the ground [m], and the unsmoothed unwrapped heading (F,) [rad].
+
+    The heading is at right angles to the mean direction of the hip line and, if its joints are known, of the shoulder
+    line.
+    """
     joints, skeleton = clip.joint_positions, clip.skeleton
     left, right = joints[:, skeleton.joint("left_hip"), :2], joints[:, skeleton.joint("right_hip"), :2]
     across = unit(left - right)
@@ -47,6 +51,7 @@ def _hips_and_heading(clip: Clip) -> tuple[Floats, Floats]:
 
 def _seconds_from_standing(hips: Floats) -> Floats:
     """Return the time (F,) to the nearest frame in which the hips rest [s]; infinite if they never do."""
+    # A single frame has no speed; it counts as rest.
     if len(hips) < 2:
         return np.zeros(len(hips))
     steady = _smooth(hips, np.full(len(hips), _SPEED_SPAN))
@@ -64,13 +69,14 @@ def _seconds_from_standing(hips: Floats) -> Floats:
 
 
 def _smooth(values: Floats, span: Floats) -> Floats:
-    """Smooth the rows of ``values`` (F, D) over a window of ``span`` (F,) seconds each, the unit of the offset u in it.
+    """Return the rows of ``values`` (F, D) smoothed, each over a window of its own width ``span`` (F,) [s], 0 for none.
 
-    The kernel is of fourth order, (3 - u^2) exp(-u^2 / 2): it preserves a constant acceleration, while a plain mean
-    would cut the corners of turns and blur starts and stops. Beyond its ends the motion continues as its own point
-    reflection, so that the ends keep their place and speed.
+    The kernel is of fourth order, (3 - u^2) exp(-u^2 / 2) at an offset of u spans. It preserves a constant
+    acceleration, while a plain mean would cut the corners of turns and blur starts and stops. Beyond its ends the
+    motion continues as its own point reflection, so that the ends keep their place and speed.
     """
-    # Weights beyond three spans are next to nothing, and a reflected motion is no longer than the motion.
+    # Weights beyond three spans are next to nothing, and a reflected motion is no longer than the motion. With no reach
+    # (one frame, or only spans of 0) there is nothing to smooth.
     count = len(values)
     reach = min(int(np.ceil(3.0 * float(span.max(initial=0.0)) * CAPTURE_RATE)), count - 1)
     if reach < 1:

@@ -3,10 +3,10 @@
 Rotations are unit quaternions (w, x, y, z) in tuples. World axes are x, y on the floor and z up. ``model`` is a
 :class:`crowdsim.motion.deformed.deformed_clip.ClipModel`; foot 0 is the left one, 1 the right one.
 
-``q`` is a rotation, ``rows`` an array of rotations or samples; ``bones`` (2, 5) are those of the model: thigh, shank,
-ankle to ball along the foot, heights of ankle and ball [m]; ``pitch`` is that of a foot, toes up [rad]; ``print_yaw``
-is the heading of a print [rad]; ``hip``, ``ankle`` and ``ball`` are points [m]; ``track`` is a result of
-:func:`track_at`; ``u`` is the phase since a foot landed, the share of its cycle.
+``q`` is a rotation, ``rows`` an array of rotations or samples; ``bones`` (2, 5) are the model's, of both legs: thigh,
+shank, ankle to ball along the foot, heights of ankle and ball [m]; ``pitch`` is the pitch of a foot, positive if its
+toes point up [rad]; ``print_yaw`` is the heading of a print [rad]; ``hip``, ``ankle`` and ``ball`` are points [m];
+``track`` is a result of :func:`track_at`; ``u`` is the phase since a foot landed, the share of its cycle.
 """
 
 import math
@@ -121,13 +121,15 @@ def track_at(samples, first, count, step, time):
 
 @helper
 def pelvis_of(model, track):
-    """Return place [m] and rotation of the root on a track.
+    """Return place (x, y, z) [m] and rotation of the root on a track.
 
-    It is the clip's sway, bob, surge and turns, scaled by the share of the clip's stride that the body takes.
+    Sway, surge and turns are the clip's times SHARE, the bob is the clip's times its square. The mean height goes from
+    that of a standing body to that of the clip as SHARE grows to 1. DROP is taken off.
     """
     share = track[SHARE]
     c1, s1 = cos_sin(2.0 * math.pi * (track[PHASE] - math.floor(track[PHASE])))
-    # Sum the harmonics (Fourier series over the phase). Angle addition gives each one's cosine and sine from the last.
+    # Sum the harmonics (Fourier series over the phase). The cosine and sine of each follow from those of the one before
+    # by angle addition.
     ahead, left, up, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     c, s = c1, s1
     waves = model.waves
@@ -139,7 +141,8 @@ def pelvis_of(model, track):
         ty += waves[4, k] * c + waves[4, k + 1] * s
         tz += waves[5, k] * c + waves[5, k + 1] * s
         c, s = c * c1 - s * s1, s * c1 + c * s1
-    # A body at rest stands taller than one that walks. The bob grows with the square of the stride (inverted pendulum).
+    # A body at rest stands taller than one that walks; strides longer than the clip's (share > 1) lower it no further.
+    # The bob grows with the square of the stride (inverted pendulum).
     walking = min(share, 1.0)
     ahead = model.root[0] + share * ahead
     left = model.root[1] + share * left
@@ -203,9 +206,9 @@ def ankle_over(bones, foot, pitch):
 
 @helper
 def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
-    """Return ``pitch`` of a foot on its ball, or as much lower as its leg needs to reach the ankle [rad].
+    """Return ``pitch`` of a foot on its ball, or as much lower (heel up) as its leg needs to reach the ankle [rad].
 
-    It is no lower than -_STEEPEST, with which a leg may still not reach. hip: place of the hip joint. ball: place of
+    The result is no lower than -_STEEPEST; the leg may not reach even then. hip: place of the hip joint. ball: place of
     the ball on the floor. c, s: cosine and sine of the foot's heading.
     """
     most = REACH * (bones[foot, THIGH] + bones[foot, SHANK])
@@ -218,7 +221,7 @@ def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
         return pitch
     # Else raise the heel. The ankle moves on a circle about the ball joint; by the law of cosines in the triangle ball,
     # ankle, hip the leg has its full length at one angle above the direction to the hip. Less the ankle's angle in a
-    # flat foot, it is the pitch.
+    # flat foot, it is the pitch. A hip too far for every angle (share > 1) gets the angle that is nearest to it.
     z = hip[2] - bones[foot, BALL_HEIGHT]
     length = bones[foot, FOOT_LENGTH]
     rise = bones[foot, ANKLE_HEIGHT] - bones[foot, BALL_HEIGHT]
@@ -231,9 +234,12 @@ def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
 
 @helper
 def lacking(bones, foot, hip, ankle):
-    """Return how far the pelvis must come down for a leg to reach its ankle [m]; negative if it need not."""
-    # Pythagoras: the hip's largest height above the ankle at this horizontal distance. At least 0.1 m, also for an
-    # ankle that is out of reach at any height: the pelvis must not come down to the floor for it.
+    """Return how far the pelvis must come down for a leg to reach its ankle [m].
+
+    If the leg reaches already, the result is negative: the pelvis could be higher by as much.
+    """
+    # Pythagoras: the hip's largest height above the ankle at this horizontal distance. It is taken as 0.1 m if it is
+    # less, or if the ankle is out of reach at any height: the pelvis must not come down to the floor for it.
     most = REACH * (bones[foot, THIGH] + bones[foot, SHANK])
     x = hip[0] - ankle[0]
     y = hip[1] - ankle[1]

@@ -24,7 +24,8 @@ SAMPLES = 64
 _SHORTEST, _LONGEST = 0.5, 3.5
 """Shortest and longest cycle [s]."""
 _GAP = 3
-"""Least frames from a landing to a lift-off that is used; from there to the next landing, twice as many."""
+"""A lift-off is used if it is at least this many frames after the landing of the other foot, and at least twice as many
+before the next landing of its own."""
 _ROLLING = 12
 """Largest number of frames that a foot rolls before and after it stands still."""
 _HEEL_DOWN, _HEEL_UP = 0.14, 0.26
@@ -52,16 +53,17 @@ class Cycle:
 
 
 def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
-    """Find the cycle of ``clip`` that is straightest, ends most as it began, and is nearest to ``speed``.
+    """Find the cycle of ``clip`` that best ends as it began, goes straight, has even steps, and is near to ``speed``.
 
-    Cycles in which both feet's steps take the same time are preferred, too.
+    Each of these has a cost; the cycle with the least sum of costs is taken. Steps are even if those of both feet take
+    the same time.
 
     Parameters
     ----------
     clip : Clip
         Walking or side-stepping.
     speed : float, optional
-        Preferred speed [m/s].
+        Preferred speed [m/s]; without it, speed costs nothing.
 
     Returns
     -------
@@ -99,7 +101,8 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
 def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
     """Return frames (left lands, right lands, left lands again, left lifts, right lifts) of all cycles of a clip.
 
-    The last one is -1 if the right foot is not on the floor as the left one lands.
+    A cycle lasts _SHORTEST to _LONGEST seconds, and the right foot lands once in it. ``right lifts`` is -1 if that foot
+    is not on the floor as the left one lands.
     """
     left, right = foot_stances(clip)
     cycles = []
@@ -141,9 +144,10 @@ def _stances(planted: NDArray[np.bool_], pitch: Floats) -> list[tuple[int, int]]
     """Return (first, end) frames of stances, from when the heel comes down until the ball lifts.
 
     The heel lands when the toes begin to sink; the ball lifts when the heel has risen most. A foot that leaves the
-    floor for a moment only has not lifted. planted: (F - 1,) True if the foot stands still to the next frame. pitch:
-    (F,), toes up [rad].
+    floor for less than _BRIDGED frames has not lifted. planted: (F - 1,) True if the foot stands still to the next
+    frame. pitch: (F,), toes up [rad].
     """
+    # Join stances over short gaps.
     joined: list[tuple[int, int]] = []
     for first, end in runs(planted):
         if joined and first - joined[-1][1] < _BRIDGED:
@@ -151,12 +155,15 @@ def _stances(planted: NDArray[np.bool_], pitch: Floats) -> list[tuple[int, int]]
         else:
             joined.append((first, end))
     stances = []
+    # Add the rolling over heel and ball: pitch counts from its median while the foot stands, ``flat``.
     for first, end in joined:
         flat = float(np.median(pitch[first : end + 1]))
         before = pitch[max(first - _ROLLING, 0) : first + 1] - flat
         after = flat - pitch[max(end - _ROLLING, first) : end + _ROLLING + 1]
+        # Landed on the heel: from the last frame before in which the toes were (nearly) at their highest.
         if before.max() > _HEEL_DOWN:
             first = first - len(before) + 1 + int(np.flatnonzero(before >= _NEARLY * before.max())[-1])
+        # Lifts from the ball: until the first frame in which the heel is (nearly) at its highest.
         if after.max() > _HEEL_UP:
             end = max(end - _ROLLING, first) + int(np.flatnonzero(after >= _NEARLY * after.max())[0])
         stances.append((first, end))
@@ -164,9 +171,11 @@ def _stances(planted: NDArray[np.bool_], pitch: Floats) -> list[tuple[int, int]]
 
 
 def _cost(clip: Clip, track: Floats, begin: int, end: int, speed: float | None) -> float:
-    """Return the difference of last and first pose [m], plus the turn [rad] and the deviation from ``speed`` [m/s].
+    """Return the cost of the cycle from frame ``begin`` to ``end``, lower if it is more even and nearer to ``speed``.
 
-    The difference is the root mean square over the joints, relative to the places (not headings) of the track.
+    It is the sum of three numbers: the difference of last and first pose [m], the turn between them [rad], and the
+    deviation from ``speed`` [m/s], if given. The difference is the root mean square over the joints, relative to the
+    places (not headings) of the track.
     """
     seconds = (end - begin) / CAPTURE_RATE
     joints = clip.joint_positions[[begin, end]] - np.append(track[[begin, end], :2], np.zeros((2, 1)), axis=1)[:, None]

@@ -32,7 +32,7 @@ _SETTLING, _LEAVING = 0.1, 0.07
 
 
 class _Run(NamedTuple):
-    """Frames ``first`` to before ``end`` with the same feet on the floor."""
+    """Frames ``first`` to before ``end`` with the same feet on the floor: _LEFT, _RIGHT or _BOTH."""
 
     feet: int
     first: int
@@ -51,8 +51,9 @@ def clip_phases(clip: Clip) -> Floats:
     -------
     (F,) float64
         Cycles in [0, 1): the left foot lands at 0 and lifts at 0.6, the right one lands at 0.5 and lifts at 0.1, as in
-        a deformed clip, evenly in between. While both feet stand for long it is STAND, or STAND + 0.5 if the left foot
-        lifts next; between these two it jumps.
+        a deformed clip, evenly in between. While both feet stand for long it is STAND if the left foot landed last, or
+        STAND + 0.5 if the right one did. If the foot that landed last also lifts next, it jumps by half a cycle in the
+        middle of the stand.
     """
     runs = _runs(_feet_down(clip))
     phases = np.empty(clip.frame_count)
@@ -69,7 +70,7 @@ def clip_phases(clip: Clip) -> Floats:
 
 
 def _feet_down(clip: Clip) -> NDArray[np.int64]:
-    """Return the feet on the floor in each frame (F,), from landing to lift-off."""
+    """Return the feet on the floor in each frame (F,), _NOBODY to _BOTH; each is down from landing to lift-off."""
     down = np.zeros((clip.frame_count, 2), bool)
     for foot, stances in enumerate(foot_stances(clip)):
         for land, lift in stances:
@@ -80,11 +81,16 @@ def _feet_down(clip: Clip) -> NDArray[np.int64]:
 
 
 def _runs(feet: NDArray[np.int64]) -> list[_Run]:
-    """Return runs of frames with the same feet down; time in the air is split between the stances around it."""
+    """Return runs of frames with the same feet down, from ``feet`` (F,), _NOBODY to _BOTH.
+
+    Time in the air is split between the stances before and after it.
+    """
     changes = np.flatnonzero(np.diff(feet)) + 1
     bounds = [0, *changes.tolist(), len(feet)]
     ground = feet.copy()
     for first, end in pairwise(bounds):
+        # In the air: the first half counts as the stance before, the second half as the one after. At an end of the
+        # clip the only neighbor counts throughout; both feet count as down if the whole clip is in the air.
         if feet[first] == _NOBODY:
             before = feet[first - 1] if first > 0 else feet[end] if end < len(feet) else _BOTH
             after = feet[end] if end < len(feet) else before
@@ -96,7 +102,10 @@ def _runs(feet: NDArray[np.int64]) -> list[_Run]:
 
 
 def _usual_frames(runs: list[_Run], frames: int) -> float:
-    """Return the usual number of frames that a foot stands alone (median)."""
+    """Return the usual number of frames that a foot stands alone: the median of runs that the clip shows as a whole.
+
+    _USUAL if there are none. frames: number of frames of the clip.
+    """
     whole = [run.end - run.first for run in runs if run.feet != _BOTH and run.first > 0 and run.end < frames]
     return float(np.median(whole)) if whole else _USUAL * CAPTURE_RATE
 
@@ -104,12 +113,14 @@ def _usual_frames(runs: list[_Run], frames: int) -> float:
 def _share(run: _Run, usual: float, frames: int) -> Floats:
     """Return the share (n,) of its time alone that a foot has stood in each frame of a run.
 
-    At an end of the clip that time counts as ``usual`` frames or more. frames: number of those of the clip.
+    usual: number of frames that a foot usually stands alone. A run that begins or ends with the clip may be seen only
+    in part, so it is taken to last at least that long. frames: number of frames of the clip.
     """
     length = float(run.end - run.first)
     begin = float(run.first)
     if run.first == 0 or run.end == frames:
         length = max(length, usual)
+        # The end of the first run is certain, so count back from there.
         if run.first == 0:
             begin = run.end - length
     since = np.arange(run.first, run.end, dtype=np.float64)
@@ -117,14 +128,17 @@ def _share(run: _Run, usual: float, frames: int) -> Floats:
 
 
 def _on_both(run: _Run, before: int, after: int) -> Floats:
-    """Return phases (n,) while both feet stand, after ``before`` stood alone and until ``after`` does.
+    """Return phases (n,) while both feet stand.
 
-    _BOTH stands for the beginning or end of the clip.
+    before, after: foot that stands alone before and after the run (_LEFT or _RIGHT); _BOTH at the beginning or end of
+    the clip.
     """
-    # Half cycles in which this begins and ends: 0 if the left foot landed or the right one lifts next, else 0.5.
+    # landed, leaves: half cycles in which the run begins and ends. 0 if the left foot landed last, or the right one
+    # lifts next, else 0.5. At an end of the clip, one is taken from the other; 0 if the clip shows neither.
     frames = np.arange(run.end - run.first, dtype=np.float64)
     landed = 0.5 * (before == _LEFT) if before != _BOTH else 0.5 * (after == _RIGHT)
     leaves = 0.5 * (after == _RIGHT) if after != _BOTH else landed
+    # Walking on: evenly from the landing of one foot to the lift-off of the other.
     if landed == leaves and _BOTH not in (before, after) and len(frames) <= _REST * CAPTURE_RATE:
         even: Floats = landed + BOTH_FEET * (frames / len(frames))
         return even

@@ -44,7 +44,7 @@ _QUICKEST = 1.3
 _GENTLE = 6.0
 """Largest acceleration of the pelvis along one axis at that cadence [m/s2]."""
 _TILTED = 0.12
-"""Half of the largest angle that the pelvis turns about one axis [rad]."""
+"""Half of the largest angle by which the pelvis turns about one axis [rad]."""
 _HIGHEST = 0.12
 """Largest lift of a foot that is kept of a clip [m]: kicks are no steps."""
 _Z = np.array([0.0, 0.0, 1.0])
@@ -58,9 +58,9 @@ class ClipModel(NamedTuple):
     waves: (6, 2 * WAVES) float64, cosine and sine coefficients of the root: ahead, left, up [m], half rotation vector.
     root: (3,) float64, mean place of the root: ahead and left of the track, and height when walking [m].
     legs: (2, 4) int32, joints of hip, knee, ankle, toe, left leg first; the toe is -1 if none hangs on the ankle.
-    hips: (2, 3) float64, hip joints in the frame of the root [m]. turns: (2, 5, 4) float64, rotation of the joint that
-    carries the hip, those of :func:`~crowdsim.motion.deformed.leg_frames.leg_turns`, and those of the flat foot and
-    toe.
+    hips: (2, 3) float64, hip joints in the frame of the root [m]. turns: (2, 5, 4) float64, rotations of the joint that
+    carries the hip, of hip and knee (:func:`~crowdsim.motion.deformed.leg_frames.leg_turns`), and of ankle and toe of
+    the flat foot.
     bones: (2, 5) float64, thigh, shank, ankle to ball along the foot, heights of ankle and ball [m].
     pitch: (2, S + 1) float64, toes up, from each foot's landing on [rad]. lift: (2, S + 1) float64, height of the ankle
     above a smooth curve from lift-off to landing, in the swing [m].
@@ -145,7 +145,7 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
     upper = np.array([*spine, *others], np.int32)
     even = _even_prints(cycle, np.array(prints))
     hips = np.array([place for place, _ in chain])
-    # Strides of tracks are divided by the clip's, so that of a clip that steps almost on the spot is taken as 0.3 m.
+    # A clip that steps almost on the spot gets a stride of 0.3 m, as strides of tracks are divided by it.
     model = ClipModel(
         mean=mean,
         upper=upper,
@@ -189,13 +189,13 @@ def _leg_joints(skeleton: Skeleton) -> NDArray[np.int32]:
                 f"{skeleton.names[ankle]}); a leg can be deformed if it has two bones"
             )
         toe = skeleton.roles.get(f"{side}_toe", -1)
-        # A foot is posed as one bone from ankle to ball.
+        # A foot is posed as one bone from ankle to ball: a toe joint counts only if it hangs on the ankle (-1: none).
         legs.append([hip, knee, ankle, toe if skeleton.parents[toe] == ankle else -1])
     return np.array(legs, np.int32)
 
 
 def _sampled(clip: Clip, cycle: Cycle) -> tuple[Floats, Floats]:
-    """Return root places (S + 1, 3) [m] and joint rotations (S + 1, J, 4) at the times of a cycle, between frames."""
+    """Return root places (S + 1, 3) [m] and joint rotations (S + 1, J, 4) of ``clip``, interpolated at cycle.times."""
     before = np.minimum(cycle.times.astype(np.int64), clip.frame_count - 2)
     share = (cycle.times - before)[:, None]
     root = (1.0 - share) * clip.root_positions[before] + share * clip.root_positions[before + 1]
@@ -230,7 +230,7 @@ def _beside(points: Floats, track: Floats) -> Floats:
 def _from_landing(foot: int, positions: Floats, world: Floats) -> tuple[Floats, Floats]:
     """Return joints' places (S + 1, J, 3) and rotations (S + 1, J, 4) from the landing of ``foot`` to its next one.
 
-    Those given begin with the left foot's landing; the right one lands half a cycle later.
+    ``positions`` and ``world`` begin with the left foot's landing; the right foot lands half a cycle later.
     """
     rows = np.append((np.arange(SAMPLES) + foot * SAMPLES // 2) % SAMPLES, foot * SAMPLES // 2)
     return positions[rows], world[rows]
@@ -245,6 +245,7 @@ def _hip_in_root(skeleton: Skeleton, mean: Floats, hip: int) -> tuple[Floats, Fl
     while chain[-1] > 0:
         chain.append(int(skeleton.parents[chain[-1]]))
     place, turn = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    # From the joint below the root down to the parent of the hip.
     for joint in chain[-2::-1]:
         place = place + rotate(turn, skeleton.offsets[joint])
         turn = multiply(turn, mean[joint])
@@ -269,7 +270,7 @@ def _bones(skeleton: Skeleton, leg: NDArray[np.int32], foot: Floats) -> Floats:
 def _print(cycle: Cycle, ball: Floats, yaw: Floats, foot: int) -> Floats:
     """Return the ball's place ahead and left of the track [m] and the foot's heading from the track's [rad], (3,).
 
-    They are those while the body passes over the foot.
+    All are means over the time in which the body passes over the foot.
 
     ball: (S + 1, 3) places over the cycle [m]. yaw: (S + 1,) headings of the foot from its own landing on [rad].
     """
@@ -282,12 +283,12 @@ def _print(cycle: Cycle, ball: Floats, yaw: Floats, foot: int) -> Floats:
 
 
 def _half_width(out: float) -> float:
-    """Return the distance from the middle to each foot at rest [m]; heels need more if toes point ``out`` [rad]."""
+    """Return the distance from the middle to each foot at rest [m]; heels need more if toes point ``out`` > 0 [rad]."""
     return _STAND_HALF_WIDTH + 0.5 * _FOOT_LENGTH * max(out, 0.0)
 
 
 def _even_prints(cycle: Cycle, prints: Floats) -> Floats:
-    """Return the prints (2, 3) made symmetric; those of a cycle that goes sideways or back are as wide as at rest."""
+    """Return the prints (2, 3) made symmetric and kept within bounds; as wide as at rest if the cycle is not ahead."""
     heading = cycle.track[:, 2].mean()
     way = cycle.track[-1, :2] - cycle.track[0, :2]
     ahead = float(cos(heading) * way[0] + sin(heading) * way[1])
@@ -330,7 +331,8 @@ def _alike(feet: list[Floats]) -> Floats:
 def _lift(height: Floats) -> Floats:
     """Return the height (S + 1,) of an ankle above a cubic from lift-off to landing, 0 in the stance [m].
 
-    The cubic begins and ends with the height and the speed of the ankle (Hermite), as that of a planned swing does.
+    height: (S + 1,) from the landing on [m]. The cubic begins and ends with the ankle's height and speed (Hermite), as
+    that of a planned swing does.
     """
     first = round(0.6 * SAMPLES)
     swing = height[first:]
@@ -357,7 +359,7 @@ def _waves(samples: Floats) -> Floats:
 
 
 def _gentle(waves: Floats) -> Floats:
-    """Return the waves without those that would shake a body whose steps are quicker than the clip's.
+    """Return the waves of :func:`_waves` without those that would shake a body whose steps are quicker than the clip's.
 
     The highest harmonics are dropped first; the rest is scaled down if it is still too much.
 

@@ -14,10 +14,12 @@ from crowdsim.motion.deformed.step_plan import plan_steps, pose_at
 _ROTATIONS = ("mean", "turns")
 _MIXED = ("swings", "waves", "root", "hips", "bones", "pitch", "lift", "prints")
 _NUMBERS = ("stride", "stand", "width")
+"""Fields of a ClipModel that differ between clips on one skeleton: quaternions, other arrays, and numbers. The others
+number joints, so they are the same."""
 
 
 def smooth_share(share: Floats) -> Floats:
-    """Return values that rise smoothly from 0 to 1 as ``share`` does, flat at both ends."""
+    """Return values that rise smoothly from 0 to 1 as ``share`` does, flat at both ends and constant beyond."""
     within = np.clip(share, 0.0, 1.0)
     smooth: Floats = within * within * (3.0 - 2.0 * within)
     return smooth
@@ -26,16 +28,17 @@ def smooth_share(share: Floats) -> Floats:
 def go_over(
     before: DeformedClip, after: DeformedClip, track: Floats, phases: tuple[float, float], times: Floats, name: str
 ) -> Clip:
-    """Pose a body on a track as ``before``, then between both, then as ``after``.
+    """Pose a body on a track as ``before``, then between both, then as ``after``; return a clip with the name ``name``.
 
-    Both are on one skeleton. Each footstep is mixed once, by the phase at the middle of its stance, so feet that stand
-    do not slide; bodies are mixed anew at each time.
+    Each footstep is mixed once, by the phase at the middle of its stance, so feet that stand do not slide. The rest of
+    the body is mixed anew at each time.
 
     Parameters
     ----------
-    track : (n, 4) x, y [m], heading [rad] and phase [cycles], as for plan_steps
-    phases : phase at which the body begins to go over, and the one from which it is ``after`` [cycles]
-    times : (F,) of the frames of the clip, after the first sample [s]
+    before, after : clips on one skeleton
+    track : (n, 4) x, y [m], heading [rad] and phase [cycles], as for plan_steps, STEP seconds apart
+    phases : phase until which the body is ``before``, and the later one from which it is ``after`` [cycles]
+    times : (F,) times of the clip's frames, after the first sample of the track [s]
     """
 
     def weigh(at: Floats) -> Floats:
@@ -62,10 +65,11 @@ def go_over(
 
 
 def _between(a: ClipModel, b: ClipModel, share: float) -> ClipModel:
-    """Return the body that is ``share`` of the way from ``a`` to ``b``."""
+    """Return the model that is ``share`` (0 to 1) of the way from ``a`` to ``b``, two models of one skeleton."""
     mixed = {key: getattr(a, key) + share * (getattr(b, key) - getattr(a, key)) for key in (*_MIXED, *_NUMBERS)}
     for key in _ROTATIONS:
         p, q = getattr(a, key), getattr(b, key)
+        # q and -q are the same rotation: take the one on the side of p.
         q = np.where(np.sum(p * q, axis=-1, keepdims=True) < 0.0, -q, q)
         mixed[key] = unit((1.0 - share) * p + share * q)
     return a._replace(**mixed)

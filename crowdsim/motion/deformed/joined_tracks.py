@@ -65,7 +65,7 @@ class JoinedTracks(NamedTuple):
 
 
 def join_tracks(tracks: Sequence[Floats]) -> JoinedTracks:
-    """Join tracks (N, 4) whose headings may jump by whole turns.
+    """Join tracks (N, 4), x, y [m], heading [rad], phase [cycles]; headings may jump by whole turns, joined ones not.
 
     Raise MotionError if a track is empty or has another shape.
     """
@@ -120,7 +120,7 @@ def require_walkable(tracks: JoinedTracks, step: float) -> None:
 
 
 def _place(tracks: JoinedTracks, found: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return body and row in its track of the first True of ``found`` (N,)."""
+    """Return the body of the first True in ``found`` (N,), and its row in the track of that body."""
     row = int(np.flatnonzero(found)[0])
     return int(tracks.bodies[row]), int(tracks.places[row])
 
@@ -154,6 +154,7 @@ def smooth_joined(tracks: JoinedTracks, seconds: float = SMOOTHED, step: float =
     smooth = tracks.samples.copy()
     raw = tracks.samples[:, :3]
     count = len(raw)
+    # near: for each sample, how many samples the nearer end of its track is away.
     near = np.minimum(tracks.places, np.repeat(tracks.lengths, tracks.lengths) - 1 - tracks.places)
     total, norm = np.zeros_like(raw), np.zeros((count, 1))
     for offset in range(-reach, reach + 1):

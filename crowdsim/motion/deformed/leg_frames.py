@@ -25,8 +25,8 @@ class FootShape:
     """A foot over the S + 1 samples of a cycle from its landing on.
 
     turns: (2, 4) rotations of ankle and toe joint of a flat foot that faces +x. sizes: (3,) distance from ankle to ball
-    along the foot, heights of ankle and ball [m]. pitch, yaw, height: (S + 1,) toes up, heading [rad], ankle height
-    [m].
+    along the foot, heights of ankle and ball [m]. pitch: (S + 1,) positive if the toes point up [rad]. yaw: (S + 1,)
+    heading without jumps [rad]. height: (S + 1,) of the ankle [m].
     """
 
     turns: Floats
@@ -37,8 +37,9 @@ class FootShape:
 
 
 def mean_rotation(q: Floats) -> Floats:
-    """Return the mean (4,) of unit quaternions (n, 4) that lie within half a turn."""
-    # Thrice, as q and -q are one rotation: the mean takes the signs nearer to it, on which it depends.
+    """Return the mean (4,) of unit quaternions (n, 4) whose rotations lie within half a turn of each other."""
+    # q and -q are the same rotation. Choose the sign of each that is nearer to the mean; as the mean depends on these
+    # signs, repeat that three times.
     mean: Floats = q[0]
     for _ in range(3):
         signs = np.where(np.sum(q * mean, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
@@ -49,7 +50,8 @@ def mean_rotation(q: Floats) -> Floats:
 
 def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
     """Return the quaternion (4,) of the frame whose axes are the unit vectors x, y, z (3,)."""
-    # Each of the four components times the largest one, for accuracy; then scaled to length one.
+    # The axes give the products of all four components with four times the largest one; scaling them to length one then
+    # divides by no small number.
     trace = x[0] + y[1] + z[2]
     choices = np.array([trace, x[0], y[1], z[2]])
     best = int(np.argmax(choices))
@@ -68,13 +70,14 @@ def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
 def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, world: Floats) -> Floats:
     """Return rotations (2, 4) from a leg's canonical frame to the joints of hip and knee.
 
-    In the canonical frame z points up the bone, and y is the hinge of the knee, which points left. ``leg`` has
-    the joints from the hip down, ``positions`` (f, j, 3) [m] and ``world`` (f, j, 4) are places and rotations of all
-    joints in the frames of a clip.
+    In the canonical frame z points up the bone, and y is the hinge of the knee, which points left. leg: (4,) joints
+    hip, knee, ankle and toe; the toe is not read. positions: (S + 1, J, 3) of joints over a cycle [m], and world: (S +
+    1, J, 4) their rotations.
     """
     hip, knee, ankle = (int(joint) for joint in leg[:3])
     thigh, shank = positions[:, knee] - positions[:, hip], positions[:, ankle] - positions[:, knee]
-    # The hinge is normal to the plane of the leg; samples count the more, the more the knee is bent.
+    # The hinge is normal to the plane of the leg. The cross product grows with the bend of the knee, so in the sum over
+    # the samples those with a bent knee count most.
     hinge = np.cross(thigh, shank)
     return np.stack(
         [
@@ -85,8 +88,9 @@ def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, wor
 
 
 def _bone_frame(hinge: Floats, bone: Floats) -> Floats:
-    """Return the rotation (4,) of the frame with z up a bone and y near its hinge, both (3,) given in the joint.
+    """Return the rotation (4,) of the frame with z up a bone and y near its hinge.
 
+    Both are (3,), in the frame of the joint at the upper end of the bone; ``bone`` points down to the next joint.
     A leg that is straight throughout has a hinge of 0; its knee then bends about the y axis.
     """
     z = -bone / np.sqrt(np.sum(bone * bone))
@@ -104,7 +108,7 @@ def foot_shape(skeleton: Skeleton, leg: NDArray[np.int32], positions: Floats, wo
     """
     ankle, toe = int(leg[2]), int(leg[3])
     samples = len(positions) - 1
-    # The foot's own shape is its mean over the frames in which the whole sole is down, turned to face +x.
+    # The foot's own shape is its mean over the samples in which the whole sole is down, turned to face +x.
     flat = np.arange(round(_FLAT_FROM * samples), round(_FLAT_TO * samples))
     ahead = skeleton.offsets[toe] if toe >= 0 else _FOOT * _X
     pointing = rotate(world[:, ankle], ahead)
@@ -114,7 +118,7 @@ def foot_shape(skeleton: Skeleton, leg: NDArray[np.int32], positions: Floats, wo
     toes = mean_rotation(multiply(level, world[flat, toe])) if toe >= 0 else foot
     to_ball = rotate(foot, ahead)
     height = float(positions[flat, ankle, 2].mean())
-    # Without a toe joint, a foot of usual length.
+    # Without a toe joint, a foot of usual length, whose ball is no higher than its ankle.
     if toe < 0:
         sizes = np.array([_FOOT, height, min(_BALL, height)])
     else:

@@ -38,7 +38,10 @@ class LiveBodies:
         self._plans: list[tuple[int, StepPlan]] = [self._planned(group) for group in range(GROUPS)]
 
     def add(self, samples: Floats) -> None:
-        """Append the next sample (B, 4) of every track, and plan the footsteps of one group anew."""
+        """Append the next sample (B, 4) of every track, STEP after the last; plan the footsteps of one group anew.
+
+        The oldest sample of each track is dropped.
+        """
         tracks = self._tracks
         tracks[:, :-1] = tracks[:, 1:]
         # Headings go on without jumps by whole turns.
@@ -49,7 +52,12 @@ class LiveBodies:
         self._plans[self._steps % GROUPS] = self._planned(self._steps % GROUPS)
 
     def pose(self, ahead: float) -> tuple[Floats, Floats]:
-        """Pose all bodies as they were LATE seconds before ``ahead`` seconds after the last sample.
+        """Pose all bodies as they were LATE seconds before the present time.
+
+        Parameters
+        ----------
+        ahead : float
+            Time from the last sample to the present [s].
 
         Returns
         -------
@@ -62,6 +70,7 @@ class LiveBodies:
         roots, rotations = np.empty((count, 3)), np.empty((count, self._clip.skeleton.joint_count, 4))
         # A plan was made in ``step``, when its last sample was the newest: sample HISTORY - 1 of the track.
         for group, (step, plan) in enumerate(self._plans):
+            # Bodies group, group + GROUPS, and so on are tracks 0, 1, ... of the plan.
             bodies = np.arange(len(range(group, count, GROUPS)), dtype=np.int64)
             time = (HISTORY - 1 + self._steps - step) * STEP + ahead - LATE
             roots[group::GROUPS], rotations[group::GROUPS] = pose_at(
@@ -70,7 +79,7 @@ class LiveBodies:
         return roots, rotations
 
     def _planned(self, group: int) -> tuple[int, StepPlan]:
-        """Return the present step, and the footsteps of a group (every tenth body) on its tracks so far."""
+        """Return the present step, and the footsteps of a group (every tenth body) on its last HISTORY samples."""
         tracks = self._tracks[group::GROUPS]
         starts: NDArray[np.int64] = np.arange(len(tracks) + 1, dtype=np.int64) * HISTORY
         shown = smooth_joined(JoinedTracks(tracks.reshape(-1, 4), starts))

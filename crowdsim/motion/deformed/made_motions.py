@@ -2,7 +2,8 @@
 
 Each is a track with the phases that a simulation would give it, and the walk deformed to that track. At its own speed a
 deformed walk is close to the captured one, so a motion graph joins made and captured motions. Times and rates below are
-those of the tracks, which are played somewhat faster or slower, at the walk's own cadence; side steps are not.
+measured along the tracks. These are played somewhat faster or slower, so that they have the walk's own cadence; side
+steps are played as they are.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _FRINGE = 0.4
 """Time at both ends of a track that is not shown, as footsteps depend on what lies beyond [s]."""
 _STEP_SECONDS = 1.0
 _SIDE_SECONDS = 1.0
-"""Durations of a step of 0.2 m ahead and of one to the side, from stand to stand [s]."""
+"""Durations of a step of 0.2 m ahead and of a step to the side, from stand to stand [s]."""
 _PAUSE = 5
 """Samples of rest between side steps, and between a walk and a turn: feet stand long enough for a cut."""
 _SIDE_STEP = 0.40
@@ -79,7 +80,7 @@ class MotionMaker:
         return self._made(f"step_{round(100.0 * length)}", _rested(np.outer(rise, [length, 0.0, 0.0])))
 
     def turn_on_the_spot(self, degrees: float) -> Clip:
-        """Make a turn on the spot, left if positive, from standing to standing, on a track of 0.8 s or more."""
+        """Make a turn on the spot, left if positive, from standing to standing; on the track it takes 0.8 s or more."""
         angle = float(np.radians(degrees))
         rise = _bell(max(abs(angle) / _SPOT_RATE, 0.8))
         return self._made(_named("turn", degrees), _rested(np.outer(rise, [0.0, 0.0, angle])))
@@ -125,7 +126,10 @@ class MotionMaker:
         return go_over(self._deformed, other._deformed, track, (float(begin), float(end)), np.array(shown[:-1]), name)
 
     def _quarter(self, name: str, degrees: float, before: bool) -> Clip:
-        """Make a walk joined to a turn on the spot, the walk ``before`` or after it."""
+        """Make a walk joined to a turn on the spot by ``degrees``, left if positive.
+
+        before: True if the walk comes before the turn.
+        """
         angle = float(np.radians(degrees))
         turn = np.outer(_bell(abs(angle) / _SPOT_RATE), [0.0, 0.0, angle])
         walk = self._steady(0.0, stands_before=not before, stands_after=before)
@@ -134,7 +138,10 @@ class MotionMaker:
         return self._made(f"{name}_{'left' if degrees > 0.0 else 'right'}", moves)
 
     def _walk(self, name: str, degrees: float, stands_before: bool = False, stands_after: bool = False) -> Clip:
-        """Make a steady walk with one turn, from or to standing if so given."""
+        """Make a steady walk with a turn by ``degrees``, left if positive, 0 for none.
+
+        stands_before, stands_after: True if the body stands before the walk, and after it.
+        """
         moves = self._steady(degrees, stands_before, stands_after)
         count = round(_REST / STEP)
         return self._made(name, np.pad(moves, ((count * stands_before, count * stands_after), (0, 0))))
@@ -142,7 +149,8 @@ class MotionMaker:
     def _steady(self, degrees: float, stands_before: bool, stands_after: bool) -> Floats:
         """Return moves (n, 3), ahead, left [m] and around [rad] in each time step, of steady walking.
 
-        With a turn by ``degrees`` over 1.2 cycles in the middle, and coming up from or down to a stand if so given.
+        It has a turn by ``degrees`` over 1.2 cycles in the middle; 0 for none. stands_before, stands_after: True if the
+        speed rises from 0 at the beginning, and falls to 0 at the end, within _RAMP seconds.
         """
         period = self.stride / self._track_speed
         seconds = (2.0 * _BESIDE_TURN + 1.2 if degrees else _CYCLES) * period
@@ -163,7 +171,8 @@ class MotionMaker:
     def _made(self, name: str, moves: Floats, hurry: float | None = None) -> Clip:
         """Deform the walk to the track of ``moves`` (n, 3), ahead, left [m] and around [rad] in each time step.
 
-        hurry: how many times as fast the track is played; None for the cadence of the walk.
+        The clip is called ``made_`` and ``name``. hurry: how many times as fast the track is played; None for the
+        cadence of the walk.
         """
         track = _with_phases(_poses(moves))
         plan = plan_steps(self._deformed, [track])
@@ -173,12 +182,15 @@ class MotionMaker:
 
 
 def _named(kind: str, degrees: float) -> str:
-    """Return the name of a turn, such as ``turn_left_90``."""
+    """Return the name of a turn, such as ``turn_left_90`` for the kind ``turn`` and 90 degrees (positive: left)."""
     return f"{kind}_{'left' if degrees > 0.0 else 'right'}_{round(abs(degrees))}"
 
 
 def _bell(seconds: float) -> Floats:
-    """Return shares (n,) of a motion in each time step of a track, slow, fast, slow; they sum to 1."""
+    """Return the share (n,) of a motion of ``seconds`` that each time step makes: slow, fast, slow, in sum 1.
+
+    A motion has three time steps at least.
+    """
     count = max(round(seconds / STEP), 3)
     edges = np.arange(count + 1) / count
     shares: Floats = np.diff(edges - sin(2.0 * np.pi * edges) / (2.0 * np.pi))
@@ -186,13 +198,16 @@ def _bell(seconds: float) -> Floats:
 
 
 def _rested(moves: Floats) -> Floats:
-    """Return the moves with rest before and after."""
+    """Return the moves (n, 3) with _REST seconds of rest before and after."""
     rest = np.zeros((round(_REST / STEP), 3))
     return np.concatenate([rest, moves, rest])
 
 
 def _poses(moves: Floats) -> Floats:
-    """Return the poses (n + 1, 3), x, y [m] and heading [rad], before and after moves (n, 3) ahead, left and around."""
+    """Return the poses (n + 1, 3), x, y [m] and heading [rad], before and after each of ``moves``, from the origin.
+
+    moves: (n, 3) ahead, left [m] and around [rad].
+    """
     # Each move goes along the heading that is halfway in its turn.
     heading = np.concatenate([[0.0], np.cumsum(moves[:, 2])])
     middle = heading[:-1] + 0.5 * moves[:, 2]
@@ -202,7 +217,10 @@ def _poses(moves: Floats) -> Floats:
 
 
 def _with_phases(poses: Floats) -> Floats:
-    """Return the poses (n, 3) of a track with the phases of a body on it, (n, 4)."""
+    """Return the poses (n, 3) of a track with the phases of a body on it, (n, 4).
+
+    The body stands in the first pose.
+    """
     phases, anchors = np.array([STAND]), poses[:1].copy()
     track = np.column_stack([poses, np.full(len(poses), STAND)])
     for row in range(1, len(poses)):

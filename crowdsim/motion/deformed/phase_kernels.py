@@ -47,17 +47,17 @@ _CREEPING = 0.1
 _SET_OFF, _SET_OFF_MOST = 6.0, 1.5
 """Cadence when setting off from a stand: per m/s, and largest [cycles/s]. Higher: a shorter first step."""
 _NOT_YET = 0.5
-"""A body sets off while it is away from its rear foot by less than this share of a steady walk's distance."""
+"""Share of the distance from the rear foot on a steady walk; a body that is less far from that foot is setting off."""
 _AWAY, _TURNED = 0.06, 0.25
 """Distance [m] and angle [rad] from where the rear foot belongs below which it stays. Smaller: restless queues."""
 
 
 @helper
 def hip_turn(ahead, side):
-    """Return the turn of the hips from the chest toward the motion [rad], at speeds ahead and sideways [m/s].
+    """Return the turn of the hips from the chest toward the motion [rad], positive to the left.
 
-    People who move at an angle to their shoulders walk ahead on their legs and twist their trunks, up to a point;
-    beyond, they step sideways.
+    ahead, side: speeds along and across the chest [m/s]. People who move at an angle to their shoulders twist their
+    trunks and walk ahead on their legs. From _SIDEWAYS on they step sideways or back instead: the result is 0.
     """
     angle = abs(atan2(side, ahead))
     if angle >= _SIDEWAYS:
@@ -95,11 +95,14 @@ def phase_rate(ahead, side, turn):
 def _next_phase(phase, rate, speed, away, turned, dt):
     """Return the phase after a step of ``dt`` seconds of a body at cadence ``rate`` [cycles/s] and ``speed`` [m/s].
 
-    away, turned: distance [m] and angle [rad] of the body from the pose to which its rear foot belongs.
+    A body at rest comes to a stand, a slow one finishes its step, and one that sets off steps quickly. away, turned:
+    distance [m] and angle [rad] of the body from the pose to which its rear foot belongs.
     """
+    # half: phase of the last landing, of either foot. past: phase since then, 0 to 0.5.
     half = math.floor(2.0 * phase) * 0.5
     past = phase - half
-    # Double support with both feet where they belong: come to a stand. Small pushes cause no step.
+    # Double support with both feet where they belong: come to a stand, up to its phase but not back to it. Small pushes
+    # cause no step.
     if speed < _STEPPING and past <= BOTH_FEET and away < _AWAY and turned < _TURNED:
         return max(phase, min(half + STAND, phase + _CLOSE * dt))
     if rate < _SLOW:
@@ -107,7 +110,8 @@ def _next_phase(phase, rate, speed, away, turned, dt):
         rate = _FINISH if speed > _CREEPING else _CLOSE
     elif past < REFERENCE and away * rate < _NOT_YET * (past + 0.5 - REFERENCE) * speed:
         # Setting off: step quickly, or the rear foot, still where the body stood, would be left too far behind. On a
-        # steady walk the body passed over that foot (past + 0.5 - REFERENCE) / rate seconds ago.
+        # steady walk the body passed over that foot (past + 0.5 - REFERENCE) / rate seconds ago. From REFERENCE on, the
+        # other foot is the one behind.
         rate = max(rate, min(_SET_OFF * speed, _SET_OFF_MOST))
     after = phase + rate * dt
     # At rest a step ends in the middle of double support, unless the body goes on turning quickly (a high rate).
@@ -118,7 +122,10 @@ def _next_phase(phase, rate, speed, away, turned, dt):
 
 @helper
 def _rate_of(place, velocity, turn):
-    """Return the cadence [cycles/s] and speed [m/s] of a body at ``place`` with ``velocity`` and turn rate ``turn``."""
+    """Return the cadence [cycles/s] and speed [m/s] of a body.
+
+    place: x, y [m] and heading of the chest [rad]. velocity: x, y in the world [m/s]. turn: turn rate [rad/s].
+    """
     c, s = cos_sin(place[2])
     ahead = c * velocity[0] + s * velocity[1]
     side = c * velocity[1] - s * velocity[0]
@@ -136,11 +143,12 @@ def set_anchors(places, velocities, turns, phases, anchors):
     Parameters
     ----------
     places, velocities, turns, phases: as of :func:`advance_phases`, which updates the anchors from then on.
-    anchors: (A, 3) float64, filled.
+    anchors: (A, 3) float64 x, y [m] and heading [rad], filled.
     """
     for body in range(len(phases)):
         rate, _ = _rate_of(places[body], velocities[body], turns[body])
-        # Half cycles since the body passed over the foot that is now behind. Too slow to walk, it is taken to stand.
+        # Half cycles since the body passed over the foot that is now behind. A body too slow to walk is taken to stand,
+        # with its anchor at its own place.
         since = 2.0 * (phases[body] - REFERENCE)
         seconds = 0.5 * (since - math.floor(since)) / rate if rate >= _SLOW else 0.0
         anchors[body, 0] = places[body, 0] - seconds * velocities[body, 0]
@@ -154,11 +162,12 @@ def advance_phases(places, velocities, turns, dt, phases, anchors):
 
     Parameters
     ----------
-    places: (A, 3) float64 x, y [m] and heading [rad] after the step.
-    velocities: (A, 2) float64 [m/s]. turns: (A,) float64 [rad/s].
+    places: (A, 3) float64 x, y [m] and heading of the chest [rad] after the step.
+    velocities: (A, 2) float64 in the world [m/s]. turns: (A,) float64 turn rates [rad/s].
     phases: (A,) float64 [cycles], updated. STAND for a new body.
-    anchors: (A, 3) float64, pose when the body was over the foot now behind, updated. Its place for a new body; see
-    :func:`set_anchors` for one that walked as a captured agent before.
+    anchors: (A, 3) float64, pose x, y [m], heading [rad] of the body when it was over the foot that is now behind;
+    updated. For a new body, its row of ``places``; for one that walked as a captured agent before, see
+    :func:`set_anchors`.
     """
     for body in range(len(phases)):
         rate, speed = _rate_of(places[body], velocities[body], turns[body])

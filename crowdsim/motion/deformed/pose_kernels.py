@@ -1,10 +1,11 @@
 """Pose the bodies of deformed clips, many in one call.
 
-Arguments of all helpers: ``model`` (ClipModel); ``steps``, rows of the :class:`StepPlan
-<crowdsim.motion.deformed.step_plan.StepPlan>`; ``foot``, 0 for the left and 1 for the right; ``track``, the sample of
-the plan at the time; ``place`` and ``turn``, position [m] and rotation of the root; ``out`` (P, J, 4), rotations of the
-joints of all bodies, of which row ``body`` is written. Quaternions are (w, x, y, z). ``q`` is a rotation, ``phase``
-that of the gait [cycles].
+Arguments of all helpers: ``model`` (ClipModel); ``steps`` (H, STEP_COLUMNS), footsteps of the :class:`StepPlan
+<crowdsim.motion.deformed.step_plan.StepPlan>`, with the columns of :mod:`crowdsim.motion.deformed.plan_kernels`;
+``foot``, 0 for the left and 1 for the right; ``track``, the columns X to TWIST of
+:mod:`crowdsim.motion.deformed.body_kernels` at the time of the pose; ``place`` and ``turn``, position [m] and rotation
+of the root; ``out`` (P, J, 4), rotations of the joints of P bodies, each relative to its parent, of which row ``body``
+is written. Quaternions are (w, x, y, z). ``q`` is a rotation, ``phase`` the phase of the gait [cycles].
 """
 
 import math
@@ -59,9 +60,11 @@ def _cubic(u, start, start_speed, end, end_speed):
 
 @helper
 def _swing_ankle(model, foot, old, new, u, track):
-    """Return ankle, pitch, heading and toe bend of a foot that swings from print ``old`` to ``new`` (rows of steps).
+    """Return ankle, pitch, heading and toe bend of a foot that swings from one print to its next.
 
-    u: share of the foot's cycle, from STANCE on. The ankle is (x, y, z) [m], the others are angles [rad].
+    old, new: (STEP_COLUMNS,) rows of steps: the columns LIFT and ASIDE of the print that it leaves, and LAND of the
+    next one, are read. u: share of the foot's cycle, from STANCE to 1. The ankle is (x, y, z) [m]; the others are
+    angles [rad], the pitch positive if the toes point up, the toe bend never negative.
     """
     # v: share of the swing; speeds per cycle become speeds per swing. A bump over the swing, from 0 over 1 in its
     # middle back to 0, is 16 v^2 (1 - v)^2 if it begins and ends without speed, else 4 v (1 - v).
@@ -77,9 +80,9 @@ def _swing_ankle(model, foot, old, new, u, track):
     aside = (1.0 - 2.0 * foot) * old[ASIDE] * 16.0 * v * v * rest * rest
     x -= aside * s
     y += aside * c
-    # Lift as the clip does, times AHEAD, the stride ahead as a multiple of the clip's. Add what a step on the spot is
-    # lifted by: less of it the longer that stride (half at a multiple of 0.2), and between 0.6 and all of it as SHARE
-    # grows to 1: the same multiple of the whole stride, turning included.
+    # Lift as the clip does, times AHEAD, the stride ahead as a multiple of the clip's. Add the lift of a step on the
+    # spot, which fades as AHEAD grows (to half at 0.2). It has its full height if SHARE, the whole stride as such a
+    # multiple, turning included, is 1 or more; 0.6 of it for a body that hardly moves.
     ahead = track[AHEAD]
     share = min(track[SHARE], 1.0)
     z += ahead * sampled(model.lift, foot, u)
@@ -107,6 +110,7 @@ def _foot_at(model, steps, row, foot, u, track, place, turn):
     if u < STANCE:
         prints = (steps[row, PRINT], steps[row, PRINT + 1], steps[row, PRINT + 2])
         ankle, pitch, yaw = stand_ankle(model, foot, prints, u, track, place, turn, -1.0)
+        # While the heel is raised, the toes bend up by as much, so that they lie flat on the floor.
         return ankle, pitch, yaw, max(-pitch, 0.0)
     return _swing_ankle(model, foot, steps[row], steps[row + 2], u, track)
 
@@ -117,7 +121,8 @@ def _frame_rotation(x0, x1, x2, y0, y1, y2, z0, z1, z2):
 
     They are unit vectors, the columns of a rotation matrix, which is turned into a quaternion.
     """
-    # Each of the four components times one that is at least 1/2, for accuracy; then scaled to length one.
+    # At least one of the four components is 1/2 or more in size. The axes give the products of all four with four
+    # times that one; scaling them to length one then divides by no small number.
     trace = x0 + y1 + z2
     if trace > 0.0:
         w = 1.0 + trace
@@ -137,7 +142,7 @@ def _frame_rotation(x0, x1, x2, y0, y1, y2, z0, z1, z2):
 
 @helper
 def _put(out, body, joint, q):
-    """Write the rotation of a joint."""
+    """Write the rotation ``q`` of a joint to its row of ``out``."""
     out[body, joint, 0] = q[0]
     out[body, joint, 1] = q[1]
     out[body, joint, 2] = q[2]
@@ -148,8 +153,9 @@ def _put(out, body, joint, q):
 def _pose_leg(model, foot, hip, turn, target, forward, out, body):
     """Write rotations of hip, knee, ankle and toe so that the leg ends at ``target``: ankle, pitch, heading, toe bend.
 
-    turn: rotation of the root. forward: unit vector x, y in which the knee points. The knee bends by the law of
-    cosines; a leg that is too short points to the ankle.
+    hip: place of the hip joint [m]. turn: rotation of the root. target: as of :func:`_foot_at`. forward: unit vector x,
+    y in which the knee points. The knee bends by the law of cosines. A leg that is too short is stretched to REACH of
+    its length toward the ankle.
     """
     ankle, pitch, yaw, bend = target
     thigh = model.bones[foot, THIGH]
@@ -158,13 +164,15 @@ def _pose_leg(model, foot, hip, turn, target, forward, out, body):
     far = math.sqrt(x * x + y * y + z * z)
     reach = min(far, REACH * (thigh + shank))
     x, y, z = x / far, y / far, z / far
-    # Knee hinge: perpendicular to forward and to the line from hip to ankle; it points to the left.
+    # Knee hinge: perpendicular to forward and to the line from hip to ankle; it points to the left. 1e-12: a leg along
+    # ``forward`` has no hinge, and must not divide by 0.
     hx, hy, hz = forward[1] * z, -forward[0] * z, forward[0] * y - forward[1] * x
     n = 1.0 / math.sqrt(max(hx * hx + hy * hy + hz * hz, 1e-12))
     hx, hy, hz = hx * n, hy * n, hz * n
     # Front of the leg: perpendicular to that line, on the knee's side.
     fx, fy, fz = hy * -z - hz * -y, hz * -x - hx * -z, hx * -y - hy * -x
-    # Law of cosines: angle between the thigh and the line from hip to ankle. t is the thigh, k the shank.
+    # Law of cosines: angle between the thigh and the line from hip to ankle. t is the thigh, k the shank. If the ankle
+    # is too near to the hip for any bend of the knee, the sine is 0.
     cosine = (thigh * thigh + reach * reach - shank * shank) / (2.0 * thigh * reach)
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     tx, ty, tz = cosine * x + sine * fx, cosine * y + sine * fy, cosine * z + sine * fz
@@ -195,9 +203,11 @@ def _pose_leg(model, foot, hip, turn, target, forward, out, body):
 
 @helper
 def _pose_upper(model, phase, share, twist, out, body):
-    """Write rotations of the joints above the legs: from their means toward the clip by ``share`` of its stride.
+    """Write the rotations of the joints ``model.upper``: their means, and ``share`` times the clip's swings from them.
 
-    twist: angle of the hips from the chest [rad]; the joints of the spine turn back by it in equal parts.
+    share: the body's stride as a multiple of the clip's: 0 for the mean pose, 1 for the clip's, 1.25 at most (column
+    SHARE). twist: angle from the chest to the hips [rad]; the joints of the spine turn back by it in equal parts, so
+    that the chest keeps its heading.
     """
     # Interpolate half rotation vectors between two samples of the cycle; scaled vectors are a slerp from the mean.
     samples = model.swings.shape[0] - 1
@@ -206,6 +216,7 @@ def _pose_upper(model, phase, share, twist, out, body):
     late = share * (at - k)
     early = share - late
     swings = model.swings
+    # Half of each spine joint's part of the twist; without a spine (max) no joint is turned by it.
     back, aside = cos_sin(0.5 * twist / max(model.spine, 1))
     for u in range(len(model.upper)):
         swing = turned_by(
@@ -222,15 +233,15 @@ def _pose_upper(model, phase, share, twist, out, body):
 
 @kernel
 def pose_bodies(model, plan, bodies, times, roots, rotations):
-    """Pose P bodies; write the places of their roots and the rotations of their joints.
+    """Pose P bodies on the tracks of a plan; write the places of their roots and the rotations of their joints.
 
     Parameters
     ----------
     model: :class:`~crowdsim.motion.deformed.deformed_clip.ClipModel`.
     plan: :class:`~crowdsim.motion.deformed.step_plan.StepPlan`.
-    bodies: (P,) int64 tracks of the plan.
-    times: (P,) float64 after the first sample of each [s]; for about a second before and after a track its movement
-    goes on.
+    bodies: (P,) int64, the track of each body in the plan.
+    times: (P,) float64 [s] after the first sample of the body's track. For about a second before and after a track its
+    movement goes on; beyond that the body keeps its pose.
     roots: (P, 3) float64 [m], filled.
     rotations: (P, J, 4) float64 of joints in their parents, filled.
     """
@@ -251,7 +262,7 @@ def pose_bodies(model, plan, bodies, times, roots, rotations):
         late = phase - 0.5
         behind = math.floor(late)
         right = _foot_at(model, steps, plan.rows[body] + 2 * behind + 1 - half, 1, late - behind, track, place, turn)
-        # If a standing leg still does not reach, lower the pelvis.
+        # The plan's drop is smoothed and bounded. If a standing leg still does not reach, lower the pelvis.
         lack = 0.0
         if phase - whole < STANCE:
             lack = max(lack, lacking(model.bones, 0, hip_of(model, 0, place, turn), left[0]))
@@ -262,7 +273,7 @@ def pose_bodies(model, plan, bodies, times, roots, rotations):
         roots[pose, 1] = place[1]
         roots[pose, 2] = place[2]
         _put(rotations, pose, 0, turn)
-        # Knees point halfway between foot and pelvis.
+        # Knees point halfway between foot and pelvis. 1e-12: a foot turned opposite to the pelvis gives no direction.
         front = rotate(turn, 1.0, 0.0, 0.0)
         across = 1.0 / math.sqrt(front[0] * front[0] + front[1] * front[1])
         for foot in range(2):

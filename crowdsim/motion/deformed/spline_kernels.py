@@ -54,8 +54,8 @@ def value_at(samples, column, span, weights):
 def time_of_value(samples, column, target, step, first, count, start):
     """Return the time [s] at which a non-decreasing column first reaches ``target``, and the span.
 
-    Both count from sample ``first`` on. Beyond the curve's values the time is that of its beginning or end. start:
-    span, at least 1, at or before the result, to search from.
+    Time and span count from sample ``first`` on. start: span from which to search, at least 1. If the curve has passed
+    the target there, the time is that of the beginning of this span; if it never reaches the target, that of its end.
     """
     # Find the span at whose end (weights 1/6, 4/6, 1/6) the curve has reached the target.
     span = start

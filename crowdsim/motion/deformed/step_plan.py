@@ -25,16 +25,18 @@ from crowdsim.motion.deformed.plan_kernels import (
 from crowdsim.motion.deformed.pose_kernels import pose_bodies
 
 _BEYOND = 3
-"""Half cycles planned beyond each end: feet there come from and go to prints beyond, beside which others stand."""
+"""Half cycles planned beyond each end of a padded track. A swing there needs the print that its foot leaves and the one
+that it lands on, and the prints of the other foot push these aside."""
 
 
 class StepPlan(NamedTuple):
     """Footsteps of A tracks, in arrays.
 
-    samples: (T, COLUMNS) float64, padded tracks with the columns that poses need. firsts, counts: (A,) int64, first row
-    and number of rows of each track in them. steps: (H, STEP_COLUMNS) float64, one row per half cycle. rows: (A + 1,)
-    int64, first of these rows for each track. halves: (A,) int64, half cycle of that row. step: time between samples
-    [s].
+    samples: (T, COLUMNS) float64, padded tracks, one after the other; columns as named in
+    :mod:`crowdsim.motion.deformed.body_kernels`. firsts, counts: (A,) int64, first row and number of rows of each track
+    there, padding included. steps: (H, STEP_COLUMNS) float64, one row per half cycle; columns as named in
+    :mod:`crowdsim.motion.deformed.plan_kernels`. rows: (A + 1,) int64, first row of each track in ``steps``, and H.
+    halves: (A,) int64, number of the half cycle of that first row. step: time between samples [s].
     """
 
     samples: Floats
@@ -68,7 +70,7 @@ def plan_steps(clip: DeformedClip, tracks: Sequence[Floats], step: float = STEP)
     Raises
     ------
     MotionError
-        If a track is empty, not finite, jumps, or has a phase that decreases.
+        If a track is empty, has another shape, is not finite, jumps, or has a phase that decreases or jumps.
     """
     return plan_joined(clip, join_tracks(tracks), step)
 
@@ -125,7 +127,8 @@ def pose_at(
     Raises
     ------
     MotionError
-        If the plan has no such track, a time is not finite, or ``out`` has other shapes.
+        If the plan has no such track, a time is not finite, there are more or fewer times than bodies, or ``out`` has
+        other shapes.
     """
     bodies, times = np.ascontiguousarray(bodies, np.int64), np.ascontiguousarray(times, np.float64)
     wrong = bodies[(bodies < 0) | (bodies >= len(plan.firsts))]

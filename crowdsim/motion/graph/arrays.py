@@ -16,11 +16,11 @@ class GraphArrays(NamedTuple):
     tracks: (T, 3) float64, track pose (x, y [m], heading [rad]) of every sample relative to its node's first sample.
     node_motion: (N, 3) float64, last track sample of each node, relative to its first.
     node_length: (N,) float64, length of the track [m].
-    node_behavior: (N,) int32, index of the behavior, the least preferred is 0.
+    node_behavior: (N,) int32, index of the behavior; 0 is the narrowest, which is the least preferred.
     node_ends_standing: (N,) bool, True if an agent may stay where the node ends.
     node_idle: (N,) bool, True for waiting in place: never part of a path.
     edge_start: (N + 1,) int32, rows ``edge_start[n]:edge_start[n + 1]`` are the edges out of node n.
-    edge_target: (E,) int32.
+    edge_target: (E,) int32, the node that an edge enters.
     edge_transform: (E, 3) float64, start of the target (x, y [m], heading [rad]) in the frame of the source's last
     track sample.
     edge_pivot: (E, 2) float64, planted foot in that same frame: extra rotation turns about it [m].

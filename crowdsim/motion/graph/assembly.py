@@ -117,9 +117,11 @@ def assemble(
 ) -> MotionGraph:
     """Return the graph of ``nodes`` and edges (source, target) (E,), which form one strongly connected component.
 
-    Edges are sorted by source, then target; ``alignments`` holds their ends and starts in the same order. An edge turns
-    about the foot that is planted where it leaves. ``threshold`` [m] bounds its extra rotation; ``dropped`` goes into
-    the report.
+    Edges are sorted by source, then target. An edge turns about the foot that is planted where it leaves.
+
+    prepared: the sources that the nodes number. alignments: of the end of each edge's source with the start of its
+    target, in the order of edges. threshold: largest distance of moments that join, which bounds the extra rotation of
+    edges [m]. dropped: (node, reason) of segments that are not in the graph, for the report.
     """
     planted = [nodes[i].end.foot for i in source]
     pivot_a = np.array([nodes[i].end.pivots[foot] for i, foot in zip(source, planted, strict=True)]).reshape(-1, 2)

@@ -67,7 +67,10 @@ class CrossingDetector:
         return np.array(cuts, np.int64)
 
     def _distances(self, clip: Clip) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return the right ankle's signed distance (F,) from the plane [m], positive in front, and where it counts."""
+        """Return the right ankle's signed distance (F,) from the plane [m], positive in front, and which frames count.
+
+        The latter is a mask (F,), False in frames in which the plane is nearly horizontal.
+        """
         joints, skeleton = clip.joint_positions, clip.skeleton
         left_hip, right_hip = joints[:, skeleton.joint("left_hip")], joints[:, skeleton.joint("right_hip")]
         left_ankle, right_ankle = joints[:, skeleton.joint("left_ankle")], joints[:, skeleton.joint("right_ankle")]
@@ -77,9 +80,9 @@ class CrossingDetector:
         return distance, np.abs(normal[:, 2]) <= self.steepest
 
     def _sides(self, distance: Floats, valid: NDArray[np.bool_]) -> NDArray[np.int8]:
-        """Return -1 behind or 1 in front (F,), 0 before any side has held, from the results of ``_distances``.
+        """Return the ankle's side (F,), from the results of ``_distances``: -1 behind, 1 in front, 0 before one holds.
 
-        The last side persists until the other one has held for ``hold_frames``.
+        A side begins in the first of ``hold_frames`` frames in which it holds, and lasts until the other one begins.
         """
         raw = np.where(valid & (np.abs(distance) > self.dead_band), np.sign(distance), 0).astype(np.int8)
         sides = np.zeros(len(raw), np.int8)
@@ -95,9 +98,9 @@ class CrossingDetector:
 
     @staticmethod
     def _nearest_zero(distance: Floats, change: int) -> int:
-        """Return the frame nearest to the sign change, which lies before the dead band was left.
+        """Return the frame in which ``distance`` (F,) [m] is nearest to 0, at its last change of sign up to ``change``.
 
-        ``distance`` (F,) [m] is positive in frame ``change``, and has been since the sign changed.
+        In frame ``change``, in which the new side has left the dead band, the distance is positive.
         """
         # Back to the first frame behind the change; the frame before it may be nearer to 0.
         frame = change

@@ -23,21 +23,22 @@ floors of captures do not quite fit."""
 
 STANCE_SPEED = 0.25
 RISING_SPEED = 0.1
-"""Speeds along and off the floor below which such a point is planted [m/s]. A faster foot lands or lifts, as does one
-in the first and last frame of a stance."""
+"""Speeds along and off the floor below which a point so near to it is planted [m/s]. A faster foot lands or lifts, as
+it does in the first and the last frame of a stance."""
 
 SHORTEST_STANCE = 0.1
 """Duration below which a foot is not planted but passes near the floor [s]."""
 
 _STEEP = 1e-6
-"""Level distance from ankle to toe at rest below which a foot points nowhere [m]."""
+"""Horizontal distance from ankle to toe at rest below which a foot has no direction [m]."""
 
 
 @dataclass(frozen=True)
 class Feet:
-    """Points (F, 2, P, 3) of the left and the right foot over F frames, and the lowest height (2, P) of each [m].
+    """Points of the left and the right foot over F frames.
 
-    ankles: (2,) height of each ankle joint above the sole [m].
+    points: (F, 2, P, 3) places in the world [m]. lowest: (2, P) least height of each point [m]. ankles: (2,) height of
+    each ankle joint above the sole [m].
     """
 
     points: Floats
@@ -56,9 +57,10 @@ class Stance:
 
 
 def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | None = None) -> Feet:
-    """Return heels, balls and toe tips (if there are any) of joints (F, J, 3) [m] with world rotations (F, J, 4).
+    """Return the points of both feet, see :func:`foot_points`, from joints (F, J, 3) [m] and their turns (F, J, 4).
 
-    like: feet of another motion of the same body that is long enough to show their lowest heights.
+    like: feet of another motion of the same body, long enough to show their lowest heights; these, and the heights of
+    the ankles, are then taken from there.
     """
     if like is None:
         # Ankles over the soles, on a floor at 0: near the least height, but not that of single bad frames.
@@ -72,10 +74,10 @@ def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | N
 
 
 def foot_points(skeleton: Skeleton, ankles: Floats) -> tuple[NDArray[np.int32], Floats]:
-    """Return the points of both feet: the joint (2, P) int32 that carries each, and where it is in its frame (2, P, 3).
+    """Return the P points of both feet: joints (2, P) int32 that carry them, and places (2, P, 3) in their frames [m].
 
-    They are heel, ball (the ankle if there is no toe joint), and the tip of the toes if both feet have one [m]. At
-    rest, feet must lie flat. ankles: (2,) as of :class:`Feet`.
+    The points are heel, ball (the ankle if there is no toe joint), and the tip of the toes if both feet have an end
+    site there. At rest, feet must lie flat. ankles: (2,) as of :class:`Feet`.
     """
     joints, offsets = [], []
     for side, height in zip(("left", "right"), ankles.tolist(), strict=True):
@@ -113,8 +115,8 @@ def stances(feet: Feet, rate: float = CAPTURE_RATE) -> list[Stance]:
 def planted_steps(feet: Feet, rate: float = CAPTURE_RATE, part: bool = False) -> NDArray[np.bool_]:
     """Return (F - 1, 2, P): True if a point stands on the floor from a frame to the next, in a lasting stance.
 
-    rate: frames per second. part: True for a part of a longer motion, whose first and last stance may last longer than
-    is seen.
+    rate: frames per second. part: True if the frames are a part of a longer motion; a stance at either end then counts
+    however short it is, as it may last longer than is seen.
     """
     steps = np.diff(feet.points, axis=0)
     low = feet.points[..., 2] < feet.lowest + NEAR_FLOOR
@@ -133,10 +135,10 @@ def planted_steps(feet: Feet, rate: float = CAPTURE_RATE, part: bool = False) ->
 
 
 def standing_moves(steps: Floats, planted: NDArray[np.bool_]) -> Floats:
-    """Return by how much a foot moves from each frame to the next, (..., n, 2) [m].
+    """Return the movement of a foot on the floor from each frame to the next, (..., n, 2) [m].
 
-    It moves as the slowest of its points that stand: ``steps`` (..., n, P, 2) are those of all points [m], ``planted``
-    (..., n, P) is True for points that stand. Where none stands the result does not matter.
+    It is that of the slowest of its points that stand. steps: (..., n, P, 2) movement of all its points [m]. planted:
+    (..., n, P) True for points that stand. If none stands, the result has no meaning.
     """
     least = np.argmin(np.where(planted, dot(steps, steps), np.inf), axis=-1)
     moves: Floats = np.take_along_axis(steps, least[..., None, None], axis=-2)[..., 0, :]

@@ -24,7 +24,7 @@ WINDOW_REACH = 10
 
 RANGE_STEP = np.radians(1.0)
 RANGE_CAP = 15
-"""Extra rotation is tried in steps of RANGE_STEP [rad], up to RANGE_CAP steps each way."""
+"""Extra rotation is tried in steps of RANGE_STEP [rad], up to RANGE_CAP steps each way: 15 degrees."""
 
 _SQUARES = 8
 """Largest number of squared coordinates that a point adds to a sum: x and y of two points (4), and the square of the
@@ -41,8 +41,9 @@ def cloud_joints(skeleton: Skeleton) -> NDArray[np.int64]:
 def point_clouds(clip: Clip, track: Floats, frames: NDArray[np.int64], standing: NDArray[np.bool_]) -> Floats:
     """Return points (n, P, 3) around ``frames`` (n,), each cloud relative to its track pose [m].
 
-    The window covers the neighboring frames and repeats the clip's first and last pose beyond its ends. For a
-    ``standing`` cut it repeats the pose of the cut, as the movement before and after a stand does not matter.
+    They are the joints of :func:`cloud_joints` in each frame of a window, which repeats the clip's first and last pose
+    beyond its ends. For a cut that is ``standing`` (n,), the window repeats the pose of the cut, as the movement before
+    and after a stand does not matter. track: (F, 3) of the clip.
     """
     steps = np.where(standing[:, None], 0, np.arange(-WINDOW_REACH, WINDOW_REACH + 1))
     window = np.clip(frames[:, None] + steps, 0, clip.frame_count - 1)
@@ -58,7 +59,7 @@ class PairAlignments:
     distance: (n,) root mean square [m]. rotation: (n,) angle by which cloud b turns onto cloud a [rad].
     dot, cross, fixed: (n,) sums over the points about their means: the squared distance under a turn by t is ``fixed -
     2 (cos(t) dot + sin(t) cross)``.
-    mean_a, mean_b: (n, 2) planar means [m].
+    mean_a, mean_b: (n, 2) planar means [m]. points: P.
     """
 
     distance: Floats
@@ -71,8 +72,12 @@ class PairAlignments:
     points: int
 
     def pinned_distance(self, pivot_a: Floats, pivot_b: Floats, rotation: Floats) -> Floats:
-        """Return distances (n,) if b turns by ``rotation`` [rad] and ``pivot_b`` (n, 2) moves onto ``pivot_a`` [m]."""
-        # Sums about the pivots follow from those about the means (parallel axes); u, v lead from pivot to mean.
+        """Return distances (n,) if b turns by ``rotation`` (n,) [rad] and ``pivot_b`` moves onto ``pivot_a`` [m].
+
+        pivot_a, pivot_b: (n, 2), each in the axes of its cloud [m].
+        """
+        # Sums about the pivots follow from those about the means, as moments of inertia do (parallel axis theorem); u
+        # and v lead from each pivot to the mean.
         u, v = self.mean_a - pivot_a, self.mean_b - pivot_b
         dot = self.dot + self.points * np.sum(u * v, axis=1)
         cross = self.cross + self.points * (u[:, 1] * v[:, 0] - u[:, 0] * v[:, 1])
@@ -82,11 +87,11 @@ class PairAlignments:
         return distance
 
     def rotation_range(self, pivot_a: Floats, pivot_b: Floats, threshold: float) -> tuple[Floats, Floats]:
-        """Return the range of extra rotation about the pivot [rad], low <= 0 <= high (n,), that keeps to ``threshold``.
+        """Return the range of extra rotation, beyond :attr:`rotation`, that keeps to ``threshold``: low and high [rad].
 
-        ``pivot_b`` (n, 2) is moved onto ``pivot_a``, and threshold is a distance as of :meth:`pinned_distance` [m].
-        2011 paper, section 3: small steps either way until the threshold is exceeded. A pair whose pinned distance
-        exceeds it from the start has the range 0 to 0.
+        low is (n,) <= 0, high (n,) >= 0. pivot_a and pivot_b (n, 2), and the distance that ``threshold`` [m] bounds,
+        are those of :meth:`pinned_distance`. 2011 paper, section 3: small steps either way until the threshold is
+        exceeded. A pair whose pinned distance exceeds it without extra rotation has the range 0 to 0.
         """
         within = self.pinned_distance(pivot_a, pivot_b, self.rotation) <= threshold
         ends = []
@@ -118,7 +123,7 @@ class Alignments:
     _points: int
 
     def pairs(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> PairAlignments:
-        """Return the alignments of the pairs (a, b) (n,)."""
+        """Return the alignments of n pairs: of the clouds ``a`` (n,) of the first set with ``b`` (n,) of the second."""
         return PairAlignments(
             self.distance[a, b],
             self.rotation[a, b],
@@ -132,7 +137,7 @@ class Alignments:
 
 
 def align_all(clouds_a: Floats, clouds_b: Floats) -> Alignments:
-    """Compare every cloud of ``clouds_a`` (A, P, 3) with every one of ``clouds_b`` (B, P, 3)."""
+    """Compare every cloud of ``clouds_a`` (A, P, 3) with every cloud of ``clouds_b`` (B, P, 3) [m]."""
     (mean_a, ax, ay, az), (mean_b, bx, by, bz) = _centered(clouds_a), _centered(clouds_b)
     dot = ax @ bx.T + ay @ by.T
     cross = ay @ bx.T - ax @ by.T
@@ -140,12 +145,13 @@ def align_all(clouds_a: Floats, clouds_b: Floats) -> Alignments:
     own_b = np.sum(bx * bx + by * by + bz * bz, axis=1)
     fixed = own_a[:, None] + own_b[None, :] - 2.0 * (az @ bz.T)
     points = clouds_a.shape[1]
+    # Over all turns t, cos(t) dot + sin(t) cross is largest at t = atan2(cross, dot), where it is hypot(dot, cross).
     distance = _root_mean_square(fixed - 2.0 * hypot(dot, cross), points)
     return Alignments(distance, atan2(cross, dot), dot, cross, fixed, mean_a, mean_b, points)
 
 
 def align_pairs(clouds_a: Floats, clouds_b: Floats) -> PairAlignments:
-    """Compare each cloud of ``clouds_a`` (n, P, 3) with the one of ``clouds_b`` (n, P, 3) in the same row."""
+    """Compare each cloud of ``clouds_a`` (n, P, 3) with the cloud of ``clouds_b`` (n, P, 3) in the same row [m]."""
     (mean_a, ax, ay, az), (mean_b, bx, by, bz) = _centered(clouds_a), _centered(clouds_b)
     dot, cross = np.sum(ax * bx + ay * by, axis=1), np.sum(ay * bx - ax * by, axis=1)
     fixed = np.sum(ax * ax + ay * ay + bx * bx + by * by + np.square(az - bz), axis=1)
@@ -158,6 +164,7 @@ def join_pairs(parts: Sequence[PairAlignments]) -> PairAlignments:
     """Return the pairs of all parts, in their order, as one; clouds of all parts have the same number of points."""
 
     def joined(name: str) -> Floats:
+        """Return the field ``name`` of all parts."""
         return np.concatenate([getattr(part, name) for part in parts])
 
     return PairAlignments(
@@ -173,7 +180,10 @@ def join_pairs(parts: Sequence[PairAlignments]) -> PairAlignments:
 
 
 def _centered(clouds: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return means (n, 2) of clouds (n, P, 3), x and y about them, and z, (n, P) each, rounded for exact sums."""
+    """Return planar means (n, 2) of clouds (n, P, 3), x and y about them, and z, (n, P) each [m].
+
+    Coordinates are rounded so that sums of their products are exact in any order.
+    """
     mean = clouds[..., :2].mean(axis=1)
     terms = _SQUARES * clouds.shape[1]
     x, y = (rounded_for_sums(clouds[..., axis] - mean[:, None, axis], terms) for axis in (0, 1))

@@ -47,7 +47,7 @@ FARTHEST_DRIFT = 0.05
 """Drift that a transition may add if feet are pinned where they stand [m]: beyond, legs would be seen to reach far."""
 
 _AROUND = 8
-"""Distances tried on either side of the one found by bisection."""
+"""Number of distances tried on either side of the one that bisection finds."""
 
 
 def build_motion_graph(
@@ -77,11 +77,12 @@ def build_motion_graph(
         possible, keeps at least half of the nodes that WIDEST_THRESHOLD would. If many segments are alike, only
         ``max_out_edges`` can lower it.
     most_drift : float or None
-        Leave out transitions that add more than this to the drift of a planted foot [m]; clip names must be unique. Of
-        those from a segment to idle clips, the nearest one stays if no other would: an agent must be able to rest. But
-        a segment whose capture goes on to one that ends standing and can rest no longer counts as ending standing.
+        Leave out transitions that add more than this to the drift of a planted foot [m]; clip names must be unique. An
+        agent must be able to rest after a segment that ends standing. If that would lose all its transitions to idle
+        clips, there are two cases: if the next segment of its capture ends standing and can rest, it no longer counts
+        as ending standing; else its transition to the nearest idle clip stays.
     whole : bool
-        Leave out none for its drift if segments would fall out of the graph with them.
+        True to leave out no transition at all for its drift if segments would fall out of the graph otherwise.
 
     Returns
     -------
@@ -124,11 +125,12 @@ def build_motion_graph(
 def _without(
     candidates: _Candidates, leave: NDArray[np.int64], enter: NDArray[np.int64], threshold: float
 ) -> _Candidates:
-    """Return the candidates without the transitions from nodes ``leave`` (n,) to ``enter`` (n,) that agents can spare.
+    """Return the candidates without the transitions from nodes ``leave`` (n,) to ``enter`` (n,).
 
-    A node that would lose all its idle clips leaves no way to rest. If its capture goes on to a node that ends standing
-    and can rest, it only paused in a stride, before the other foot was drawn up: it no longer counts as ending
-    standing. Else it keeps the nearest idle clip.
+    After a node that would lose all its idle clips, agents could not rest. If its capture goes on to a node that ends
+    standing and can rest, the body only paused in a stride, before it drew up the other foot: the node that would lose
+    them no longer counts as ending standing. Else it keeps the transition to its nearest idle clip. threshold: largest
+    ``needed`` of an edge [m].
     """
     idle = np.array([candidates.prepared[node.source].source.idle for node in candidates.nodes])
     stands = np.array([node.segment.ends_standing for node in candidates.nodes])
@@ -136,6 +138,7 @@ def _without(
     needed[leave, enter] = np.inf
     rests = np.any(needed[:, idle] <= threshold, axis=1)
     for number in np.unique(leave[idle[enter]]).tolist():
+        # Another idle clip is left.
         if rests[number]:
             continue
         # 0: the segment that followed in the capture.
@@ -150,7 +153,10 @@ def _without(
 
 
 def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDArray[np.bool_]]:
-    """Return the largest component at ``threshold``, and the mask (N,) of its nodes."""
+    """Return the graph of the largest component at ``threshold`` [m], and the mask (N,) of its nodes.
+
+    Raise MotionError if it has no edge.
+    """
     nodes, alignments = candidates.nodes, candidates.alignments
     source, target, keep = _edges(candidates, threshold)
     if not len(source):
@@ -180,8 +186,8 @@ def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDA
 class _Candidates:
     """N nodes, and how near each end is to each start.
 
-    needed: (N, N) threshold from which on the row's end joins the column's start [m]; 0 if it continues the capture,
-    infinite if it never may.
+    alignments: of all ends with all starts. needed: (N, N) threshold from which on the row's end joins the column's
+    start [m]; 0 if it continues the capture, infinite if it never may. dropped: (node, reason) of segments left out.
     """
 
     prepared: list[PreparedSource]
@@ -192,7 +198,10 @@ class _Candidates:
 
 
 def _candidates(sources: Sequence[MotionSource], max_out_edges: int | None) -> _Candidates:
-    """Cut the sources into nodes and compare all ends with all starts."""
+    """Cut the sources into nodes and compare all ends with all starts.
+
+    max_out_edges: as of :func:`build_motion_graph`. Raise MotionError if no segment is left.
+    """
     prepared = prepare_sources(sources)
     cut = [node for i, source in enumerate(prepared) for node in make_nodes(source, i, feature_segments(source))]
     idle = [source.idle for source in sources]
@@ -210,14 +219,17 @@ def _candidates(sources: Sequence[MotionSource], max_out_edges: int | None) -> _
         order = np.argsort(needed, axis=1, kind="stable")
         far = np.ones_like(natural)
         np.put_along_axis(far, order[:, :max_out_edges], False, axis=1)
-        # A waiting agent repeats its idle clip.
+        # Whatever their rank, continuations of captures stay, and a waiting agent repeats its idle clip.
         loops = np.diag([idle[node.source] for node in nodes])
         needed = np.where(far & ~natural & ~loops, np.inf, needed)
     return _Candidates(prepared, nodes, alignments, needed, dropped)
 
 
 def _edges(candidates: _Candidates, threshold: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """Return sources and targets (E,) of the edges in the largest component, and the mask (N,) of its nodes."""
+    """Return sources and targets (E,) of the edges in the largest component at ``threshold`` [m].
+
+    Also return the mask (N,) of its nodes.
+    """
     source, target = np.nonzero(candidates.needed <= threshold)
     keep = largest_component(len(candidates.nodes), source, target)
     inside = keep[source] & keep[target]
@@ -238,7 +250,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
     least = int(_edges(candidates, float(steps[-1]))[2].sum()) / 2.0
 
     def judge(place: int) -> tuple[bool, float]:
-        """Return True if too many nodes are lost, and the excess over the wanted branching factor."""
+        """Return for ``steps[place]``: True if it loses too many nodes, and the excess over the wanted branching."""
         source, target, keep = _edges(candidates, float(steps[place]))
         transitions = len(source) - int(natural[source, target].sum())
         nodes = int(keep.sum())
@@ -248,6 +260,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
     while low < high:
         middle = (low + high) // 2
         small, over = judge(middle)
+        # Too few nodes or branches: a larger threshold is needed.
         if small or over < 0.0:
             low = middle + 1
         else:
@@ -255,7 +268,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
     near = range(max(low - _AROUND, 0), min(low + _AROUND + 1, len(steps)))
 
     def rank(place: int) -> tuple[bool, float, int]:
-        """Return the key by which thresholds are ordered, the best first."""
+        """Return the key by which thresholds ``steps[place]`` are ordered, the best first."""
         small, over = judge(place)
         return small, abs(over), place
 

@@ -22,7 +22,7 @@ BOTH_FEET = 2
 _SHORTEST_TRACK = 0.01
 _SMALLEST_CHANGE = 0.05
 _SMALLEST_TURN = np.radians(2.0)
-"""Length of the track [m], change of pose [m] and turn [rad] below which a node leads nowhere."""
+"""A node leads nowhere if its track is shorter [m], its pose changes less [m] and it turns less [rad]."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,10 @@ class PreparedSource:
 
 @dataclass(frozen=True)
 class Moment:
-    """One end of a node, where it may join another; all data relative to the track pose there.
+    """One end of a node, at which it may join another; all data relative to the track pose there.
 
-    frame: of the clip. cloud: (P, 3) point cloud [m]. foot: planted foot. pivots: (3, 2) places of both feet and the
+    frame: of the clip. cloud: (P, 3) point cloud [m]. foot: planted foot, 0 left, 1 right, or BOTH_FEET; also the row
+    of ``pivots`` about which a joined node turns. pivots: (3, 2) places of the left foot, of the right foot and of the
     middle between them [m].
     """
 
@@ -94,7 +95,11 @@ class Moment:
 
 @dataclass(frozen=True)
 class Node:
-    """A segment with its track (L + 1, 3) relative to its first sample; see GraphArrays for the rest."""
+    """A segment of a source that may become a node of the graph.
+
+    name: clip and frames, as ``walk:30-61``. source: index of its source. track: (L + 1, 3) track poses relative to the
+    first. length: of the track [m]. start, end: its two ends.
+    """
 
     name: str
     source: int
@@ -105,14 +110,21 @@ class Node:
     end: Moment
 
     def leads_nowhere(self) -> bool:
-        """Return True if it neither moves nor turns nor ends in another pose (as pulling in the arms does)."""
+        """Return True if the node neither moves nor turns, and ends in the pose in which it starts.
+
+        A node that pulls in the arms ends in another pose, so it leads somewhere.
+        """
         turn = float(np.ptp(np.unwrap(self.track[:, 2])))
         change = float(np.max(np.linalg.norm(self.start.cloud - self.end.cloud, axis=1)))
         return self.length < _SHORTEST_TRACK and turn < _SMALLEST_TURN and change < _SMALLEST_CHANGE
 
 
 def prepare_sources(sources: Sequence[MotionSource]) -> list[PreparedSource]:
-    """Prepare the data of ``sources``; raise MotionError if skeletons differ or a clip is no locomotion."""
+    """Prepare the data of ``sources``.
+
+    Raise MotionError if there are none, if their skeletons differ or lack ankles, if a clip is no locomotion and not
+    idle, or if an idle one has a single frame.
+    """
     if not sources:
         raise MotionError("a motion graph needs at least one clip")
     for source in sources[1:]:
@@ -121,7 +133,10 @@ def prepare_sources(sources: Sequence[MotionSource]) -> list[PreparedSource]:
 
 
 def _prepared(source: MotionSource) -> PreparedSource:
-    """Return a source with the data of its cuts; raise MotionError if it cannot be used."""
+    """Return a source with the data that its cuts need.
+
+    Raise MotionError for a clip that is no locomotion and not idle, or an idle one of a single frame.
+    """
     clip, track = source.clip, track_of(source.clip)
     if not source.idle:
         require_locomotion(clip, track)
@@ -136,7 +151,10 @@ def _prepared(source: MotionSource) -> PreparedSource:
 
 
 def feature_segments(prepared: PreparedSource) -> list[Segment]:
-    """Return the segments between the feature cuts of a source; an idle clip is one that stands at both ends."""
+    """Return the segments between the feature cuts of a source, without those that it leaves out.
+
+    An idle clip is one segment, standing at both ends.
+    """
     if prepared.source.idle:
         return [Segment(0, prepared.clip.frame_count - 1, True, True)]
     segments = segment_clip(prepared.clip, prepared.source.detectors)
@@ -167,7 +185,10 @@ def _node(prepared: PreparedSource, source: int, segment: Segment, start: Moment
 
 
 def _moments(prepared: PreparedSource, frames: list[int], standing: list[bool], hold_standing: bool) -> list[Moment]:
-    """Return the ends at ``frames``; the planted foot is the slower one, or both at a standing cut."""
+    """Return one end of each of several nodes, at ``frames`` of the clip; ``standing`` says which are standing cuts.
+
+    The planted foot is the slower one, or both if standing. hold_standing: as of :func:`make_nodes`.
+    """
     clouds = point_clouds(prepared.clip, prepared.track, np.array(frames), np.array(standing) & hold_standing)
     moments = []
     for frame, stands, cloud in zip(frames, standing, clouds, strict=True):
@@ -177,7 +198,7 @@ def _moments(prepared: PreparedSource, frames: list[int], standing: list[bool], 
 
 
 def _foot_joints(clip: Clip, side: str) -> list[int]:
-    """Return the ankle and the toe (the ankle again if there is none) of one foot."""
+    """Return the joints of ankle and toe of one foot, the ankle twice if there is no toe."""
     ankle = clip.skeleton.joint(f"{side}_ankle")
     return [ankle, clip.skeleton.roles.get(f"{side}_toe", ankle)]
 
@@ -185,6 +206,7 @@ def _foot_joints(clip: Clip, side: str) -> list[int]:
 def _require_same_skeleton(first: Clip, other: Clip) -> None:
     """Raise MotionError if two clips differ in joints, or by more than 1 mm in a bone."""
     a, b = first.skeleton, other.skeleton
+    # Most clips of a folder share one skeleton.
     if a is b:
         return
     if a.names != b.names or not np.array_equal(a.parents, b.parents):

@@ -1,6 +1,6 @@
 """How far an agent plays its nodes in a given time, at a rate that changes gradually.
 
-Rates are in ticks per step. A body between two frames is shown between their poses.
+Rates are in ticks per step of the simulation. A body between two frames is shown between their poses.
 
 ``playback`` is a :class:`crowdsim.crowd.state.timelines.Playback` or has its fields.
 """
@@ -19,9 +19,10 @@ def next_rate(rate, wanted, ramp):
 
 @kernel
 def ticks_after(playback, steps):
-    """Return the ticks played in ``steps`` steps: the sum of the rates of each, see :func:`next_rate`.
+    """Return the ticks played in ``steps`` (0 or more) steps from now on: the sum of their rates.
 
-    playback: rate, wanted and ramp [ticks/step], all int64.
+    Each rate follows from the one before by :func:`next_rate`. Of ``playback``, rate (of the last step), wanted and
+    ramp (1 or more) are read [ticks/step], all int64.
     """
     rate, wanted, ramp = playback.rate, playback.wanted, playback.ramp
     off = abs(wanted - rate)
@@ -33,9 +34,11 @@ def ticks_after(playback, steps):
 
 @kernel
 def ticks_played(playback, frames):
-    """Return the ticks of its nodes played when the world's clock has advanced by ``frames`` frames of 1/60 s.
+    """Return the ticks that an agent has played when the world's clock has advanced by ``frames`` frames of 1/60 s.
 
-    They count from the frame that is shown now.
+    They count from the beginning of the frame of its node that it plays now, so the part of this frame that it has
+    played is included. A step that is not over counts in proportion. Of ``playback``, step_frames [frames/step], part
+    [ticks], and the fields of :func:`ticks_after` are read, all int64.
     """
     steps = frames // playback.step_frames
     rest = frames - steps * playback.step_frames

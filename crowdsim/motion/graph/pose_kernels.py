@@ -27,15 +27,16 @@ def _multiply(a0, a1, a2, a3, b0, b1, b2, b3):
 
 @helper
 def _faded_difference(pool, old_row, first_row, joint, w):
-    """Return the share ``w`` of the rotation that turns ``joint`` at ``first_row`` into itself at ``old_row``.
+    """Return the share ``w`` (0 to 1) of the rotation that leads from ``joint`` in ``first_row`` to it in ``old_row``.
 
-    pool: (frames, joints, 4) rotations of all clips, unit quaternions (w, x, y, z), as is the result.
+    pool: (T, J, 4) ``pool_rotations`` of the table, of which these are rows. The result is a unit quaternion.
     """
     p = pool[old_row, joint]
     q = pool[first_row, joint]
     # d = old * inverse(first); scale its half angle by w, the shorter way around (d0 >= 0).
     d0, d1, d2, d3 = _multiply(p[0], p[1], p[2], p[3], q[0], -q[1], -q[2], -q[3])
     sine = math.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
+    # No difference, so no axis.
     if sine < 1e-7:
         return 1.0, 0.0, 0.0, 0.0
     if d0 < 0.0:
@@ -48,7 +49,7 @@ def _faded_difference(pool, old_row, first_row, joint, w):
 
 @helper
 def _yaw(q):
-    """Return the heading of the x axis turned by a quaternion [rad]."""
+    """Return the heading of the x axis after it is turned by ``q`` [rad]."""
     return atan2(2.0 * (q[1] * q[2] + q[0] * q[3]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
 
 
@@ -61,13 +62,13 @@ def _turned(angle, x, y):
 
 @helper
 def _between(a, b, part):
-    """Interpolate linearly from a to b."""
+    """Return the value at ``part`` of the way from a to b, as float64."""
     return float(a) + part * (float(b) - float(a))
 
 
 @helper
 def _rotation_between(a, b, part):
-    """Interpolate linearly between two close quaternions; the length of the result is nearly 1."""
+    """Return the quaternion at ``part`` of the way from a to b, which are close; its length is only nearly 1."""
     a0, a1, a2, a3 = float(a[0]), float(a[1]), float(a[2]), float(a[3])
     if part <= 0.0:
         return a0, a1, a2, a3
@@ -80,7 +81,7 @@ def _rotation_between(a, b, part):
 
 @helper
 def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, out_rotations, a):
-    """Compute row ``a`` of the joints of :func:`pose_joints`, whose track pose is (at_x, at_y, heading)."""
+    """Fill row ``a`` of both outputs of :func:`pose_joints`, for the track pose at_x, at_y [m], heading [rad]."""
     pool = table.pool_rotations
     root = table.pool_root
     # Rows of the pose pool: this frame and the next, and share between them.
@@ -108,8 +109,8 @@ def pose_body(table, node, previous, frame, at_x, at_y, heading, out_positions, 
         old_x, old_y = _turned((w - 1.0) * apart, float(root[old, 0]), float(root[old, 1]))
         x += w * old_x
         y += w * old_y
-    # Rotations (w, x, y, z): q is that of a joint in its parent, p that of the parent in the world, d the difference
-    # that a blend offset leaves.
+    # Rotations (w, x, y, z). q: joint relative to its parent; p: parent in the world; d: what is left of the difference
+    # between both nodes.
     for j in range(len(table.parents)):
         q0, q1, q2, q3 = _rotation_between(pool[row, j], pool[after, j], part)
         if w > 0.0:

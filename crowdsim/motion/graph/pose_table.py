@@ -15,11 +15,13 @@ from crowdsim.motion.graph.nodes import Node, PreparedSource
 
 
 class PoseTable(NamedTuple):
-    """Poses of N nodes on J joints; node n owns pool rows ``node_first[n]`` to ``node_first[n] + node_frames[n]``.
+    """Poses of N nodes on J joints; T pool rows, one per frame.
 
-    parents: (J,) int32. offsets: (J, 3) float32 [m].
+    Node n has rows ``node_first[n]`` to ``node_first[n] + node_frames[n]``, both included.
+
+    parents: (J,) int32, -1 for the root. offsets: (J, 3) float32, joint from its parent [m].
     node_first, node_frames: (N,) int32.
-    pool_root: (T, 3) float32, root joint in the frame of its sample's track pose [m].
+    pool_root: (T, 3) float32, root joint in the frame of the track pose of its row: ahead, left, up [m].
     pool_rotations: (T, J, 4) float32 unit quaternions, the root's relative to the track's heading, each other joint's
     relative to its parent.
     """
@@ -33,7 +35,7 @@ class PoseTable(NamedTuple):
 
 
 def make_pose_table(prepared: Sequence[PreparedSource], nodes: Sequence[Node]) -> PoseTable:
-    """Return the poses of ``nodes`` in order."""
+    """Return the poses of ``nodes`` in order; ``prepared`` are the sources that they number."""
     local = {
         index: _relative_poses(prepared[index].clip, prepared[index].track)
         for index in sorted({node.source for node in nodes})
@@ -57,7 +59,7 @@ def make_pose_table(prepared: Sequence[PreparedSource], nodes: Sequence[Node]) -
 
 
 def _relative_poses(clip: Clip, track: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return root places (F, 3) and rotations (F, J, 4) of a clip relative to its track (F, 3)."""
+    """Return root places (F, 3) [m] and rotations (F, J, 4) of a clip relative to its track (F, 3), as in PoseTable."""
     planar = transform_points(invert(track), clip.root_positions[:, :2])
     root = np.concatenate([planar, clip.root_positions[:, 2:]], axis=1)
     rotations = clip.rotations.copy()

@@ -48,9 +48,10 @@ def segment_clip(clip: Clip, detectors: Sequence[str]) -> list[Segment]:
 
 
 def is_locomotion(clip: Clip, track: Floats) -> bool:
-    """Return True if a clip moves 10 cm or turns 10 degrees, or any joint of it moves 10 cm.
+    """Return True if a clip with ``track`` (F, 3) goes 10 cm or turns 10 degrees, or any joint of it moves 10 cm.
 
-    Pulling in the arms while standing is no locomotion either, but leads to another pose.
+    Distances are from the first frame. A movement of single joints, such as pulling in the arms, counts as it leads to
+    another pose.
     """
     reach, turn = _reach_and_turn(track)
     stir = float(np.max(np.linalg.norm(clip.joint_positions - clip.joint_positions[0], axis=-1)))

@@ -17,14 +17,14 @@ TURN_COST = 1.0
 def choose_stop_edges(graph: GraphArrays) -> NDArray[np.int32]:
     """Return the edge to take at each node's end to come to a stand, (N,).
 
-    NONE if the node ends standing or no standing node can be reached. The least track length counts first, with
-    TURN_COST for turning, so that a stopping agent keeps its heading; then the fewest frames. Paths that never
-    widen the behavior come first, as a stopping agent must not need more space than it has; others serve only nodes
-    that have none.
+    NONE if the node ends standing or no standing node can be reached. Of all paths to a stand, the one with the least
+    track length is taken, with TURN_COST for turning, so that a stopping agent keeps its heading; of equal ones, the
+    one with the fewest frames. Only paths on which no node has a wider behavior than the one before it count, as a
+    stopping agent must not need more space than it has. All paths count for a node that has no such path.
     """
     source = np.repeat(np.arange(len(graph.node_frames)), np.diff(graph.edge_start))
     target = graph.edge_target
-    # Behaviors are numbered from the narrowest, 0.
+    # Behaviors are numbered from the narrowest (the least preferred), 0. Idle nodes are never part of a path.
     usable = ~graph.node_idle[target]
     narrowing = usable & (graph.node_behavior[target] <= graph.node_behavior[source])
     stop = _nearest_standing(graph, source, narrowing)
@@ -33,9 +33,10 @@ def choose_stop_edges(graph: GraphArrays) -> NDArray[np.int32]:
 
 
 def _nearest_standing(graph: GraphArrays, source: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Search from all standing ends backward over the ``allowed`` edges (Dijkstra); return edges (N,).
+    """Return the first edge (N,) of each node's cheapest path to a stand over edges that are ``allowed`` (E,).
 
-    NONE for a node that ends standing itself, or from which no stand can be reached. source: (E,) of all edges.
+    NONE for a node that ends standing itself, or from which no stand can be reached. The search (Dijkstra) goes
+    backward from all standing ends. source: (E,) node that each edge leaves.
     """
     count = len(graph.node_frames)
     incoming: list[list[int]] = [[] for _ in range(count)]
@@ -49,6 +50,7 @@ def _nearest_standing(graph: GraphArrays, source: NDArray[np.int64], allowed: ND
     heapq.heapify(queue)
     while queue:
         meters, frames, node, edge = heapq.heappop(queue)
+        # A cheaper path to this node was found before.
         if done[node]:
             continue
         done[node] = True

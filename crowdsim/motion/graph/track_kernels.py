@@ -51,8 +51,9 @@ def node_end(graph, node, x, y, heading):
 def track_pose(graph, node, frame, x, y, heading, dx, dy, dheading):
     """Return the world track pose of an agent ``frame`` frames into ``node``.
 
-    (x, y, heading) is the node's origin; (dx, dy, dheading) is the blend offset: the end of the node before less this
-    origin, 0 if there is none. It fades out by :func:`blend_weight`.
+    frame: whole number, 0 to the node's ``node_frames``. (x, y, heading) is the node's origin. (dx, dy, dheading) is
+    the blend offset: the end of the node before less this origin, 0 if there is none. It fades out by
+    :func:`blend_weight`.
     """
     row = graph.node_track[node] + frame
     px, py, ph = compose(x, y, heading, graph.tracks[row, 0], graph.tracks[row, 1], graph.tracks[row, 2])
@@ -63,9 +64,9 @@ def track_pose(graph, node, frame, x, y, heading, dx, dy, dheading):
 
 @kernel
 def track_pose_between(graph, node, frame, part, x, y, heading, dx, dy, dheading):
-    """Return :func:`track_pose` at ``part`` [0, 1) of the way from ``frame`` to the next one.
+    """Return :func:`track_pose` at ``part`` [0, 1) of the way from ``frame`` to the next frame.
 
-    The last frame of a node has no next one.
+    In the last frame of a node, which has no next one, ``part`` does not count.
     """
     # Interpolate linearly, the heading the shorter way around.
     ax, ay, ah = track_pose(graph, node, frame, x, y, heading, dx, dy, dheading)

@@ -40,8 +40,8 @@ _EDGES = 500
 class TransitionDrift:
     """Drift over E transitions (edges that do not simply continue a capture), without extra rotation [m].
 
-    edge: (E,) their indices. played: (E,) largest drift of a stance that the fade touches, as played. added: (E,)
-    largest increase over the drift of the same foot in the two clips.
+    edge: (E,) their indices in the graph. played: (E,) largest drift of a stance that the fade touches, as played.
+    added: (E,) largest difference of such a drift from that of the same stance in the two clips, 0 if none is positive.
     """
 
     edge: Indices
@@ -80,7 +80,7 @@ def clip_stances(clip: Clip) -> list[Stance]:
 
 
 def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDrift:
-    """Play every transition of ``graph``, built from ``clips`` of unique names, and measure the feet."""
+    """Play every transition of ``graph``, built from ``clips`` of unique names; measure how far planted feet drift."""
     arrays, names = graph.arrays, {clip.name: clip for clip in clips}
     places = [clip_frames(name) for name in graph.node_names]
     standing = {name: _Standing.of(_clip_feet(names[name])) for name in sorted({place[0] for place in places})}
@@ -90,7 +90,7 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
     joins = [places[a][0] != places[b][0] or places[a][2] != places[b][1] for a, b in zip(source, target, strict=True)]
     edges = np.flatnonzero(joins)
     like = _clip_feet(clips[0])
-    # Which points stand in the first steps of each node: those that fade after a transition into it.
+    # Which points stand in the first steps of each node, during which a transition into it fades.
     opening = np.zeros((len(places), BLEND_FRAMES, *like.lowest.shape), bool)
     for node, (name, first, last) in enumerate(places):
         planted = standing[name].planted[first : min(first + BLEND_FRAMES, last)]
@@ -99,7 +99,7 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
     for begin in range(0, len(edges), _EDGES):
         chosen = edges[begin : begin + _EDGES]
         a, b = source[chosen], target[chosen]
-        # Angles from each clip, as captured, to where it is played, in the frame in which the first node starts.
+        # Angles by which each of both clips, as captured, is turned as it is played; axes as in :func:`_faded_steps`.
         ahead = arrays.node_motion[a, 2] + arrays.edge_transform[chosen, 2]
         turns = np.stack([-heading[a], ahead - heading[b]], axis=1)
         faded = standing_moves(_faded_steps(graph, a, chosen, like), opening[b])
@@ -111,7 +111,10 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
 
 
 def skating_edges(graph: MotionGraph, clips: Sequence[Clip], most: float) -> Indices:
-    """Return the nodes (2, n) left and entered by transitions that add more than ``most`` meters to a foot's drift."""
+    """Return the nodes (2, n) left and entered by transitions that add more than ``most`` meters to a foot's drift.
+
+    Nodes are numbered as in ``graph``; ``clips`` are those that it is built from, of unique names.
+    """
     drift = transition_drifts(graph, clips)
     skates = drift.edge[drift.added > most]
     # Edges are sorted by the node that they leave.
@@ -120,7 +123,8 @@ def skating_edges(graph: MotionGraph, clips: Sequence[Clip], most: float) -> Ind
 
 
 def _heading(graph: MotionGraph, node: int, clip: Clip, first: int) -> float:
-    """Return the heading of a node's track where the node starts, in the clip that it is taken from [rad]."""
+    """Return the heading of a node's track [rad] at its start, which is frame ``first`` of ``clip``."""
+    # The pool has the root's rotation relative to the track, so the rest of that in the clip is the track's heading.
     turned = clip.rotations[first, 0]
     relative = graph.poses.pool_rotations[graph.poses.node_first[node], 0].astype(np.float64)
     turn = multiply(turned, conjugate(relative))
@@ -128,9 +132,10 @@ def _heading(graph: MotionGraph, node: int, clip: Clip, first: int) -> float:
 
 
 def _faded_steps(graph: MotionGraph, source: Indices, edges: Indices, like: Feet) -> Floats:
-    """Return steps (E, BLEND_FRAMES, 2, P, 2) of the feet while ``edges`` fade [m].
+    """Return the movement (n, BLEND_FRAMES, 2, P, 2) of points of the feet, frame to frame, while ``edges`` (n,) fade.
 
-    Axes are those of the track where the left node ``source`` (E,) starts. like: feet of a clip, for their heights.
+    It is along the floor [m]. source: (n,) nodes that the edges leave; axes are those of the first track pose of each.
+    like: feet of a clip, for their heights.
     """
     arrays = graph.arrays
     target = arrays.edge_target[edges]
@@ -159,10 +164,11 @@ def _drift(
     turns: Floats,
     played: Floats,
 ) -> tuple[float, float]:
-    """Return the largest drift of a stance that the fade touches, and the largest increase over its own [m].
+    """Return the largest drift of a stance that the fade touches, and its largest increase over the drift in clips [m].
 
-    left, entered: clip, first and last frame of the two segments. turns: (2,) angles by which the clips turn to where
-    they are played [rad]. played: (BLEND_FRAMES, 2, 2) moves of the feet while one segment fades into the other.
+    before, after: stances of the two clips. left, entered: clip, first and last frame of the two segments. turns: (2,)
+    angles by which the clips turn to where they are played [rad]. played: (BLEND_FRAMES, 2, 2) moves of the feet while
+    one segment fades into the other [m]. Both results are 0 if no foot stands then.
     """
     _, first, end = left
     _, begin, last = entered

@@ -1,8 +1,8 @@
 """Tracks of captured bodies between two steps: along the tracks of the nodes that they play.
 
-A straight line from step to step would turn a corner at each of them, and a body whose clip sways or turns meanwhile
-would be jerked along it. Between steps a body plays known frames, so only what the clips do not tell, the fading blend
-offset, is interpolated.
+A straight line from step to step would turn a corner at each step, and a body whose clip sways or turns meanwhile would
+be jerked along it. Between steps a body plays known frames of its nodes. They lack only the blend offset, which fades
+meanwhile, so only this is interpolated.
 
 Arguments of all helpers: ``nodes``, the :class:`NodeTracks`; ``frame``, of a node, also between two frames; ``begin``
 and ``end``, frames of a node; ``spans`` (2,), lengths of the floor along x and y [m], 0 if it is not periodic there;
@@ -24,8 +24,8 @@ from crowdsim.motion.graph.track_kernels import blend_weight
 _NOTHING = 1e-9
 
 _MOST_WHOLE = 20.0
-"""Largest factor from the change of a turn in one step to that by the whole blend offset: a larger one would magnify
-rounding."""
+"""Largest factor by which the change of a turn in one step is extrapolated to that of the whole blend offset: a larger
+one would magnify rounding."""
 
 
 class NodeTracks(NamedTuple):
@@ -43,22 +43,26 @@ class NodeTracks(NamedTuple):
 def split_step(last, since, frame, natural):
     """Return how a step is divided between two nodes, of which the first one ends in it: (share, end, begin).
 
-    The first node is played from frame ``since`` to ``end``, until ``share`` of the step, then the next one from
-    ``begin`` to ``frame``. ``last`` is the last frame of the first one.
+    The first node is played from frame ``since`` to ``end``, during the first ``share`` (0 to 1) of the step. Then the
+    next one is played from ``begin`` to ``frame``. ``last`` is the last frame of the first node.
     """
     advance = last - since + frame
+    # All frames of both nodes are played: divide the step in proportion.
     if 2.0 * advance <= 3.0 * natural:
         return (last - since) / advance if advance > 0.0 else 1.0, last, 0.0
-    # An agent that leaves an idle node skips the rest of it: the frames played would then be too many (over 1.5 times
-    # the usual), so it plays as many as usual: of the idle node at most up to its end, then the last ones of the next
-    # node before ``frame``. It enters that at the end of the step if the idle node fills the step.
+    # More than 1.5 times the usual frames: the agent has left an idle node and skips the rest of it. Show as many
+    # frames as usual: those of the idle node, at most up to its end, then the ``left`` frames of the next node before
+    # ``frame``. If the idle node fills the step, ``left`` is 0, and the next node begins at the end of the step.
     left = max(since + natural - last, 0.0)
     return 1.0 - left / natural, min(since + natural, last), frame - left
 
 
 @helper
 def _in_clip(nodes, node, frame):
-    """Return the track pose of a node in a frame, relative to its first one."""
+    """Return the track pose of a node in a frame, relative to the pose in its first frame; interpolated between frames.
+
+    Beyond its last frame, the pose in the last one.
+    """
     last = nodes.first[node] + nodes.frames[node]
     row = min(nodes.first[node] + int(frame), last)
     after = min(row + 1, last)
@@ -69,7 +73,7 @@ def _in_clip(nodes, node, frame):
 
 @helper
 def _beyond(nodes, node, begin, start, end):
-    """Return the pose in frame ``end`` of a body that is at ``start`` in frame ``begin``, if nothing else moves it."""
+    """Return the pose in frame ``end`` of a body that is at ``start`` in frame ``begin`` and moves as its node does."""
     ax, ay, ah = _in_clip(nodes, node, begin)
     bx, by, bh = _in_clip(nodes, node, end)
     c, s = cos_sin(start[2] - ah)
@@ -82,19 +86,21 @@ def _beyond(nodes, node, begin, start, end):
 def _along_node(nodes, node, begin, start, end, goal, frame, spans):
     """Return the pose in ``frame`` of a body that is at ``start`` in frame ``begin`` and at ``goal`` in frame ``end``.
 
-    Its track is that of the node, moved and turned; by how much changes as the blend offset fades, and evenly if there
-    is none.
+    Its track is that of the node, moved and turned in the world. ``goal`` may differ from where this leads from
+    ``start``: the difference comes in as the blend offset fades, or evenly if none fades in these frames.
     """
     ax, ay, ah = _in_clip(nodes, node, begin)
     bx, by, bh = _in_clip(nodes, node, end)
     px, py, ph = _in_clip(nodes, node, frame)
-    # Share of the change: that of what the blend offset loses. whole: all that it has to lose, by what it loses here.
+    # share: part of the difference that has come in at ``frame``: as much as the blend offset has lost of what it loses
+    # in these frames. whole: all that it still has at ``begin`` over what it loses in these frames.
     before, after = blend_weight(begin), blend_weight(end)
     share, whole = (frame - begin) / max(end - begin, _NOTHING), 1.0
     if before - after > _NOTHING:
         share = (before - blend_weight(frame)) / (before - after)
         whole = min(before / (before - after), _MOST_WHOLE)
-    # Turn of the node in the world: as its end shows it, less what is left of the blend offset.
+    # Turn of the node in the world after the blend offset has faded, extrapolated from its change in these frames. The
+    # node's positions are turned by it, and moved by (ox, oy) so that frame ``begin`` is at ``start``.
     turn = start[2] - ah
     change = wrap_angle(goal[2] - bh - turn)
     c, s = cos_sin(turn + whole * change)
@@ -109,10 +115,12 @@ def track_between(nodes, natural, spans, old, old_frame, old_pose, new, new_fram
     """Return the track pose at a share of the step from ``old_frame`` of node ``old`` to ``new_frame`` of node ``new``.
 
     The poses are those at both ends. A body without a node (-1) at one of them, or that plays no frame, goes straight.
+    On a periodic floor the result may lie beyond its ends, except at share 1.
     """
-    # At the end of the step, the new pose to the bit, and on this side of the ends of a periodic floor.
+    # At the end of the step, exactly the new pose, which lies on the floor.
     if share >= 1.0:
         return new_pose[0], new_pose[1], new_pose[2]
+    # The same node at an earlier frame has ended and begun again: two nodes.
     same = old == new and new_frame >= old_frame
     if old < 0 or new < 0 or (same and new_frame - old_frame < _NOTHING):
         x = old_pose[0] + share * shorter_way(new_pose[0] - old_pose[0], spans[0])
@@ -133,9 +141,12 @@ def track_between(nodes, natural, spans, old, old_frame, old_pose, new, new_fram
 
 @kernel
 def tracks_between(nodes, natural, spans, old, old_frame, old_pose, new, new_frame, new_pose, share, out):
-    """Write the track poses of A bodies at a share of a step to ``out`` (A, 3), see :func:`track_between`.
+    """Write the track poses of A bodies at a share of a step to ``out`` (A, 3) float64, see :func:`track_between`.
 
-    old, new: (A,) int32 nodes, -1 for none. old_frame, new_frame: (A,) float64. old_pose, new_pose: (A, 3) float64.
+    nodes: :class:`NodeTracks`. natural: frames that a step takes at the natural rate. spans: (2,) float64, lengths of
+    the floor along x and y [m], 0 if it is not periodic there. old, new: (A,) int32 nodes at the begin and the end of
+    the step, -1 for none. old_frame, new_frame: (A,) float64, their frames there. old_pose, new_pose: (A, 3) float64
+    track poses there, x, y [m], heading [rad]. share: 0 to 1, the same for all.
     """
     for a in range(len(out)):
         out[a] = track_between(

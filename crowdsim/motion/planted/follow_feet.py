@@ -16,7 +16,7 @@ from crowdsim.motion.planted.planted_rows import FootTable
 Floats = NDArray[np.float64]
 
 _CHANGES = 6
-"""Changes of a body in one step for which there is room at first."""
+"""Number of changes in one step, for each body, for which there is room at first."""
 
 
 class Played(NamedTuple):
@@ -35,9 +35,10 @@ class Played(NamedTuple):
 class Step(NamedTuple):
     """What the kernel reads and writes in one step; see :class:`Played` for the steps before (old) and after (new).
 
-    states: (N, 2, COLUMNS) of all feet. natural: frames of a node in a step at its own speed. spans: (2,) see
+    states: (N, 2, COLUMNS) of all feet. natural: frames that a step takes at the natural rate. spans: (2,) see
     :func:`crowdsim.motion.planted.pin_kernels.pin_feet`. positions, rotations: (1, J, 3), (1, J, 4) float32, room for
-    one body. rows, shares, events: (c,), (c,), (c, COLUMNS), changes: 2 * body + foot, share of the step, new state.
+    one body. rows, shares, events: (c,), (c,), (c, COLUMNS), room for changes: 2 * body + foot, share of the step at
+    which it changes, new state.
     """
 
     table: PoseTable
@@ -61,12 +62,23 @@ class Step(NamedTuple):
 
 
 class FollowedFeet:
-    """The feet of N bodies in the step taken last.
+    """The feet of N bodies, followed from step to step.
+
+    Parameters
+    ----------
+    table, feet : PoseTable, FootTable
+        Poses and feet of all nodes.
+    count : int
+        Number of bodies N.
+    steps_per_second : int
+        Steps per second; a step has a whole number of frames.
+    spans : (2,) float64
+        Lengths of the floor along x and y [m], 0 if it is not periodic there.
 
     Attributes
     ----------
     states : (N, 2, COLUMNS) float64
-        How each foot is corrected; :func:`crowdsim.motion.planted.pin_kernels.pin_feet` takes it.
+        How each foot is corrected after the last step, for :func:`crowdsim.motion.planted.pin_kernels.pin_feet`.
     """
 
     def __init__(self, table: PoseTable, feet: FootTable, count: int, steps_per_second: int, spans: Floats) -> None:
@@ -78,7 +90,12 @@ class FollowedFeet:
         self.states = np.zeros((count, 2, COLUMNS))
 
     def add(self, new: Played) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Take a step; return its changes: 2 * body + foot (c,), share of the step (c,), new state (c, COLUMNS)."""
+        """Take a step to what bodies play now, ``new``; return the changes of their feet's states, body by body.
+
+        They are 2 * body + foot (c,), share of the step (c,), and new state (c, COLUMNS). ``new`` is kept until the
+        next step, so its arrays must not be changed. If a body is no longer captured, its feet become FREE; this is no
+        change that is returned.
+        """
         # In the first step no body was captured before.
         old = new._replace(node=np.full_like(new.node, -1)) if self._old is None else self._old
         size = _CHANGES * len(new.node)

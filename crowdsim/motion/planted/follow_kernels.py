@@ -1,9 +1,9 @@
 """Follow the feet of captured bodies from step to step: where each stands, and what fades after it lifts.
 
 Arguments of all helpers: ``work`` (:class:`~crowdsim.motion.planted.follow_feet.Step`); ``a``, the row of the body;
-``node`` and ``previous``, what it plays and what it played before, -1 for none; ``share``, ``early`` and ``late``,
-moments of the step, 0 to 1; ``count``, the number of events noted so far, which is returned, increased. ``frame`` is
-that of the node. ``mode``, ``since``, ``until`` and ``pose`` (x, y [m], heading [rad]) are the columns of a foot's
+``node`` and ``previous``, what it plays and what it played before, -1 for none; ``frame``, of the node; ``share``,
+``early`` and ``late``, moments of the step, 0 to 1; ``count``, the number of events noted so far (helpers that take it
+return the new one). ``mode``, ``since``, ``until`` and ``pose`` (x, y [m], heading [rad]) are the columns of a foot's
 state that :mod:`crowdsim.motion.planted.pin_kernels` names.
 """
 
@@ -50,7 +50,7 @@ def _track_at(work, a, share):
 
 @helper
 def _pose(work, a, node, previous, frame, share):
-    """Pose body ``a`` in a frame of a node at a share of the step."""
+    """Pose body ``a`` in a frame of a node at a share of the step; writes ``work.positions`` and ``work.rotations``."""
     x, y, heading = _track_at(work, a, share)
     pose_body(work.table, node, previous, frame, x, y, heading, work.positions, work.rotations, 0)
 
@@ -65,8 +65,8 @@ def _place(work, foot):
 def _set(work, a, foot, mode, node, since, until, pose, share, count):
     """Change the state of a foot at a share of the step, note it as event ``count``, and return the next number.
 
-    ``since`` and ``until`` are frames of the node: the state holds from the first on; ``until``, at which a fade ends,
-    matters only if ``mode`` is FADES (else pass 0.0).
+    The state holds from frame ``since`` of the node on. A fade ends in its frame ``until``, which does not matter in
+    other modes (pass 0.0).
     """
     state = work.states[a, foot]
     state[MODE] = mode
@@ -85,9 +85,10 @@ def _set(work, a, foot, mode, node, since, until, pose, share, count):
 
 @helper
 def _release(work, a, foot, node, frame, moved, share, count):
-    """Let what ``moved`` a foot (x, y [m], turn [rad]) fade from ``frame`` of a node until it lands.
+    """Let the displacement ``moved`` of a foot (x, y [m], turn [rad]) fade from ``frame`` of a node until it lands.
 
-    It fades over LONGEST_FADE frames at most; a foot that was not moved is free.
+    It fades over LONGEST_FADE frames at most. A foot that is not displaced is FREE at once. The change is noted; return
+    the next number of an event.
     """
     row = work.table.node_first[node] + int(frame)
     until = min(float(work.feet.landings[row, foot]), frame + LONGEST_FADE)
@@ -103,17 +104,18 @@ def _play(work, a, node, previous, begin, end, early, late, count):
     """
     table, feet = work.table, work.feet
     first = table.node_first[node]
-    # The sample after the last frame is where the next node begins, see `_enter`.
+    # Leave out the last row of the node: whether a foot stands from there on depends on the next node, see `_enter`.
     for frame in range(int(begin) + 1, min(int(end), table.node_frames[node] - 1) + 1):
         for foot in range(2):
             stood, stands = feet.stands[first + frame - 1, foot], feet.stands[first + frame, foot]
+            # The foot neither lands nor lifts here.
             if stood == stands:
                 continue
             share = early + (late - early) * (frame - begin) / max(end - begin, 1e-9)
             _pose(work, a, node, previous, float(frame), share)
             place = _place(work, foot)
             moved = correction(table, feet, work.states[a, foot], node, float(frame), foot, place, work.spans)
-            # A foot that lands stands where it is shown; of one that lifts, what moved it fades.
+            # A foot that lands stands where it is shown. If it lifts, its displacement fades.
             if stands:
                 pose = (place[0] + moved[0], place[1] + moved[1], place[2] + moved[2])
                 count = _set(work, a, foot, STANDS, node, float(frame), 0.0, pose, share, count)
@@ -124,9 +126,10 @@ def _play(work, a, node, previous, begin, end, early, late, count):
 
 @helper
 def _enter(work, a, node, previous, frame, share, shown, count):
-    """Go on in ``frame`` of the next node; ``shown`` (x, y [m], heading [rad]) are both feet's last places.
+    """Go on in ``frame`` of the next node ``node``, and note the new state of both feet.
 
-    A foot that stands keeps the place in which it was shown; of one that swings, the difference fades.
+    shown: where the left and the right foot were shown last, (x, y [m], heading [rad]) each. A foot that stands in the
+    next node keeps this place. If it swings there, the difference of this place from its place in the next node fades.
     """
     row = work.table.node_first[node] + int(frame)
     _pose(work, a, node, previous, frame, share)
@@ -145,7 +148,7 @@ def _enter(work, a, node, previous, frame, share, shown, count):
 
 @helper
 def _shown(work, a, node, frame, foot):
-    """Return the place of a foot as shown of the body posed last, which plays a frame of a node."""
+    """Return where a foot of the body posed last is shown, corrected: x, y [m] and heading [rad]."""
     place = _place(work, foot)
     x, y, yaw = correction(work.table, work.feet, work.states[a, foot], node, frame, foot, place, work.spans)
     return place[0] + x, place[1] + y, place[2] + yaw
@@ -153,7 +156,7 @@ def _shown(work, a, node, frame, foot):
 
 @helper
 def _appear(work, a, node, previous, frame, count):
-    """Begin with a body that was not captured before: its feet are where its clip has them."""
+    """Note the feet of a body that was not captured before: in ``frame`` of ``node``, where its clip has them."""
     # At the end of the step (share 1), each foot stands from this frame on, or is free.
     row = work.table.node_first[node] + int(frame)
     _pose(work, a, node, previous, frame, 1.0)
@@ -168,13 +171,14 @@ def follow_feet(work):
     """Follow the feet of all bodies over one step, as :func:`crowdsim.recording.between.frame_between` shows it.
 
     work: :class:`crowdsim.motion.planted.follow_feet.Step`. Its states change, and each change of a captured body is
-    noted in order; return the number of these, of which those beyond the length of its arrays are not noted.
+    noted in order. Return the number of changes; if it is larger than the arrays of events, the last ones are missing
+    there.
     """
     count = 0
     table = work.table
     for a in range(len(work.new_node)):
         node, frame, previous = work.new_node[a], work.new_frame[a], work.new_previous[a]
-        # Not captured (any more): nothing is corrected.
+        # Not captured, or no longer: nothing is corrected.
         if node < 0:
             for foot in range(2):
                 work.states[a, foot, MODE] = FREE
@@ -184,6 +188,7 @@ def follow_feet(work):
         if old < 0:
             count = _appear(work, a, node, previous, frame, count)
             continue
+        # The same node goes on.
         if old == node and frame >= since:
             count = _play(work, a, node, previous, since, frame, 0.0, 1.0, count)
             continue

@@ -4,12 +4,12 @@ A foot that stands keeps its place from touch-down until it lifts, through all n
 rolls and turns in the clip that is played moves it. While it swings, its displacement from the clip fades out.
 
 Arguments of all helpers: ``table`` (PoseTable) and ``feet`` (FootTable); ``foot``, 0 for the left and 1 for the right;
-``positions`` (A, J, 3) and ``rotations`` (A, J, 4) of the joints of all bodies, which are bent in place and of which
-row ``a`` is one body; hip, knee, ankle and other points are triples [m], rotations are quaternions (w, x, y, z). ``a``
+``positions`` (A, J, 3) and ``rotations`` (A, J, 4), the joints of all bodies, which are changed in place, and ``a``,
+the row of one body; hip, knee, ankle and other points are triples [m], rotations are quaternions (w, x, y, z). ``a``
 and ``b`` are vectors in products; ``turn`` is a rotation, ``target`` the ankle's place to be reached [m], ``most`` the
 share of its length to which the leg may stretch; ``spans`` are the lengths of the floor along x and y [m], 0 if it is
-not periodic there; ``place`` is that of a foot as posed: x, y of its ball [m], heading [rad]; ``moved`` is how far it
-is moved x, y [m] and turned [rad].
+not periodic there; ``place`` is where a foot is in the pose of the clip: x, y of its ball [m], heading [rad];
+``moved`` is how far it is moved x, y [m] and turned [rad].
 """
 
 import math
@@ -19,14 +19,16 @@ from crowdsim.geometry.planar_kernels import compose, shorter_way, to_local, wra
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.deformed.body_kernels import REACH, ease, multiply, quaternion, rotate
 
-# Columns of the state of a foot: how it is corrected, the node in which that holds, from which frame of it and until
-# which one it fades, and a planar pose: place and heading of a standing foot in frame SINCE, or what fades.
+# Columns of the state of a foot. MODE: how it is corrected (FREE: not at all, STANDS, FADES). NODE: the node in which
+# the correction holds; in others there is none. SINCE: frame of that node from which on it holds. UNTIL: frame at which
+# a fade ends (not read otherwise). X, Y [m] and YAW [rad]: place and heading of a standing foot in frame SINCE, or the
+# displacement that fades, as it is in frame SINCE.
 MODE, NODE, SINCE, UNTIL, X, Y, YAW = 0, 1, 2, 3, 4, 5, 6
 COLUMNS = 7
 FREE, STANDS, FADES = 0.0, 1.0, 2.0
 
 FARTHEST = 0.2
-"""Largest distance that a foot is moved from where its clip has it [m]; a body that goes on farther drags it along."""
+"""Largest distance by which a foot is moved from its place in the clip [m]; beyond, the body drags the foot along."""
 _LOWEST = 0.1
 """Largest height by which the pelvis comes down for a foot that is out of reach [m]."""
 _BENT = 0.05
@@ -38,7 +40,7 @@ _NOTHING = 1e-9
 def place_in_clip(feet, first, last, foot, frame):
     """Return ball x, y [m] and heading [rad] of a foot in a frame of the node with rows ``first`` to ``last``.
 
-    They are relative to the track pose in row ``first``, and interpolated between frames.
+    They are relative to the track pose in row ``first``, and interpolated between frames; the last frame has no next.
     """
     row = first + int(frame)
     after = min(row + 1, last)
@@ -60,16 +62,18 @@ def place_of_foot(feet, foot, positions, rotations, a):
 
 @helper
 def correction(table, feet, state, node, frame, foot, place, spans):
-    """Return how far a foot at ``place`` is moved (x, y [m]) and turned [rad] in a frame of its node.
+    """Return how far a foot at ``place`` is moved (x, y [m]) and turned [rad] in a frame of ``node``.
 
-    state: (COLUMNS,) of the foot, which holds only in the node that it names.
+    state: (COLUMNS,) of the foot. A foot that is FREE, or whose NODE is another one, is not moved. One that STANDS is
+    moved by FARTHEST at most.
     """
     if state[MODE] == FREE or state[NODE] != node:
         return 0.0, 0.0, 0.0
+    # A fade takes one frame at least.
     if state[MODE] == FADES:
         w = 1.0 - ease((frame - state[SINCE]) / max(state[UNTIL] - state[SINCE], 1.0))
         return w * state[X], w * state[Y], w * state[YAW]
-    # The way of the foot in the clip since it stands, from where it stands.
+    # A standing foot: from its place in frame SINCE, go on by as much as the foot moves in the clip since then.
     first = table.node_first[node]
     last = first + table.node_frames[node]
     ax, ay, ah = place_in_clip(feet, first, last, foot, state[SINCE])
@@ -85,7 +89,7 @@ def correction(table, feet, state, node, frame, foot, place, spans):
 
 @helper
 def _minus(a, b):
-    """Return the vector from b to a."""
+    """Return a - b, the vector from b to a."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
@@ -134,7 +138,7 @@ def bent_leg(hip, knee, ankle, left, target, most):
     """Return the rotations of thigh and shank, in the world, that bring the ankle to ``target`` or as near as it gets.
 
     The knee bends by the law of cosines in its plane, then the leg turns the shortest way, as in
-    :func:`crowdsim.motion.clips.leg_solver.bend_legs`. left: axis about which a knee bends that is nearly
+    :func:`crowdsim.motion.clips.leg_solver.bend_legs`. left: unit vector, axis about which a knee bends that is nearly
     straight or bent backward. most: share of its length to which the leg may stretch.
     """
     thigh, shank, way = _minus(knee, hip), _minus(ankle, knee), _minus(target, hip)
@@ -148,8 +152,8 @@ def bent_leg(hip, knee, ankle, left, target, most):
     across = _cross(down, along)
     hinge = _plus(across, left, max(_BENT - _dot(across, left), 0.0))
     hinge = _unit(_plus(hinge, down, -_dot(hinge, down)))
-    # The direction that the shank then has, with the thigh as it is (``ahead``: to where shanks bend, behind a body);
-    # then the whole leg turns to the target.
+    # The direction of the bent shank, while the thigh stays (``ahead`` is the direction into which a shank bends, to
+    # the back of the body). Then turn the whole leg to the target.
     ahead = _cross(hinge, down)
     wanted = (c * down[0] + s * ahead[0], c * down[1] + s * ahead[1], c * down[2] + s * ahead[2])
     turn = _shortest(_unit(_plus(thigh, wanted, lower)), _unit(way))
@@ -158,7 +162,10 @@ def bent_leg(hip, knee, ankle, left, target, most):
 
 @helper
 def _move(positions, rotations, a, joint, turn, old, new):
-    """Turn a joint of body ``a`` by ``turn`` about the point ``old``, which moves to ``new`` [m]."""
+    """Turn a joint of body ``a`` by ``turn`` about the point ``old``, then move it as that point moves to ``new`` [m].
+
+    Changes the joint's rows of ``positions`` and ``rotations``.
+    """
     x, y, z = rotate(
         turn, positions[a, joint, 0] - old[0], positions[a, joint, 1] - old[1], positions[a, joint, 2] - old[2]
     )
@@ -173,8 +180,8 @@ def _move(positions, rotations, a, joint, turn, old, new):
 def _reach(hip, knee, ankle, target):
     """Return the share of its length to which a leg may stretch, and how far the pelvis must come down for it [m].
 
-    The leg may stretch to REACH, or be as straight as it is posed. The second value is negative if the ankle reaches
-    ``target`` without that, by as much as the hip could be higher.
+    The leg may stretch to REACH, or as far as it is posed if that is more. The second value is negative if the ankle
+    reaches ``target`` already: the hip could be higher by as much.
     """
     thigh, shank, whole = _minus(knee, hip), _minus(ankle, knee), _minus(ankle, hip)
     length = math.sqrt(_dot(thigh, thigh)) + math.sqrt(_dot(shank, shank))
@@ -216,7 +223,7 @@ def _put_leg(feet, foot, positions, rotations, a, target, yaw, most, left):
 
 @helper
 def _target(feet, foot, positions, a, place, moved):
-    """Return where the ankle comes [m] if its foot is moved, and turned about its ball; its height stays."""
+    """Return the place of the ankle [m] after its foot is moved, and turned about its ball; its height stays."""
     ankle = _joint(positions, a, feet.legs[foot, 2])
     c, s = cos_sin(moved[2])
     x, y = ankle[0] - place[0], ankle[1] - place[1]
@@ -225,11 +232,15 @@ def _target(feet, foot, positions, a, place, moved):
 
 @helper
 def pin_body(table, feet, states, node, frame, spans, positions, rotations, a):
-    """Correct both feet of posed body ``a`` in a frame of its node; ``states`` (2, COLUMNS) are those of its feet."""
+    """Correct both feet of posed body ``a`` in a frame of its node, and its legs with them.
+
+    states: (2, COLUMNS) of its feet. If a foot is out of reach, the whole body comes down, by _LOWEST at most.
+    """
     left_place = place_of_foot(feet, 0, positions, rotations, a)
     right_place = place_of_foot(feet, 1, positions, rotations, a)
     left = correction(table, feet, states[0], node, frame, 0, left_place, spans)
     right = correction(table, feet, states[1], node, frame, 1, right_place, spans)
+    # Both feet are where the clip has them.
     if abs(left[0]) + abs(left[1]) + abs(left[2]) + abs(right[0]) + abs(right[1]) + abs(right[2]) < _NOTHING:
         return
     left_target = _target(feet, 0, positions, a, left_place, left)
@@ -252,6 +263,7 @@ def pin_body(table, feet, states, node, frame, spans, positions, rotations, a):
     if lack > 0.0:
         for joint in range(len(feet.bones)):
             positions[a, joint, 2] -= lack
+    # The body's left: +y of the root (joint 0).
     hinge = rotate(quaternion(rotations[a], 0), 0.0, 1.0, 0.0)
     _put_leg(feet, 0, positions, rotations, a, left_target, left[2], left_most, hinge)
     _put_leg(feet, 1, positions, rotations, a, right_target, right[2], right_most, hinge)
@@ -265,7 +277,7 @@ def pin_feet(table, feet, states, node, frame, spans, positions, rotations):
     ----------
     table: :class:`crowdsim.motion.graph.pose_table.PoseTable`.
     feet: :class:`crowdsim.motion.planted.planted_rows.FootTable`.
-    states: (A, 2, COLUMNS) float64, see the columns above.
+    states: (A, 2, COLUMNS) float64, see the columns of this module (MODE to YAW).
     node, frame: (A,) int32 and float64, what each body plays.
     spans: (2,) float64, lengths of the floor along x and y [m], 0 if it is not periodic there.
     positions, rotations: (A, J, 3) [m] and (A, J, 4) float32, joints in the world.

@@ -29,7 +29,7 @@ class PlantedRows(NamedTuple):
 
     table: the pose table. feet: points (T, 2, P, 3) in the frame of the first row of each node [m]. stands: (T, 2, P)
     bool, True if a point stands from the row to the next one; never in the last row of a node. lifted: (T, 2, P) int32,
-    number of rows before each row, of all nodes but without their last ones, in which ``stands`` is False.
+    number of rows before each row in which ``stands`` is False, over all nodes, the last row of each left out.
     """
 
     table: PoseTable
@@ -40,10 +40,11 @@ class PlantedRows(NamedTuple):
     def stayed(
         self, old_node: NDArray[np.int32], old_at: Floats, node: NDArray[np.int32], at: Floats
     ) -> NDArray[np.bool_]:
-        """Return (n, 2, P): True for points that stay planted in the clips between two frames of one or two nodes.
+        """Return (n, 2, P): True for points of feet that stay planted in the clips between two frames.
 
-        All (n,): ``old_node`` is played at frame ``old_at``, then ``node`` at frame ``at``. The next node is reached
-        over the end of the old one, as is the same node if ``at`` is less than ``old_at``.
+        All arguments are (n,): ``old_node`` is played from its frame ``old_at`` on, until the frame ``at`` of ``node``.
+        If ``node`` is another node, or the same one at an earlier frame, ``old_node`` is played to its end, and then
+        ``node`` from its beginning. Frames need not be whole numbers.
         """
         table, lifted = self.table, self.lifted
         # Rows around both times. Prefix sums: a point stayed planted if its count did not change.
@@ -62,9 +63,10 @@ class FootTable(NamedTuple):
     places: (T, 2, 3) float64, ball (x, y [m]) and heading [rad] of each foot, relative to the first row of its node.
     stands: (T, 2) bool, True if the foot stands from the row to the next one; never in the last row of a node.
     landings: (T, 2) int32, frame of its node in which the foot lands next, after the row; NO_LANDING if it does not.
-    legs: (2, 4) int32, joints of hip, knee, ankle and ball. across: (2, 3) float64, axis of the ankle joint that
-    points to the left of its foot. bones: (J,) int32, 3 * foot + 0, 1, 2 for joints that follow its thigh, shank or
-    foot; -1 for others. tracks: those of all nodes, along which bodies go between steps.
+    legs: (2, 4) int32, joints of hip, knee, ankle and ball (the ankle again if there is no toe). across: (2, 3)
+    float64, axis in the frame of the ankle joint that points to the left of its foot. bones: (J,) int32, 3 * foot + 0,
+    1, 2 for joints that follow its thigh, shank or foot; -1 for others. tracks: those of all nodes, along which bodies
+    go between steps.
     """
 
     places: Floats
@@ -77,9 +79,10 @@ class FootTable(NamedTuple):
 
 
 def planted_rows(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> PlantedRows:
-    """Find the planted feet of all nodes; ``tracks`` (T, 3) are poses of the rows relative to the first of each node.
+    """Find the planted feet of all nodes.
 
-    A stance that a node cuts short counts however short it is there.
+    tracks: (T, 3) poses of the rows, x, y [m], heading [rad], relative to the first row of each node. A stance that
+    reaches the first or the last row of its node counts however short it is: the node may show only a part of it.
     """
     positions, rotations = _row_joints(table, tracks)
     feet = feet_of(skeleton, positions, rotations)
@@ -92,7 +95,11 @@ def planted_rows(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> Plante
 
 
 def foot_table(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> FootTable:
-    """Return the places and stances of both feet in all rows of ``table``; see :func:`planted_rows`."""
+    """Return the places and stances of both feet in all rows of ``table``.
+
+    skeleton: that of the table, with leg joints. tracks: as of :func:`planted_rows`. Unlike there, a foot is taken to
+    stand through a swing shorter than SHORTEST_SWING.
+    """
     legs = np.array([_leg(skeleton, side) for side in ("left", "right")], np.int32)
     positions, rotations = _row_joints(table, tracks)
     across = np.array([_across(skeleton, *leg[2:].tolist()) for leg in legs])
@@ -104,7 +111,8 @@ def foot_table(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> FootTabl
     landings = np.full(stands.shape, NO_LANDING, np.int32)
     for first, last in _spans(table):
         for foot in (0, 1):
-            # ``mine`` is a view, so stances are joined in ``stands``. A row's landing is the least later beginning.
+            # ``mine`` is a view, so stances are joined in ``stands``. The landing after a row is the nearest later
+            # beginning of a stance.
             mine = stands[first:last, foot]
             _join(mine)
             for begin, _ in reversed(runs(mine)):
@@ -114,12 +122,12 @@ def foot_table(table: PoseTable, skeleton: Skeleton, tracks: Floats) -> FootTabl
 
 
 def _spans(table: PoseTable) -> list[tuple[int, int]]:
-    """Return first and last row of every node."""
+    """Return the first and the last row (included) of every node."""
     return list(zip(table.node_first.tolist(), (table.node_first + table.node_frames).tolist(), strict=True))
 
 
 def _join(stands: NDArray[np.bool_]) -> None:
-    """Join, in place, stances (F,) between which the foot hardly has time to lift."""
+    """Join, in place, stances (F,) of one foot that are less than SHORTEST_SWING apart."""
     found = runs(stands)
     for (_, end), (begin, _) in pairwise(found):
         if begin - end < SHORTEST_SWING * CAPTURE_RATE:
@@ -127,7 +135,10 @@ def _join(stands: NDArray[np.bool_]) -> None:
 
 
 def _row_joints(table: PoseTable, tracks: Floats) -> tuple[Floats, Floats]:
-    """Return positions (T, J, 3) [m] and rotations (T, J, 4) of the joints of all rows at the poses ``tracks``."""
+    """Return positions (T, J, 3) [m] and rotations (T, J, 4) of the joints of all rows at the poses ``tracks`` (T, 3).
+
+    No node is before them, so no blend offset fades.
+    """
     lengths = table.node_frames + 1
     node = np.repeat(np.arange(len(lengths), dtype=np.int32), lengths)
     at = np.concatenate([np.arange(length, dtype=np.float64) for length in lengths])
@@ -145,7 +156,10 @@ def _leg(skeleton: Skeleton, side: str) -> list[int]:
 
 
 def _across(skeleton: Skeleton, ankle: int, ball: int) -> Floats:
-    """Return the axis (3,) to the left of a foot in its ankle joint: steep feet have no heading along their length."""
+    """Return the axis (3,) to the left of a foot, in the frame of its ankle joint.
+
+    The heading of a foot follows from it: a foot that stands steeply on its toes has no heading along its length.
+    """
     ahead = foot_direction(skeleton, ankle, ball)
     return np.array([-ahead[1], ahead[0], 0.0])
 

@@ -30,7 +30,7 @@ def ease(u: Floats) -> Floats:
 
 
 def hermite(u: Floats, p0: float, v0: float, p1: float, v1: float) -> Floats:
-    """Return the cubic from p0 to p1 over u in [0, 1] with end slopes v0, v1."""
+    """Return the cubic (U,) from p0 to p1 over u (U,) in [0, 1] with end slopes v0, v1, by u."""
     u2, u3 = u * u, u * u * u
     return (2 * u3 - 3 * u2 + 1) * p0 + (u3 - 2 * u2 + u) * v0 + (3 * u2 - 2 * u3) * p1 + (u3 - u2) * v1
 

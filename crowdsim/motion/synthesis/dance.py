@@ -30,7 +30,7 @@ def _steps(name: str, places: list[tuple[int, Floats]]) -> Plan:
 
 
 def _side_to_side(name: str) -> Plan:
-    """Plan a step to the left, the right foot closes; the same back."""
+    """Plan a step to the left, to which the right foot closes, and the same back to the right."""
     aside, here = _at(0.0, 0.32), _at(0.0, 0.0)
     return _steps(name, [(LEFT, aside), (RIGHT, aside), (RIGHT, here), (LEFT, here)])
 

@@ -45,8 +45,8 @@ _LIFT_STRIDE, _SINK = 0.042, 5.3
 _LEVEL_AT = 0.72
 """Share of the swing at which the foot is nearly level."""
 _TWIST, _UNTWISTED = 0.5, float(np.radians(25.0))
-"""Share of a foot's turn that it makes on its ball before it lifts, of the part beyond an angle that legs turn easily
-[rad]."""
+"""A foot that turns by more than _UNTWISTED [rad] from print to print makes this share of the excess on its ball before
+it lifts."""
 _STRIDING = 0.70
 """Distance between prints from which on the toes push the foot off as in walking [m]."""
 _TINY = 1e-3
@@ -68,7 +68,7 @@ def _ramped(since: Floats, duration: float, slowing: float) -> Floats:
 
     since, duration: frames. The last ramp takes ``slowing`` frames; with none, the speed is kept to the end.
     """
-    # ``whole``: what the speed 1 between the ramps covers, to which the rise is scaled.
+    # Integrate a speed that is 1 between the ramps. ``whole`` is the integral to the end, by which the rise is divided.
     since = np.clip(since, 0.0, duration)
     whole = duration - 0.5 * (_SOFT_RAMP + slowing)
     risen = np.where(since < _SOFT_RAMP, np.square(since) / (2.0 * _SOFT_RAMP), since - 0.5 * _SOFT_RAMP)
@@ -144,20 +144,20 @@ class _Plant:
 
 
 def _way_ahead(old: Floats, new: Floats) -> float:
-    """Return the distance from one print to the next along the mean of their headings [m]."""
+    """Return how far the print ``new`` (3,) is ahead of ``old``, along the mean of their headings [m]."""
     heading = 0.5 * (old[2] + new[2])
     way = new - old
     return float(way[0] * cos(heading) + way[1] * sin(heading))
 
 
 def _turning(plant: _Plant, t: float, duration: float) -> tuple[float, float]:
-    """Return the heading of a plant at its end ``t`` [rad], and its rate [rad per ``duration`` frames]."""
+    """Return the heading of a plant at its lift-off ``t`` [rad], and its rate [rad per ``duration`` frames]."""
     yaw = plant.yaw(np.array([t - _TINY, t]))
     return float(yaw[1]), float(yaw[1] - yaw[0]) / _TINY * duration
 
 
 def _comes_to_rest(plan: Plan, step: Step) -> bool:
-    """Return True if a step brings its foot beside the other one, and neither lifts soon after."""
+    """Return True if a step brings its foot beside the other one, and both stand for ``plan.style.soft`` frames."""
     before = [s.body for s in plan.steps if s.side != step.side and s.land < step.land]
     if not np.allclose(before[-1] if before else plan.start, step.body, atol=1e-6):
         return False
@@ -178,7 +178,8 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
     soft = plan.style.soft
     plants = []
     for i, place in enumerate(places):
-        # Distances that it came and goes ahead. Longer strides land and leave steeper, up to a bit over a full stride.
+        # Distances ahead from the print before, and to the next one. In longer strides feet land and leave steeper, up
+        # to a bit over a full stride.
         came = _way_ahead(places[i - 1], place) if i > 0 else 0.0
         goes = _way_ahead(place, places[i + 1]) if i + 1 < len(places) else 0.0
         turn = float(places[i + 1][2] - place[2]) if i + 1 < len(places) else 0.0
@@ -200,7 +201,7 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
 def _speed(plant: _Plant, t: float, inward: float) -> tuple[Floats, float]:
     """Return the velocity (3,) of the ankle [m/frame] and the rate of the pitch [rad/frame] at an end of a plant.
 
-    t: frame of its landing or lift-off. inward: 1 at its landing, -1 at its lift-off, where the time of the plant is.
+    t: frame of its landing or lift-off. inward: direction of time into the stance, 1 at landing, -1 at lift-off.
     """
     times = np.array([t, t + inward * _TINY])
     ankle, pitch = plant.ankle(times), plant.pitch(times)
@@ -234,7 +235,7 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
         # Along the floor: a polynomial through both ends with their speeds, which begins with a push and ends with a
         # brake.
         path = quintic(u, ends[0], v0 * duration, _SPRING * way, ends[1], v1 * duration, -_BRAKE * way)
-        # Height: a hump u^2 (1 - u)^SINK, scaled to 1 at its top; higher for longer strides.
+        # Height: a hump u^2 (1 - u)^_SINK, scaled to 1 at its top; higher for longer strides.
         ahead = max(0.0, _way_ahead(old.place, new.place))
         high = plan.style.raised + plan.manner.lift + _LIFT_STRIDE * min(ahead / _FULL_STRIDE, 1.1)
         path[:, 2] += (
@@ -247,8 +248,8 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
         path[:, 1] += cos(middle) * clear
         ankle[rows] = path
         yaw[rows] = hermite(u, *_turning(old, old.lift, duration), float(new.place[2]), 0.0)
-        # Pitch: toes down at lift-off, nearly level at LEVEL_AT of the swing, then as it lands; both cubics have the
-        # same slope where they meet.
+        # Pitch: toes down at lift-off, nearly level at _LEVEL_AT of the swing, then as the foot lands. Two cubics, with
+        # the same slope where they meet.
         turning, level = _LEVEL_AT, 0.35 * new.arrive
         early = u < turning
         rise = old.leave + level

@@ -50,7 +50,7 @@ class Step:
 class Hub:
     """A frame at which the body takes a pose shared by many motions: ``kind`` is "stand" or a gait's name.
 
-    frame: whole number. body: (3,) body pose there (of the left print for a gait's hub).
+    frame: whole number. body: (3,) body pose there; for a gait's hub, the one that the left print belongs to.
     """
 
     frame: int
@@ -60,7 +60,11 @@ class Hub:
 
 @dataclass
 class Plan:
-    """Steps in the order in which they land, from standing at ``start`` to standing."""
+    """Steps in the order in which they land, from standing at ``start`` to standing.
+
+    style, manner: how feet and body move. start: (3,) body pose, x, y [m], heading [rad]. hubs: in the order of their
+    frames. frame_count: 0 until the plan is finished.
+    """
 
     name: str
     style: Style = WALKING
@@ -72,13 +76,16 @@ class Plan:
 
 
 def footprint(side: int, body: Floats, half_width: float) -> Floats:
-    """Return the planar pose (3,) at the ankle of a foot planted for the body pose ``body``."""
+    """Return the planar pose (3,) at the ankle of a foot planted for the body pose ``body`` (3,).
+
+    side: LEFT or RIGHT. half_width: distance from the body pose to the ankle, sideways [m].
+    """
     sign = 1.0 if side == LEFT else -1.0
     return compose(body, np.array([-HIP_AHEAD, sign * half_width, sign * TOE_OUT]))
 
 
 def along_arc(body: Floats, length: float, turn: float) -> Floats:
-    """Return the body pose ``length`` meters ahead along an arc that turns by ``turn`` [rad]."""
+    """Return the body pose (3,) that is ``length`` meters ahead of ``body`` on an arc that turns by ``turn`` [rad]."""
     half = 0.5 * turn
     chord = length * sin(half) / half if half != 0.0 else length
     return compose(body, np.array([chord * cos(half), chord * sin(half), turn]))

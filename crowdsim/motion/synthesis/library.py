@@ -24,11 +24,10 @@ _IDLE_FRAMES = 121
 _ARMS_FRAMES = 37
 """Frames of standing (_IDLE_FRAMES), and of moving the arms while standing."""
 _SHORT_OF_A_CYCLE = 7
-"""Frames less than a cycle of walking that are kept beyond a cut, so that they contain no other cut."""
-
+"""Beyond a cut, a clip keeps a cycle of walking less this number of frames, so that it contains no other cut."""
 
 _DATABASE = ("frontal", "lateral")
-"""Behaviors whose clips are a database of captures: none of them is another behavior's clip with the arms edited."""
+"""Behaviors whose clips a database of captures would have: none is another behavior's clip with the arms edited."""
 
 
 def _rad(degrees: float) -> float:
@@ -73,7 +72,7 @@ def _long_start(name: str, manner: Manner) -> Plan:
 
 
 def _walking_turn(name: str, degrees: float, manner: Manner) -> Clip:
-    """Return one cycle of walking that turns, with just the straight walking that its cuts need."""
+    """Return one cycle of walking that turns, left if positive, with just the straight walking that its cuts need."""
     # Sharp turns take a shorter cycle [m], and more of the turn is made by the foot that opens outward.
     sharp = abs(degrees) > 30.0
     length = float(np.interp(abs(degrees), [45.0, 90.0], [1.15, 0.86])) if sharp else None
@@ -105,7 +104,7 @@ def _short_step(name: str, length: float, manner: Manner) -> Plan:
 
 
 def _turn_in_place(name: str, degrees: float, manner: Manner) -> Plan:
-    """Plan pairs of steps, the right foot first, at most 45 degrees a pair.
+    """Plan a turn on the spot, left if positive: pairs of steps, the right foot first, at most 45 degrees a pair.
 
     In a turn to the right that foot opens, and its heel needs space beside the other one.
     """
@@ -159,7 +158,10 @@ def _walk_to_side(turn: float, manner: Manner) -> Plan:
 
 
 def _turned_start(name: str, degrees: float, manner: Manner) -> Clip:
-    """Return a start that turns, the foot on that side first, with just the straight walking that its cut needs."""
+    """Return a start that turns, left if positive, with just the straight walking that its cut needs.
+
+    The foot on the side of the turn goes first.
+    """
     builder = PlanBuilder("", manner=manner)
     if degrees > 0.0:
         builder.start_turned_left(manner.normal, _rad(degrees))

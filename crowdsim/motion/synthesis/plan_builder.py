@@ -23,7 +23,11 @@ PASSING = 0.52
 
 
 class PlanBuilder:
-    """Builder of a plan: each motion added begins where the last one ended."""
+    """Builder of a plan: each motion added begins where the last one ended.
+
+    plan: the plan so far. body: (3,) body pose that the last step was put down for. frame: of the last landing, or up
+    to which the body stands. gait: of the passing pose in which the plan ends so far, None if the body stands.
+    """
 
     def __init__(self, name: str, style: Style = WALKING, manner: Manner = PLAIN) -> None:
         self.plan = Plan(name, style, manner)
@@ -36,15 +40,15 @@ class PlanBuilder:
     def step(self, side: int, body: Floats, lift: float, land: float, half_width: float = STANDING_HALF_WIDTH) -> None:
         """Put one foot down for the body pose ``body``: x, y [m], heading [rad].
 
-        ``side`` is LEFT or RIGHT, ``lift`` and ``land`` are frames of the plan, and ``half_width`` is the distance of
-        the foot from the track [m].
+        ``side`` is LEFT or RIGHT, ``lift`` and ``land`` are frames of the plan, and ``half_width`` is the distance from
+        the body pose to the ankle, sideways [m].
         """
         self.plan.steps.append(Step(side, lift, land, body, half_width))
         self.body = body
         self.frame = land
 
     def _pass(self, gait: Gait, left_landing: float) -> None:
-        """Add the hub of ``gait`` in the right foot's swing that follows the left foot's landing."""
+        """Add the hub of ``gait`` in the right foot's swing after the left foot's landing at frame ``left_landing``."""
         self.plan.hubs.append(
             Hub(round(left_landing + gait.double_support + PASSING * gait.swing), gait.name, self.body)
         )
@@ -57,7 +61,7 @@ class PlanBuilder:
         return self.gait
 
     def _right_swing(self) -> tuple[float, float]:
-        """Return lift-off and landing of the right foot that is passing at the last hub."""
+        """Return the frames of lift-off and landing of the right foot, which passes the left one at the last hub."""
         gait = self._walking()
         lift = self.plan.hubs[-1].frame - PASSING * gait.swing
         return lift, lift + gait.swing
@@ -153,7 +157,10 @@ class PlanBuilder:
         return self
 
     def stand(self, settle: float | None = None) -> PlanBuilder:
-        """Come to rest ``settle`` frames after the last landing, by default when the heel is down."""
+        """Come to rest ``settle`` frames after the last landing, rounded up to a whole frame.
+
+        By default they are the style's ``soft`` frames, after which the heel is down.
+        """
         self.frame = float(np.ceil(self.frame + (self.plan.style.soft if settle is None else settle)))
         self.plan.hubs.append(Hub(int(self.frame), "stand", self.body))
         self.gait = None
@@ -168,9 +175,10 @@ class PlanBuilder:
         return self
 
     def steps(self, places: list[tuple[int, Floats]], swing: float, pause: float = 0.0) -> PlanBuilder:
-        """Add steps, each of a side to a body pose relative to the present one, one after another.
+        """Add steps, one after another, and stand. ``places`` has the side and the body pose of each.
 
-        ``swing`` and ``pause`` are numbers of frames in the air and between two steps.
+        Body poses (3,) are relative to the present one. ``swing`` and ``pause`` are the frames that a foot is in the
+        air, and those between two steps.
         """
         origin = self.body
         lift = self.frame + self.plan.style.soft
@@ -180,9 +188,9 @@ class PlanBuilder:
         return self.stand()
 
     def side_step(self, side: int, length: float, swing: float, turn: float = 0.0) -> PlanBuilder:
-        """Step sideways with one foot and close with the other; the body turns by ``turn`` [rad].
+        """Step sideways with the foot ``side`` and close with the other one; the body turns by ``turn`` [rad].
 
-        ``length`` is how far the body goes [m], ``swing`` the number of frames that a foot is in the air.
+        ``length`` is how far the body goes to that side [m], ``swing`` the number of frames that a foot is in the air.
         """
         sign = 1.0 if side == LEFT else -1.0
         body = compose(self.body, np.array([0.0, sign * length, turn]))

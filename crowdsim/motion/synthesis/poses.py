@@ -94,7 +94,8 @@ def _leg(controls: Controls, side: str) -> tuple[Floats, Floats, Floats, Floats]
 def _arm(controls: Controls, side: str, carrier: Floats) -> tuple[Floats, Floats, Floats]:
     """Return world rotations (F, 4) of upper arm, forearm and hand; ``carrier`` (F, 4) is the chest's.
 
-    At rest arms are stretched sideways: they are turned down (hang), then swung. Hands bend a little as elbows do.
+    At rest arms are stretched sideways: they are turned down (hang), then swung. Hands bend a little, always by the
+    same angle.
     """
     sign = 1.0 if side == "left" else -1.0
     hang = _turns(_X, sign * (_column(controls, f"{side}_out") - np.pi / 2.0))

@@ -32,7 +32,11 @@ SIDE_STEPPING = Style(4.5, 2.0, 0.2, 0.0)
 
 @dataclass(frozen=True)
 class Gait:
-    """A steady walk. stride: length of a cycle [m]; cycle, swing: frames; half_width: from the path to an ankle [m]."""
+    """A steady walk.
+
+    stride: length of a cycle [m]. cycle, swing: frames of a cycle, and of one foot's swing in it. half_width: distance
+    from the path to an ankle [m].
+    """
 
     name: str
     stride: float

@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 _HELD = 3
 """Frames on either side of a hub that are equal in all motions through it."""
 _FADE = 10
-"""Frames over which a motion of its own changes to that of the hub."""
+"""Frames over which a motion changes from its own pose to that of the hub."""
 
 
 def _lowered(controls: Controls) -> Controls:
@@ -52,9 +52,9 @@ def _hub_frame(hub: Hub, manner: Manner) -> Floats:
 
 
 def _moved(frame: Floats, placed: Floats, inverse: bool) -> Floats:
-    """Return rows of three planar poses (R, 9), moved into the pose ``frame`` (if ``inverse``) or out of it.
+    """Return rows of three planar poses (R, 9), brought from the frame of the pose ``frame`` to that of the plan.
 
-    frame: (3,) x, y [m] and heading [rad]. Headings stay unwrapped.
+    If ``inverse``, the other way around. frame: (3,) x, y [m] and heading [rad]. Headings stay unwrapped.
     """
     out = placed.copy()
     c, s = cos(frame[2]), sin(frame[2])
@@ -81,7 +81,7 @@ def _standing(manner: Manner) -> tuple[Floats, Floats]:
 def _passing(gait: Gait, manner: Manner) -> tuple[Floats, Floats]:
     """Return the controls of a steady walk about its hub, relative to the left foot: placed (n, 9), scalars (n, 23).
 
-    They are of the frames that the hub holds, and of those over which it fades.
+    Their frames are _HELD and _FADE on either side of the hub: n = 2 (_HELD + _FADE) + 1.
     """
     # The third passing of five: far from start and stop.
     builder = PlanBuilder(gait.name, manner=manner).start(gait)
@@ -95,7 +95,10 @@ def _passing(gait: Gait, manner: Manner) -> tuple[Floats, Floats]:
 
 
 def _blend(controls: Controls, plan: Plan) -> Controls:
-    """Return the controls with pose and motion about each hub replaced by the hub's own, faded in and out."""
+    """Return the controls with pose and motion about each hub of ``plan`` replaced by the hub's own, faded in and out.
+
+    At a stand, only the body is replaced, and in the rest at both ends of the plan it keeps the pose of the stand.
+    """
     placed, scalars = controls.placed.copy(), controls.scalars.copy()
     stands = [h.frame for h in plan.hubs if h.kind == "stand"]
     for hub in plan.hubs:
@@ -110,20 +113,21 @@ def _blend(controls: Controls, plan: Plan) -> Controls:
         rows = np.arange(hub.frame - held - fade, hub.frame + held + fade + 1)
         inside = (rows >= 0) & (rows < len(placed))
         rows = rows[inside]
-        # Weight of the hub: 1 while it is held, then eased to 0. Headings are unwrapped to the turn that the plan is
-        # in.
+        # Weight of the hub: 1 while it is held, then eased to 0. Add as many whole turns to its headings as the plan
+        # has made.
         away = np.abs(rows - hub.frame)
         weight = 1.0 - ease((away - held) / fade)[:, None]
         turn = 2.0 * np.pi * np.round((placed[rows[len(rows) // 2], 2] - frame[2]) / (2.0 * np.pi))
         target = _moved(frame, hub_placed[inside], inverse=False)
         target[:, [2, 5, 8]] += turn
-        # At a stand the feet stay where the plan put them: only the body (columns 0 to 2) and what is not of feet
-        # change.
+        # At a stand the feet stay where the plan put them: only the body changes (columns 0 to 2 of ``placed``, and the
+        # scalars before those of the feet).
         columns = slice(0, 3) if hub.kind == "stand" else slice(0, 9)
         placed[rows, columns] += weight * (target[:, columns] - placed[rows, columns])
         last = FOOT_SCALARS.start if hub.kind == "stand" else scalars.shape[1]
         scalars[rows, :last] += weight * (hub_scalars[inside, :last] - scalars[rows, :last])
-    # Before the second stand and behind the last but one, the body stands as in these frames.
+    # A plan begins with two stands, and ends with two. In the rest between them, the body keeps the pose of the inner
+    # one.
     for still, source in ((slice(0, stands[1]), stands[1]), (slice(stands[-2], None), stands[-2])):
         placed[still, :3] = placed[source, :3]
         scalars[still, : FOOT_SCALARS.start] = scalars[source, : FOOT_SCALARS.start]

@@ -65,9 +65,9 @@ def _between(old: Floats, new: Floats, facing: float, share: float) -> Floats:
 
 
 def _course(plan: Plan) -> tuple[Floats, Floats]:
-    """Return the body's place and heading (F, 3), and the place that carries it (F, 2), both still with corners.
+    """Return the body's place and heading (F, 3), and the place over which its weight is (F, 2), both with corners.
 
-    Both are given at some frames, ``course`` and ``load``, and interpolated.
+    Both are given at some frames, the knots ``course`` and ``load``, and interpolated.
     """
     course: list[tuple[float, Floats]] = [(-1.0, plan.start)]
     load: list[tuple[float, Floats]] = [(-1.0, plan.start[:2])]
@@ -77,8 +77,8 @@ def _course(plan: Plan) -> tuple[Floats, Floats]:
     lifts = [step.lift for step in plan.steps] + [float(plan.frame_count)]
     for step, next_lift in zip(plan.steps, lifts[1:], strict=True):
         previous, carrying = load[-1]
-        # After more than half a long support on both feet, from rest or (in most gaits) between two steps, the body
-        # sets out, and its weight shifts, some frames before the foot lifts.
+        # If the body has been on both feet for over half of _LONG_SUPPORT, from rest or (in most gaits) between two
+        # steps, it sets out, and its weight shifts, some frames before the foot lifts.
         if step.lift - previous > 0.5 * _LONG_SUPPORT:
             course.append((max(step.lift - _LEAN, previous), middle))
             load.append((max(step.lift - _SHIFT, previous), carrying))
@@ -101,8 +101,9 @@ def _course(plan: Plan) -> tuple[Floats, Floats]:
     def through(knots: list[tuple[float, Floats]]) -> Floats:
         """Interpolate (frame, values) linearly, for every frame.
 
-        In fast walks the body sets out for the next step before it has passed the middle of the last two: the line from
-        there holds from the middle on, so that the body gains a few centimeters between two steps, as people do.
+        Frames of knots may go back: in fast walks the body sets out for the next step before the frame in which it is
+        in the middle of the last two. From that frame on, the line of the later knot holds. So the body gains a few
+        centimeters between two steps, as people do.
         """
         times = np.array([t for t, _ in knots])
         values = np.array([v for _, v in knots])
@@ -135,7 +136,7 @@ def _supports(plan: Plan) -> tuple[Floats, Floats]:
 
 
 def controls_of(plan: Plan) -> Controls:
-    """Return the controls of a plan before its hubs are made to agree."""
+    """Return the controls of a plan as its steps give them: at hubs, they are not yet those that motions share."""
     manner = plan.manner
     # Where the body goes, which foot carries it, and how far apart the feet are, for each frame; all smoothed over some
     # frames, so that the pelvis follows without jerks.

@@ -6,8 +6,9 @@ obstacle's outline grown by the radius: circles around its ends and lines beside
 entirely too close or entirely clear; the caller tests the middle to see which.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``arc`` is a record :data:`ARC`; ``lo`` and
-``hi`` bound the roots that count [rad]; ``roots`` holds the first ``count`` of them in ascending order; n = (nx, ny) is
-the unit normal of a line, v, a and b are points [m].
+``hi`` bound the roots that count [rad]; ``roots`` (:data:`MOST_ROOTS`,) float64 holds ``count`` of them [rad] in
+ascending order; n = (nx, ny) is the unit normal of a line, p, q, v, a and b are points [m]; ``radius`` is that of the
+disc [m].
 """
 
 import math
@@ -19,7 +20,10 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt
 
 ARC = np.dtype([(name, np.float64) for name in ("x", "y", "radius", "start", "turn")], align=True)
-"""A circular arc: center x, y [m], radius [m], bearing of its start from the center [rad], signed angle [rad]."""
+"""A circular arc: center x, y [m], radius [m], bearing of its start from the center [rad], signed angle [rad].
+
+(tangent_graph_arrays has another ARC.)
+"""
 
 FLAT = 1e-8
 """Arcs of a smaller bulge count as straight: their middle is less than 1e-8 of their length off the chord.
@@ -52,7 +56,7 @@ def set_arc(arc, px, py, qx, qy, bulge):
 
 @helper
 def arc_point(arc, u):
-    """Return the place (x, y) of the arc at angle u."""
+    """Return the place (x, y) [m] of the arc at angle u [rad] from its start."""
     bearing = arc.start + math.copysign(u, arc.turn)
     c, s = cos_sin(bearing)
     return arc.x + arc.radius * c, arc.y + arc.radius * s
@@ -86,7 +90,7 @@ def _add_circle_roots(arc, vx, vy, radius, lo, hi, roots, count):
     dy = vy - arc.y
     distance = hypot(dx, dy)
     gap = abs(arc.radius - distance)
-    # One circle lies outside or inside of the other: no crossing.
+    # The centers agree, or one circle lies outside or inside of the other, or touches it: no crossing.
     if distance == 0.0 or gap >= radius or arc.radius + distance <= radius:
         return count
     # Law of cosines for the angle ``half`` at the arc's center between v and the crossing. ``sine2``, the square of
@@ -98,8 +102,8 @@ def _add_circle_roots(arc, vx, vy, radius, lo, hi, roots, count):
 
 @helper
 def add_line_roots(arc, nx, ny, at, lo, hi, roots, count):
-    """Insert the roots where the arc meets the line n . x = ``at``, n of unit length; return the new count."""
-    # Signed distance from the arc's center to the line.
+    """Insert the roots where the arc meets the line n . x = ``at`` [m]; return the new count."""
+    # Signed distance from the arc's center to the line, which may miss the circle.
     away = at - (nx * arc.x + ny * arc.y)
     if abs(away) >= arc.radius:
         return count
@@ -111,7 +115,8 @@ def add_line_roots(arc, nx, ny, at, lo, hi, roots, count):
 def side_roots(arc, ax, ay, bx, by, radius, lo, hi, roots):
     """Fill ``roots`` with the angles in (lo, hi) where the arc meets the circles around, or lines beside, segment ab.
 
-    Return their count. All where the arc is ``radius`` from the segment, which may be a point, are among them.
+    Return their count. All angles at which the arc is ``radius`` from the segment are among them. The segment may be a
+    point.
     """
     count = _add_circle_roots(arc, ax, ay, radius, lo, hi, roots, np.int64(0))
     ex = bx - ax

@@ -1,10 +1,13 @@
 """Intervals on which a disc, swept along a chain of arcs, comes too close to the obstacles of a mesh.
 
-``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``marks`` (nt,) holds the number ``mark``
-for triangles that were visited for the present piece; ``near`` lists them, ``roots`` is scratch for angles. ``radius``
-is that of the disc [m].
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``arc`` is a record ARC of
+:mod:`crowdsim.navmesh.clearance.arc_span_kernels`, ``spans`` (k,) are records SPAN of
+:mod:`crowdsim.navmesh.clearance.violation_kernels`. ``marks`` (nt,) int64 holds the number ``mark`` for triangles that
+were visited for the present piece; ``near`` (k,) int64 lists these triangles. ``roots`` (MOST_ROOTS,) float64 is
+scratch for angles [rad]. ``radius`` is that of the disc [m].
 
-``near[0]``, a triangle at the piece before, is the hint from which the search for those of the next piece begins.
+``near[0]``, a triangle at the piece before, is the hint from which the search for the triangles of the next piece
+begins; at first it is NONE.
 """
 
 import math
@@ -36,8 +39,8 @@ _PIECE = 0.125 * math.pi
 def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, near, roots):
     """Add the violations on the part u0..u1 of an arc inside the box as spans; return (spans, count, near).
 
-    ``arc`` is a record ARC; u0 and u1 are angles from its start [rad]. The first ``count`` of ``spans``, records SPAN,
-    are filled: intervals of arc length [m]. ``start`` is the length of the chain before this arc [m].
+    u0 and u1 are angles from the start of ``arc`` [rad]. The first ``count`` of ``spans`` are filled: intervals of arc
+    length [m] on the chain. ``start`` is the length of the chain before this arc [m].
     """
     sides = m.sides
     vertices = m.vertices

@@ -3,9 +3,9 @@
 Every vertex of a free triangle is on an obstacle. A disc that holds no vertex cuts each side it meets as a chord, so
 the triangles it reaches form a tree. They can be walked without marking those already visited.
 
-Arguments of all helpers: ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; p0 = (x0, y0) and
-p1 = (x1, y1) are the ends 0 and 1 of a segment, 0-1, along which a disc is swept; a and b are those of a side ab;
-``hint`` is a triangle from which the one that holds p0 is searched, -1 for none.
+Arguments of all helpers: ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; (x, y) is a point
+[m]; p0 = (x0, y0) and p1 = (x1, y1) are the ends 0 and 1 of a segment, 0-1, along which a disc is swept [m]; a and b
+are those of a side ab; ``hint`` is a triangle from which the one that holds p0 is searched, -1 for none.
 """
 
 import math
@@ -130,9 +130,9 @@ def _inner_distance2(x0, y0, x1, y1, a, b):
 def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     """Return the obstacle feature nearest to the segment (x0, y0) -> (x1, y1): (distance, triangle, vertex, half-edge).
 
-    The distance is at most ``limit`` [m], without a feature then, and -1.0 if the segment starts outside of free space,
-    or after rounding errors. The triangle holds the start, -1 outside of the box. The feature is a vertex or the inside
-    of a constrained half-edge; the other number is -1.
+    The feature is a vertex or the inside of a constrained half-edge; the other number is -1. If none is nearer than
+    ``limit`` [m], the distance is ``limit``, and vertex and half-edge are -1. The distance is -1.0 if the segment
+    starts outside of free space, or after rounding errors. The triangle holds the start; it is -1 outside of the box.
 
     The ends of a side are measured before the side, so only its inside counts after that. Otherwise a side that faces
     away from the segment would measure the same as its end, or less by rounding, and the walk would circle around a
@@ -174,7 +174,7 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
             continue
         # An open side: measure the third corner of the triangle behind it, then look at its two other sides.
         crossed += 1
-        # A tree has no more triangles; after rounding errors the answer is on the safe side.
+        # A tree has no more triangles. More come only of rounding errors: the answer is on the safe side.
         if crossed > m.cover.size:
             return -1.0, root, -1, -1
         g = sides[h].twin

@@ -8,7 +8,7 @@ triangle is farther than the best place.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, t a triangle; p = (px, py) is the query
 point [m]; ``one`` and ``other`` are records _OUTLINE, ``radius`` is that of the disc [m]; ``tolerance`` is a distance
-that rounding may take [m]; ``triangle_marks`` and ``vertex_marks`` say what was visited already.
+that rounding may take [m]; ``triangle_marks`` (nt,) and ``vertex_marks`` (nv,), int32, say what was visited already.
 """
 
 import math
@@ -40,10 +40,10 @@ A bare record would not keep its memory alive.
 
 @helper
 def _try(m, t, px, py, x, y, radius, tolerance, best):
-    """Make (x, y), a place near triangle t, the best place if it is nearer to p than that and free.
+    """Make (x, y), a place near triangle t, the best place if it is free and nearer to p than the best so far.
 
-    It counts as free with ``tolerance`` [m] less clearance than ``radius`` [m], as candidates lie at just that distance
-    from an obstacle, up to rounding. best: (1,) record of x, y and distance from p [m]; updated.
+    It is free if its clearance is at least ``radius`` less ``tolerance`` [m]: candidates lie exactly ``radius`` from an
+    obstacle, but for rounding. best: (1,) record _BEST, updated.
     """
     distance = hypot(x - px, y - py)
     if distance < best[0].distance:
@@ -78,7 +78,7 @@ def _nearest_of(one, px, py, radius):
 def _try_meetings(m, t, px, py, one, other, radius, tolerance, best):
     """Try the points where two outlines meet; arguments as of :func:`_try`.
 
-    An outline is that of an obstacle's corner or side, grown by the radius: a circle, or a line beside the side.
+    An outline is a circle of ``radius`` around a corner of an obstacle, or a segment beside a side, at that distance.
     """
     # A segment first, if there is one.
     if one.length == 0.0:
@@ -86,21 +86,22 @@ def _try_meetings(m, t, px, py, one, other, radius, tolerance, best):
     dx = other.x - one.x
     dy = other.y - one.y
     # Two circles of the same radius meet on the bisector of their centers, off the middle by the share ``up`` of the
-    # distance of the centers.
+    # distance of the centers. They do not meet if their centers agree or are more than two radii apart.
     if one.length == 0.0:
         distance2 = dx * dx + dy * dy
         if distance2 == 0.0 or distance2 > 4.0 * radius * radius:
             return
         up = math.sqrt(max(radius * radius / distance2 - 0.25, 0.0))
-        for sign in (-up, up):
-            x = one.x + 0.5 * dx - sign * dy
-            y = one.y + 0.5 * dy + sign * dx
+        for share in (-up, up):
+            x = one.x + 0.5 * dx - share * dy
+            y = one.y + 0.5 * dy + share * dx
             _try(m, t, px, py, x, y, radius, tolerance, best)
     # A segment and a circle meet half a chord on both sides of the foot of the circle's center.
     elif other.length == 0.0:
         along = dx * one.ux + dy * one.uy
         across = dx * one.uy - dy * one.ux
         half2 = radius * radius - across * across
+        # The circle does not reach the line of the segment.
         if half2 < 0.0:
             return
         half = math.sqrt(half2)
@@ -135,10 +136,11 @@ def _side_to_triangle2(m, h, t):
 
 @helper
 def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, vertex_marks):
-    """Collect the outlines of the obstacles within ``near`` [m] of the free triangle ``root`` that open sides lead to.
+    """Collect the outlines of obstacles within ``near`` [m] of the free triangle ``root``.
 
-    Circles of some vertices farther off are among them. Return (outlines, count, stack), as the arrays grow if they are
-    full; ``stack`` is scratch. The marks hold ``root`` + 1 for what was visited.
+    Only obstacles that open sides lead to count: obstacles behind walls are left out. Circles of some vertices farther
+    off are among the outlines. Return (outlines, count, stack), as the arrays grow if they are full: records _OUTLINE,
+    their number, and the scratch ``stack`` (int64). The marks hold ``root`` + 1 for what was visited.
     """
     sides = m.sides
     vertices = m.vertices
@@ -152,9 +154,9 @@ def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, verte
         t = stack[top]
         if top + 3 > stack.size:
             stack = longer(stack)
+        # A triangle adds at most six outlines: three circles and three segments.
         if count + 6 > outlines.size:
             outlines = longer(outlines)
-        # A triangle adds at most six outlines: three circles and three segments.
         for h in range(3 * t, 3 * t + 3):
             v = sides[h].org
             a = vertices[v]
@@ -251,7 +253,7 @@ def nearest_free(m, px, py, radius, tolerance, limit):
     tolerance : float
         What rounding may take from the clearance of the place [m].
     limit : float
-        Greatest distance from p [m].
+        Greatest distance from p [m]; may be infinite.
 
     Returns
     -------

@@ -1,8 +1,9 @@
 """Test if a disc can move along a segment without touching an obstacle; much cheaper than a distance.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
-SIDE and VERTEX; h is a half-edge, of which triangle t has 3 t to 3 t + 2; ``stack`` (k,) records :data:`SWEPT`, sides
-still to be crossed; ``least`` is the distance that must be kept [m].
+SIDE and VERTEX; h is a half-edge, of which triangle t has 3 t to 3 t + 2; ``stack`` (k,) are records :data:`SWEPT`,
+scratch for the sides still to be crossed; ``least`` is the distance that must be kept. Coordinates and lengths are in
+meters.
 """
 
 import math
@@ -117,7 +118,7 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
             top += 1
         ax = bx
         ay = by
-    # Depth first through the triangles that meet the capsule.
+    # Depth first through the triangles that meet the capsule, all points within ``least`` of the segment.
     steps = sides.size
     while top > 0:
         top -= 1

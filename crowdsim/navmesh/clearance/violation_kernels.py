@@ -3,9 +3,9 @@
 A place on a piece of the polyline is p + s u with u of unit length, so s is arc length [m].
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; p0 = (x0, y0) and p1 = (x1, y1) are the ends
-of a piece, 0-1, a and b those of a side ab; an interval lo..hi of s is empty if lo > hi; ``spans`` (k,) are intervals;
-``frame`` is a record FRAME of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, with the box; ``radius`` is that of the disc
-[m].
+of a piece, 0-1, a and b those of a side ab; an interval lo..hi of s is empty if lo > hi; ``spans`` (k,) are records
+:data:`SPAN`, the first ``count`` of them in use; ``frame`` is a record FRAME of
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`, with the box; ``radius`` is that of the disc [m].
 """
 
 import math
@@ -46,7 +46,10 @@ def _disc_span(px, py, ux, uy, radius, vx, vy):
 
 @helper
 def _strip_span(px, py, ux, uy, radius, ax, ay, bx, by):
-    """Return the interval of s in which p + s u is closer than ``radius`` to ab and beside it; lo > hi if none."""
+    """Return the interval of s in which p + s u is closer than ``radius`` to its foot on ab; lo > hi if none.
+
+    Only feet strictly between a and b count.
+    """
     ex = bx - ax
     ey = by - ay
     length = hypot(ex, ey)
@@ -135,12 +138,11 @@ def merged(spans, count):
 
 @helper
 def triangles_near(m, x0, y0, x1, y1, reach, marks, mark, found, hint):
-    """Flood the triangles from that of (x0, y0), across sides within ``reach`` of the segment 0-1.
+    """Flood the triangles from the one that holds p0, across sides within ``reach`` [m] of the segment 0-1.
 
-    Return (found, count).
-
-    The triangles are found[:count]; the array grows as needed. ``marks`` (nt,) hold ``mark`` for them afterwards;
-    none may hold it before. Point 0 is in the box, within rounding. ``hint`` is a triangle near it, or NONE.
+    Return (found, count). The triangles are found[:count]; the int64 array grows as needed. ``marks`` (nt,) int64 hold
+    ``mark`` for these triangles afterwards; none may hold it before. p0 is in the box, within rounding. ``hint`` is a
+    triangle near p0, or NONE.
     """
     sides = m.sides
     vertices = m.vertices

@@ -2,7 +2,7 @@
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``work`` is the
 :class:`crowdsim.navmesh.paths.workspace.Workspace`; ``least`` is the clearance that counts as enough, the radius less
-the tolerance [m].
+the tolerance; all lengths and coordinates are in meters.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ DONE = 0
 NO_ROOM = 1
 """Status: the arrays of the mesh are too small; make them larger."""
 LOST = 2
-"""Status: an edit at one point failed, or changed more than can be undone; the mesh is useless, make it anew."""
+"""Status: the edit failed, or changed more than can be undone; the mesh is useless, make it anew."""
 NOT_TRACED = 3
 """Status: there is a way, but the repair found no path along it; a search without a guide may find one."""
 
@@ -63,11 +63,12 @@ def begin_guide(m, guide):
 
 @kernel
 def aim_guide(m, labels, work, sx, sy, gx, gy, radius, least, farther, guide):
-    """Fill ``guide`` for ways of a disc of ``radius`` from (sx, sy) to (gx, gy), both free.
+    """Fill ``guide``, (k,) GUIDE, for ways of a disc of ``radius`` from (sx, sy) to (gx, gy), where it is free.
 
-    The guide knows ways up to a limit: ``farther`` is a factor and a length [m] by which they may exceed a short way.
-    What it knew before is forgotten. The mesh must be as it was when the guide was begun. ``labels`` are those of
-    `label_sides` for the disc; if they put the two places in different components, the guide stays empty.
+    The guide knows ways up to a limit: the length of a short way times the first of ``farther``, plus the second [m];
+    see :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide`. Distances from before are forgotten. The mesh must be
+    as it was when the guide was begun. ``labels`` (3 nt,) int32 are those of `label_sides` for the disc. The guide
+    stays without distances if a place is outside of the box, or if the two are in different components.
     """
     clear_guide(guide)
     goal = triangle_of(m, gx, gy, NONE)
@@ -89,8 +90,9 @@ def aim_guide(m, labels, work, sx, sy, gx, gy, radius, least, farther, guide):
 def find_detour(search, x, y):
     """Find the path between the ends of ``search`` around one more point obstacle at (x, y): (status, points (n, 2)).
 
-    The status is DONE, NO_ROOM, LOST or NOT_TRACED. The obstacle is inserted into the mesh, and taken back by copying.
-    There are no points if there is no path, also if the status is DONE.
+    ``search`` is a DetourSearch. The status is DONE, NO_ROOM, LOST or NOT_TRACED. The obstacle is inserted into the
+    mesh, and taken back by copying. There are points only if a path was found; DONE without points says that there is
+    none.
     """
     places = search.places
     m = mesh_at(places)
@@ -98,7 +100,8 @@ def find_detour(search, x, y):
     nothing = np.empty((0, 2))
     if not has_room(m, workshop_at(places), _ROOM):
         return NO_ROOM, nothing
-    # NONE: the obstacle is outside of the box and changes nothing.
+    # v is NONE if the obstacle is outside of the box; then the mesh stays as it is. (The last argument is for
+    # removals.)
     v = edit_point(places, _INSERT, x, y, NONE)
     # The edit failed, or is not settled for lack of room.
     if v < NONE:

@@ -26,8 +26,8 @@ from crowdsim.navmesh.triangulation.work_kernels import VISITED, bound_turns, to
 def _collect(m, owner, ids, w):
     """List the half-edges of ``owner`` in the first column of ``pairs``: (number of half-edges, number of vertices).
 
-    The vertices are put at the start of ``stack``: those of ``ids`` and all that half-edges of ``owner`` join them to.
-    (These are more than the corners, as vertices on the way split an edge.)
+    The vertices are put at the start of ``stack``: the corners ``ids``, and all vertices that half-edges of ``owner``
+    join to these. (They are more than the corners, as vertices on the way split an edge.)
     """
     sides = m.sides
     vertices = m.vertices
@@ -49,7 +49,7 @@ def _collect(m, owner, ids, w):
         h = first
         for _ in range(sides.size):
             if sides[h].constraints != 0:
-                # Half-edges with the obstacle are listed; both directions lead on.
+                # List half-edges that run with the obstacle; go on along both directions.
                 mine = count_use(w.uses, sides[h].use, owner) > 0
                 if mine:
                     w.pairs[count, 0] = h
@@ -112,7 +112,10 @@ def _put(m, w, points, ends, winding, slot, ids):
 
 @helper
 def _take_out(m, w, winding, slot, ids):
-    """Remove the obstacle of :func:`edit`, without repairs around it; return 0, NO_ROOM or FULL."""
+    """Remove the obstacle of :func:`edit`, without repairs around it; return 0, NO_ROOM or FULL.
+
+    After NO_ROOM (``gone`` is too short) the mesh is as before; after FULL it is useless.
+    """
     sides = m.sides
     owner = 2 * slot + winding
     count, found = _collect(m, owner, ids, w)
@@ -134,7 +137,7 @@ def _take_out(m, w, winding, slot, ids):
     # The pool of uses was too small for a list without the obstacle.
     if w.progress[0].full != 0:
         return FULL
-    # Its vertices may be removable now.
+    # Its vertices may be removable now. It is no longer counted at its corners.
     for i in range(found):
         touch(w, w.stack[i])
     for v in ids:
@@ -201,6 +204,6 @@ def edit(places, what, points, ends, winding, slot, ids):
         status = _take_out(m, w, winding, slot, ids)
     if status < 0:
         return status
-    # Repairs after both, and after SETTLE, which goes on with what is listed in the workshop.
+    # Repair after INSERT and REMOVE; SETTLE goes on with what an unsettled edit has listed in the workshop.
     status = settle(m, w)
     return UNSETTLED if status == FULL else status

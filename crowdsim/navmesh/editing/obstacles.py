@@ -31,7 +31,7 @@ from crowdsim.navmesh.paths.paths import as_numbers
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 
 _LEAST_USES = 4096
-"""Least room in the pool of uses. Each edit needs about one; a full pool is cleared of those no half-edge refers to."""
+"""Least room in the pool of uses. Each edit needs about one; a full pool is cleared of uses without half-edges."""
 
 
 class Handle(NamedTuple):
@@ -96,14 +96,15 @@ class Obstacles:
 
     def copy(self) -> Obstacles:
         """Return a copy that can be edited on its own, with the same handles."""
-        twin = object.__new__(Obstacles)
-        twin._base = self._base
-        twin._slots = [replace(slot) for slot in self._slots]
-        twin._free = list(self._free)
+        other = object.__new__(Obstacles)
+        other._base = self._base
+        other._slots = [replace(slot) for slot in self._slots]
+        other._free = list(self._free)
+        # Between edits only the uses and the state of the workshop matter.
         work = workshop(len(self.mesh.vertices), len(self._work.uses))
         work.uses[:], work.progress[:] = self._work.uses, self._work.progress
-        twin._set(resized(self.mesh, len(self.mesh.vertices)), work)
-        return twin
+        other._set(resized(self.mesh, len(self.mesh.vertices)), work)
+        return other
 
     def insert(self, geometry: Any) -> Handle:
         """Insert an obstacle and return its handle (see :meth:`crowdsim.navmesh.navmesh.NavMesh.insert_obstacle`)."""
@@ -112,7 +113,7 @@ class Obstacles:
             self._free.append(len(self._slots))
             self._slots.append(_Slot())
         number = self._free[-1]
-        # The slot stays free if there is no room for the obstacle, which raises an error.
+        # If the obstacle cannot be put in, this raises an error and the slot stays free.
         self._put(number, shape, snapped)
         self._free.pop()
         return Handle(number, self._slots[number].generation)
@@ -220,10 +221,13 @@ class Obstacles:
         return Shape(snapped, shape.ends, shape.winding)
 
     def _put(self, number: int, shape: Dots | Shape, snapped: Shape) -> None:
-        """Insert ``shape`` as slot ``number``; if that fails the mesh is as before, and GeometryError is raised."""
+        """Insert ``shape`` as slot ``number``; if that fails, leave the obstacle out and raise GeometryError.
+
+        A mesh that became useless is built again, for which see :meth:`rebuild`.
+        """
         slot = self._slots[number]
         slot.shape, slot.snapped = shape, snapped
-        # The mesh may have become useless: build it again without this obstacle (``ids`` None), and try once more.
+        # If that fails the mesh is useless: build it again without this obstacle (``ids`` None), and try once more.
         if not self._enter(number, slot):
             slot.ids = None
             self.rebuild()
@@ -236,7 +240,7 @@ class Obstacles:
                 )
 
     def _take(self, number: int) -> None:
-        """Remove slot ``number`` from the mesh; GeometryError if another obstacle cannot be put in again."""
+        """Remove slot ``number`` from the mesh; raise GeometryError if another obstacle cannot be put in again."""
         slot = self._slots[number]
         done = self._change(REMOVE, number, slot)
         slot.ids = None
@@ -266,8 +270,8 @@ class Obstacles:
         Return False if the mesh is useless afterwards.
         """
         for i, (x, y) in enumerate(points):
-            # Vertices and uses to add room for if the kernel finds none: more than `has_room` wants for a point, and
-            # twice as many each time. For repairs as many as the mesh has.
+            # Vertices and uses to add room for if the kernel finds none: 128, more than `has_room` wants for a point,
+            # and twice as many each time. For repairs as many vertices as there is room for now.
             job, wanted = what, 128
             while (v := point_kernels.edit_point(self._places, job, x, y, ids[i])) < -1:
                 if v == UNSETTLED:
@@ -285,7 +289,7 @@ class Obstacles:
         Return False if the mesh is useless afterwards.
         """
         # Vertices and uses to add room for if the kernel finds none: what `has_room` wants, and twice as many each
-        # time. For repairs as many as the mesh has.
+        # time. For repairs as many vertices as there is room for now.
         shape, wanted = slot.snapped, 8 * len(slot.snapped.points) + 64
         while True:
             status = edit_kernels.edit(self._places, what, shape.points, shape.ends, shape.winding, number, slot.ids)

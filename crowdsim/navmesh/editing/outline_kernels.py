@@ -11,7 +11,7 @@ OK, BACKWARD, UNSURE, OUTSIDE, NOT_FINITE = range(5)
 """Results of the checks: counter-clockwise, clockwise, not known, beyond the box, NaN or infinite."""
 
 _MOST_CORNERS = 64
-"""Longer outlines are left to shapely: the test here takes the square of their number of corners."""
+"""Outlines of more corners are left to shapely: the time of the test here grows with the square of their number."""
 
 
 @helper
@@ -65,10 +65,11 @@ def snap_inside(m, points, snapped):
 
 @kernel
 def check_outline(m, points, snapped):
-    """Snap the corners (n, 2) of an outline to the grid and test if they go around a simple polygon.
+    """Snap the corners ``points`` to the grid, into ``snapped``, and test if they go around a simple polygon.
 
-    Return OK if counter-clockwise, BACKWARD if clockwise, or what :func:`snap_inside` says of corners it cannot snap.
-    UNSURE: sides meet except in common corners, corners coincide, or there are fewer than 3 or too many for this test.
+    Return OK if counter-clockwise, BACKWARD if clockwise, or NOT_FINITE or OUTSIDE as :func:`snap_inside` does. UNSURE:
+    sides meet except in common corners, corners coincide, the area is 0, or there are fewer than 3 corners or too many
+    for this test.
     """
     status = snap_inside(m, points, snapped)
     if status != OK:

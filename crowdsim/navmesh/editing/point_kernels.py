@@ -84,16 +84,16 @@ def edit_point(places, what, x, y, v):
     what : int
         INSERT, REMOVE or SETTLE.
     x, y : float
-        Place of an inserted point [m].
+        For INSERT: place of the point [m].
     v : int
-        Vertex of a point to remove; -1, of one that was not inserted, has no effect.
+        For REMOVE: vertex of the point. If it is -1, as of a point that was not inserted, nothing is done.
 
     Returns
     -------
     int
-        The vertex, or -1 for a point outside of the box or less than a cell within it, which has no effect. NO_ROOM:
-        nothing was done. UNSETTLED: SETTLE in larger arrays ends the edit and returns the vertex. FULL or STUCK: the
-        mesh is useless.
+        The vertex. -1: nothing was done, as ``v`` is -1, or as the point to insert is outside of the box or less than a
+        cell within it. NO_ROOM: nothing was done. UNSETTLED: SETTLE in larger arrays ends the edit and returns the
+        vertex. FULL or STUCK: the mesh is useless.
     """
     m = mesh_at(places)
     w = workshop_at(places)

@@ -26,6 +26,7 @@ def _takes_over(m, v, far, a, b):
     where = side(vertices, a, b, p.x, p.y)
     if where < 0.0:
         a, b = b, a
+    # On the line through a and b it makes no triangle with them.
     elif where == 0.0:
         return False
     ax = vertices[a].x

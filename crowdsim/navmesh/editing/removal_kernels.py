@@ -32,6 +32,7 @@ def hint_cell(m, t):
         v = m.vertices[m.sides[h].org]
         x += v.x
         y += v.y
+    # A center lies inside of the box, but rounding may put it beyond the last cell.
     column = min(int((x / 3.0 - frame.x0) / frame.hint_cell), frame.nx - 1)
     row = min(int((y / 3.0 - frame.y0) / frame.hint_cell), frame.ny - 1)
     return row * frame.nx + column
@@ -87,10 +88,10 @@ def _push(w, a, b):
 def _flip_spokes(m, w, v):
     """Flip spokes of vertex v away until four are left or none can be: (a spoke, number of spokes, of fixed ones).
 
-    Four are few enough: the caller joins two opposite ones to one side, which leaves two triangles. Exact: a spoke is
-    flipped if both new triangles have an area. If none is constrained, there is one among five or more: spokes whose
-    neighbors are half a turn or more apart, and corners of the outline that do not bend outward, are too few to block
-    all.
+    Four are few enough: the caller joins two opposite ones to one side, which leaves two triangles. A spoke is flipped
+    if both new triangles have an area, by exact tests. Of five or more spokes, none of them constrained, at least one
+    can be flipped. A spoke is blocked only if its two neighbors are half a turn or more apart, or if the outline of the
+    triangles around v does not bend outward at the spoke's end. Too few spokes are like this to block all.
     """
     sides = m.sides
     vertices = m.vertices
@@ -146,9 +147,10 @@ def _flip_spokes(m, w, v):
 
 @helper
 def _spoke_to_join(m, h, fixed):
-    """Return spoke h of four, or the one after it, if it and the one opposite can become one side; -1 if neither can.
+    """Return one of four spokes, h or the next, that can become one side with the opposite spoke; -1 if neither can.
 
-    They can if both new triangles have an area, and if these two are constrained or none of the four is (``fixed`` 0).
+    Two opposite spokes can if both new triangles have an area, and if either both spokes or none of the four spokes
+    (``fixed`` 0) are constrained.
     """
     sides = m.sides
     vertices = m.vertices
@@ -185,7 +187,7 @@ def _join_four(m, w, h0):
     b = sides[nxt(h1)].org
     c = sides[nxt(h2)].org
     d = sides[nxt(h3)].org
-    # Triangle (a, b, c) in place of that of h0, then (c, d, a) in place of that of h2. Spoke h becomes the side from
+    # Triangle (a, b, c) replaces the triangle of h0, then (c, d, a) the triangle of h2. Spoke h becomes the side from
     # the end to the start and keeps its constraint; the side after it stays; the third takes over the outer side of the
     # next spoke.
     for h, source, start, middle, end in ((h0, nxt(h1), a, b, c), (h2, nxt(h3), c, d, a)):
@@ -199,7 +201,7 @@ def _join_four(m, w, h0):
         _push(w, middle, end)
     link(sides, h0, h2)
     _push(w, a, c)
-    # Both are corners of both triangles. The walks around them find the changed triangles and touch b and d, see
+    # a and c are corners of both new triangles. The walks around them find the changed triangles and touch b and d, see
     # settle_kernels.
     touch(w, a)
     touch(w, c)
@@ -245,8 +247,8 @@ def remove_vertex(m, w, v):
     not be Delaunay are stacked in ``pairs`` of the workshop w, for the caller to flip.
     """
     sides = m.sides
-    # Down to four spokes, if there are more. Of four, two opposite ones become one side (the two
-    # constrained ones, if there are such); three without constraints go at once. Anything else cannot be removed.
+    # Down to four spokes, if there are more. Of four, two opposite ones become one side (the two constrained ones, if
+    # there are such); three without constraints go at once. Otherwise v cannot be removed.
     h, degree, fixed = _flip_spokes(m, w, v)
     if degree == 4:
         h = _spoke_to_join(m, h, fixed)

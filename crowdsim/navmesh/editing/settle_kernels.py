@@ -37,7 +37,7 @@ _SEEN = -(1 << 40)
 
 @helper
 def _seen_from_gone(m, t, w):
-    """Return True if the circle of triangle t meets a removed side, of those in ``gone``."""
+    """Return True if the circumcircle of triangle t meets one of the removed sides in ``gone``."""
     for i in range(w.progress[0].gone):
         side = w.gone[i]
         least, most = inside_circle(m, t, side.ax, side.ay, side.bx, side.by, 0.0, 1.0)
@@ -50,9 +50,10 @@ def _seen_from_gone(m, t, w):
 def _look_out(m, w, h):
     """Let vertices beyond the open side h of a changed triangle look for bottlenecks that removed sides prevented.
 
-    A disc between such a vertex and its foot is free now, crosses a removed side and holds neither of its ends. The
-    circles of all triangles from side h to the vertex then meet the removed side, see `_find_foot`. Each triangle is
-    visited once in an edit: those in the first column of ``pairs`` have the cover _SEEN until `_forget_seen`.
+    A disc between such a vertex and its foot is free now, crosses a removed side and holds neither end of that side.
+    The circumcircles of all triangles from side h to the vertex then meet the removed side, see `_find_foot`. Each
+    triangle is visited once in an edit: it is listed in the first column of ``pairs`` and has the cover _SEEN until
+    `_forget_seen`.
     """
     sides = m.sides
     stack = w.stack
@@ -91,7 +92,10 @@ def _forget_seen(m, w):
 
 @helper
 def _touch_around(m, w, v):
-    """Touch the corners of changed triangles around vertex v, and neighbors of v that may not be needed any longer."""
+    """Touch the corners of changed triangles around vertex v, and mark them CHANGED; touch its feet and crossings.
+
+    Feet and crossings are neighbors of v that are no corner of an obstacle (vref 0); they may have lost their use.
+    """
     sides = m.sides
     vertices = m.vertices
     first = vertices[v].vhe
@@ -99,7 +103,7 @@ def _touch_around(m, w, v):
     for _ in range(sides.size):
         p = prv(h)
         u = sides[nxt(h)].org
-        # A changed triangle touches its corners; otherwise a neighbor that is a foot or crossing may have lost its use.
+        # Corners of a changed triangle; else the neighbor alone, if it may have lost its use.
         if is_dirty(sides, h // 3):
             touch(w, u)
             w.to_do[u].mark |= CHANGED
@@ -121,7 +125,7 @@ def _has_changed(m, w, v):
     sides = m.sides
     first = m.vertices[v].vhe
     h = first
-    # Noted already, or to be seen at a triangle.
+    # Marked already. Otherwise a triangle around v shows it.
     if w.to_do[v].mark & CHANGED != 0:
         return True
     for _ in range(sides.size):
@@ -174,9 +178,9 @@ def _touch_corners(m, w):
 def settle(m, w):
     """Bring refinement and corner clearances up to date around touched vertices; return 0, STUCK or FULL.
 
-    A bottleneck is new only if the triangle at its wall is, or its vertex, or if something between them was removed. So
-    it is seen from a wall of a changed triangle, from a new vertex, or from a vertex next to or across what was
-    removed. After FULL, which asks for larger arrays, what is left to do is in the workshop.
+    A bottleneck is new only if the triangle at its wall is new, if its vertex is new, or if something between the two
+    was removed. So it is seen from a wall of a changed triangle, from a new vertex, or from a vertex that lies next to
+    what was removed or beyond it. After FULL, which asks for larger arrays, what is left to do is in the workshop.
     """
     sides = m.sides
     vertices = m.vertices
@@ -189,6 +193,7 @@ def settle(m, w):
         v = w.to_do[i].touched
         if vertices[v].vhe < 0 or v < BOX_CORNERS:
             continue
+        # A removed side may have stood between v and a wall.
         if removal:
             w.to_do[v].mark |= LOOKING
         if w.to_do[v].mark & CHANGED == 0:
@@ -196,7 +201,7 @@ def settle(m, w):
         first = vertices[v].vhe
         h = first
         for _ in range(sides.size):
-            # Each side once: from its origin.
+            # Each side once: from its origin. Behind an open one, changed triangles are looked at by themselves.
             if is_dirty(sides, h // 3) and m.cover[h // 3] == 0:
                 if sides[h].constraints != 0:
                     enqueue(w, v)

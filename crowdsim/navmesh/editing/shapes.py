@@ -35,6 +35,7 @@ class Shape(NamedTuple):
 
 
 NOTHING = Shape(np.zeros((0, 2)), np.zeros(0, np.int64), 0)
+"""The shape without points."""
 
 
 def as_dots(points: Dots) -> Dots:
@@ -53,7 +54,7 @@ def moved(shape: Dots | Shape, dx: float, dy: float) -> Dots | Shape:
 
 
 def chains(parts: list[Floats], winding: int) -> Shape:
-    """Return the shape of the chains ``parts``, (n, 2) each."""
+    """Return the shape of the chains ``parts``, (n, 2) [m] each; for ``winding`` see :class:`Shape`."""
     if not parts:
         return NOTHING
     ends = np.cumsum([len(part) for part in parts]).astype(np.int64)
@@ -61,7 +62,7 @@ def chains(parts: list[Floats], winding: int) -> Shape:
 
 
 def rings_of(geometry: shapely.Polygon | shapely.MultiPolygon) -> Shape:
-    """Return the shape of polygons; for errors see :func:`shape_of`."""
+    """Return the shape of polygons, repaired if they are invalid; for errors see :func:`shape_of`."""
     if not geometry.is_valid and np.isfinite(shapely.get_coordinates(geometry)).all():
         # A part that the ring surrounds twice, such as the middle of a pentagram, is blocked as well.
         repaired = shapely.make_valid(geometry, method="structure", keep_collapsed=False)

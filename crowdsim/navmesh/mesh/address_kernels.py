@@ -1,7 +1,8 @@
 """A mesh and its workshop, given to kernels as one table of array addresses.
 
-To pass the arrays one by one would take a good part of a small edit, as Python checks the type of each one and kernels
-count references to it. A table of addresses is a single array, and nothing counts references to the arrays behind it.
+To pass the arrays one by one would take a good part of the time of a small edit, as Python checks the type of each one
+and kernels count references to it. A table of addresses is a single array, and nothing counts references to the arrays
+behind it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from crowdsim.navmesh.mesh.mesh_arrays import (
 
 
 class Layer(Protocol):
-    """A mesh that gives the addresses of its arrays; an edit may change them."""
+    """A mesh that gives the addresses of its arrays; an edit may change these addresses."""
 
     @property
     def places(self) -> NDArray[np.int64]:
@@ -54,7 +55,7 @@ def layers_of(meshes: Iterable[Layer]) -> NDArray[np.int64]:
 
 @helper
 def mesh_at(places):
-    """Return the mesh whose arrays are at ``places``, int64, as of :func:`places_of`.
+    """Return the mesh (MeshArrays) whose arrays are at ``places``, int64, as :func:`places_of` makes them.
 
     Each row is the address and the number of items of an array: (12, 2) with a workshop, (5, 2) without one.
     """
@@ -70,7 +71,7 @@ def mesh_at(places):
 
 @helper
 def workshop_at(places):
-    """Return the workshop whose arrays are at ``places``, (12, 2) int64, as of :func:`places_of`."""
+    """Return the workshop (Workshop) whose arrays are at ``places``, (12, 2) int64, as :func:`places_of` makes them."""
     # Rows 5 to 11 are the fields of Workshop, in their order.
     return Workshop(
         array_at(places[5, 0], (places[5, 1],), np.int64),

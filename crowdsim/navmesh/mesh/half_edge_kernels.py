@@ -1,7 +1,8 @@
 """Steps on half-edges, and the search for a triangle or a side.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
-SIDE and VERTEX; h is a half-edge, t a triangle, whose half-edges are 3 t, 3 t + 1 and 3 t + 2, counter-clockwise.
+SIDE and VERTEX; h is a half-edge, t a triangle, whose half-edges are 3 t, 3 t + 1 and 3 t + 2, counter-clockwise; (x,
+y) is a point [m].
 """
 
 import numpy as np
@@ -38,7 +39,10 @@ def soil(sides, t):
 
 @helper
 def side(vertices, a, b, x, y):
-    """Return twice the signed area of vertices a, b and the point (x, y) [m2]: positive if it lies left of a -> b."""
+    """Return twice the signed area of the triangle of vertices a and b and the point (x, y) [m2].
+
+    It is positive if the point lies left of a -> b, and exact if the point is on the grid.
+    """
     p = vertices[a]
     q = vertices[b]
     return orient2d(p.x, p.y, q.x, q.y, x, y)
@@ -46,7 +50,7 @@ def side(vertices, a, b, x, y):
 
 @helper
 def snapped(cell, v):
-    """Return the multiple of the grid ``cell`` nearest to the coordinate v [m]."""
+    """Return the multiple of ``cell``, the side of a grid cell [m], that is nearest to the coordinate v [m]."""
     return np.rint(v / cell) * cell
 
 
@@ -63,9 +67,10 @@ def holds(m, t, x, y):
 def locate(m, x, y, hint):
     """Return a triangle that holds the grid point (x, y), or -1 if the point lies outside of the box.
 
-    Visibility walk from triangle ``hint``, or from one of the hint grid if ``hint`` is none (-1): step across any side
-    that has the point on its right. The side that is tested first is drawn at random, because a fixed order can circle
-    forever in a triangulation with constraints. If the walk takes too many steps, all triangles are tried.
+    Visibility walk from triangle ``hint``, or from one of the hint grid if ``hint`` is no triangle (-1, say): step
+    across any side that has the point on its right. The side that is tested first is drawn at random, because a fixed
+    order can circle forever in a triangulation with constraints. If the walk takes too many steps, all triangles are
+    tried.
     """
     sides = m.sides
     vertices = m.vertices
@@ -76,7 +81,7 @@ def locate(m, x, y, hint):
     t = hint
     if t < 0 or t >= frame.triangles:
         # No usable hint: start from the triangle kept for this cell of the coarse hint grid. After an edit its number
-        # may be out of date, but any triangle is a start.
+        # may be out of date, but any triangle is a start. A point on the far sides of the box belongs to the last cell.
         column = min(int((x - frame.x0) / frame.hint_cell), frame.nx - 1)
         row = min(int((y - frame.y0) / frame.hint_cell), frame.ny - 1)
         t = min(m.hints[row * frame.nx + column], frame.triangles - 1)
@@ -96,6 +101,7 @@ def locate(m, x, y, hint):
             tested += 1
         if tested == 3:
             return t
+        # The point is in the box, so h is no side of the hull.
         came = sides[h].twin
         t = came // 3
     # The walk took too many steps.

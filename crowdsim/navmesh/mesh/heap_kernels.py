@@ -1,4 +1,7 @@
-"""A binary heap of (key, item) rows in an array that grows; the least row comes first."""
+"""A binary heap of (key, item) rows in an array that grows; the least row comes first.
+
+``heap`` (n,) are records :data:`HEAP_ROW`, the first ``count`` of them in use.
+"""
 
 import numpy as np
 
@@ -36,7 +39,10 @@ def push(heap, count, key, item):
 
 @helper
 def pop(heap, count):
-    """Remove the least of ``count`` rows from a heap and leave it at index ``count - 1``, where the caller reads it."""
+    """Remove the least of ``count`` rows, at least one, from a heap.
+
+    The row is left at index ``count - 1``, where the caller reads it.
+    """
     last = count - 1
     key = heap[last].key
     item = heap[last].item

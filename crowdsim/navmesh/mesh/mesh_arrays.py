@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 NONE = np.int64(-1)
 """No half-edge, triangle or vertex.
 
-A helper that also takes other numbers here is passed np.int64(NONE): numba gives the constant a type of its own and
-would compile the helper twice.
+A helper of which an argument may be NONE or another number is passed np.int64(NONE): numba gives the bare constant a
+type of its own and would compile the helper twice.
 """
 
 BOX_CORNERS = 4
@@ -46,10 +46,10 @@ SIDE = np.dtype(
 org: origin vertex. twin: opposite half-edge, -1 on the hull. constraints: number of obstacle edges that run along the
 side, the same on both halves. winding: signed number of obstacle boundaries along the half-edge, positive with the
 obstacle on its left. corner_clearance: diameter [m] of the largest disc that can turn around the corner at ``org``
-inside the triangle; 0 if that is blocked or a side of the corner is closed. On the first half-edge of a triangle a
-negative value says that the triangle changed since it was measured. use: head of the list of :data:`USE` records of
-inserted obstacles that run along the half-edge in this direction, -1 for none; obstacles the mesh was built with are
-counted in constraints and winding only.
+inside the triangle; 0 if the triangle is blocked or a side of the corner is closed. On the first half-edge of a
+triangle a negative value says that the triangle changed since it was measured. use: head of the list of :data:`USE`
+records of inserted obstacles that run along the half-edge in this direction, -1 for none; obstacles the mesh was built
+with are counted in constraints and winding only.
 """
 
 VERTEX = np.dtype([("x", np.float64), ("y", np.float64), ("vhe", np.int64), ("vref", np.int64)], align=True)
@@ -70,7 +70,7 @@ FRAME = np.dtype(
 """Size of a mesh.
 
 cell: grid cell [m]. x0, y0, x1, y1: box [m]. hint_cell: cell of the hint grid [m]. vertices: how many records are
-filled, also with removed ones. triangles: how many there are. nx, ny: cells of the hint grid in x and y. spare: first
+filled, also with removed ones. triangles: number of triangles. nx, ny: cells of the hint grid in x and y. spare: first
 removed vertex, 0 for none.
 """
 
@@ -84,9 +84,10 @@ and never changed, so that both halves of a split side can share one.
 TO_DO = np.dtype([(name, np.int64) for name in ("waiting", "touched", "mark", "changed", "cell")], align=True)
 """Work lists of an edit, as columns side by side.
 
-waiting, touched: lists of vertices; mark: bits that say which of them a vertex is in (see work_kernels). changed: list
-of triangles that the edit changed or renumbered; cell: hint cell that points to them. Triangles at the end of the mesh
-that no longer exist or are new may be missing from ``changed``.
+waiting, touched: lists of vertices. mark: for each vertex, bits that say which of these lists it is in, and more (see
+work_kernels). changed: list of triangles that the edit changed or renumbered; cell: for each of them, the cell of the
+hint grid that holds its center. Triangles at the end of the mesh that no longer exist or are new may be missing from
+``changed``.
 """
 
 PROGRESS = np.dtype(
@@ -96,11 +97,11 @@ PROGRESS = np.dtype(
 )
 """State of an edit.
 
-head, waiting: first index and length of the ring buffer ``waiting``. touched, changed: lengths of these lists. uses:
-used records of the pool of uses. pairs, gone: lengths of the stack ``pairs`` and of ``gone``. full: 1 if the pool of
-uses was too small. rerouted: 1 if a crossing bent a constrained side instead of splitting it. removal: what the edit
-removes: 0, SIDES or POINT. vertex: vertex of the point that was edited. left: loop turns left before the edit counts as
-stuck.
+head, waiting: first index and length of the ring buffer ``waiting``. touched: length of this list. changed: length of
+this list, or more than its room if triangles were left out. uses: used records of the pool of uses. pairs, gone:
+lengths of the stack ``pairs`` and of ``gone``. full: 1 if the pool of uses was too small. rerouted: 1 if a crossing
+bent a constrained side instead of splitting it. removal: what the edit removes: 0 for nothing, SIDES or POINT (see
+removal_kernels). vertex: vertex of the point that was edited. left: loop turns left before the edit counts as stuck.
 """
 
 SIGHT = np.dtype(
@@ -108,8 +109,10 @@ SIGHT = np.dtype(
 )
 """A half-edge still to cross in a search for bottlenecks.
 
-lo, hi: part of the first side through which a disc beyond this half-edge can reach. rx, ry, lx, ly: right and left ray
-of what a vertex sees through this half-edge.
+lo, hi: in a search from a wall, the part of the wall on which a foot may be, from 0 at its origin to 1 at its end. rx,
+ry, lx, ly: in a search from a vertex, the right and the left ray of its view through this half-edge, relative to the
+vertex [m]. Each search sets only its own fields. (Searches for shortest paths have a SIGHT of their own, see
+view_arrays.)
 """
 
 SEGMENT = np.dtype([(name, np.float64) for name in ("ax", "ay", "bx", "by")], align=True)
@@ -163,7 +166,7 @@ class Workshop(NamedTuple):
     gone: NDArray[Any]
     """(k,) records :data:`SEGMENT`: sides that were constrained before the edit, or the place of a removed point.
 
-    That is (ax, ay) of the first record.
+    The place is (ax, ay) of the first record.
     """
     progress: NDArray[Any]
     """(1,) record :data:`PROGRESS`."""
@@ -187,8 +190,8 @@ def workshop(vertices: int, uses: int = 0) -> Workshop:
     progress = np.zeros(1, PROGRESS)
     # For kernels called on their own; a build and an edit set their own bound (`bound_turns`).
     progress["left"] = TURNS * room
-    # ``gone`` is as long as the pool of uses: to remove an obstacle of more sides asks for a larger one (NO_ROOM). A
-    # search for bottlenecks that needs more than 256 views makes the edit count as stuck.
+    # ``gone`` is as long as the pool of uses: the removal of an obstacle with more sides returns NO_ROOM, and the
+    # caller makes both longer. A search for bottlenecks that needs more than 256 views makes the edit count as stuck.
     return Workshop(
         np.empty(room, np.int64),
         pairs,
@@ -201,7 +204,7 @@ def workshop(vertices: int, uses: int = 0) -> Workshop:
 
 
 def empty_mesh(vertices: int, frame: NDArray[Any]) -> MeshArrays:
-    """Return arrays with room for ``vertices`` vertices and with empty hints; ``frame`` (1,) is copied."""
+    """Return arrays with room for ``vertices`` vertices and with empty hints; ``frame``, (1,) FRAME, is copied."""
     # Zeros cost nothing, as the operating system gives zeros only when pages are touched. The first triangles of
     # a build need them: no constraints, no winding. A triangulation of n vertices has fewer than 2 n triangles, each of
     # three half-edges.

@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 class Batch(NamedTuple):
     """Searches and the arrays for their results, all C-contiguous.
 
-    starts, goals: (n, 2) float64 [m]. radii: (n,) float64 [m]. status, lengths: results, as in
+    starts, goals: (n, 2) float64 [m]. radii: (n,) float64 [m]. status, lengths: (n,) results, as in
     :class:`crowdsim.navmesh.paths.paths.Paths`.
     """
 
@@ -25,7 +25,7 @@ class Batch(NamedTuple):
     status: NDArray[np.int8]
     lengths: Floats
     counts: NDArray[np.int64]
-    """(n,) number of points of each path."""
+    """(n,) number of points of each path, 0 if there is none."""
 
     def part(self, first: int, last: int) -> Batch:
         """Return rows ``first`` up to ``last`` (exclusive) as a view: their results go into this batch."""

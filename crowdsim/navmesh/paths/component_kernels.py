@@ -68,7 +68,8 @@ def label_sides(m, width, labels):
 def are_joined(m, labels, start, sx, sy, goal, gx, gy, width):
     """Return True if a disc of diameter ``width`` can go from (sx, sy) in ``start`` to (gx, gy) in another triangle.
 
-    ``labels`` are those of :func:`label_sides` for this ``width`` [m]; ``start`` and ``goal`` are the triangles.
+    ``labels`` (3 nt,) int32 are those of :func:`label_sides` for this ``width`` [m]; ``start`` and ``goal`` are the
+    triangles. The disc is free at both places [m].
     """
     # Sides without a component (-1) are never left: they are constrained, or inside of obstacles.
     for h in range(3 * start, 3 * start + 3):
@@ -83,13 +84,14 @@ def are_joined(m, labels, start, sx, sy, goal, gx, gy, width):
 def components(m, labels, count, points, radius, least, out):
     """Fill ``out`` (n,) int64 with the component of a disc at each of ``points`` (n, 2) [m], -1 if not free there.
 
-    ``labels`` and ``count`` are those of :func:`label_sides` for the width 2 ``least``. Discs that cannot leave their
-    triangle form a component of their own, numbered ``count`` plus the triangle.
+    ``labels`` (3 nt,) int32 and ``count`` are those of :func:`label_sides` for the width 2 ``least``, more than 0. A
+    place from which the disc cannot leave the triangle is in a component of that triangle alone, numbered ``count``
+    plus the triangle.
     """
     for i in range(points.shape[0]):
         x = points[i, 0]
         y = points[i, 1]
-        # Looking farther than ``least`` is enough.
+        # Any limit above ``least`` will do; 1 m more also serves a point.
         distance, t = disc_clearance(m, x, y, 2.0 * radius + 1.0, np.int64(NONE))
         out[i] = -1
         # A clearance of less than ``least`` is not free.

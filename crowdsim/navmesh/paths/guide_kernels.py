@@ -4,7 +4,7 @@ Sides are known by the vertices at their ends, which keep their numbers when obs
 those of the mesh without these obstacles. A guide only says where to look first, so an unknown or changed side does no
 harm.
 
-``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``guide`` is a table of rows :data:`GUIDE`;
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``guide`` (k,) are records :data:`GUIDE`;
 a side goes from vertex ``origin`` to vertex ``end``; ``radius`` is that of the disc [m].
 """
 
@@ -19,9 +19,10 @@ GUIDE = np.dtype([("side", np.int64), ("left", np.float64), ("right", np.float64
 """A row of a hash table of sides. The table has one row more than a power of two.
 
 side: one more than the origin, shifted left by 32 bits, plus the vertex at the other end; 0 if the row is empty. left,
-right: distances to the goal [m] from the ends of the side, cut by the radius, for ways that leave the side's triangle
-across it; infinite if no way was followed there. The last row belongs to no side: its ``left`` is the limit [m] of
-keys, with meters to go times GREED, up to which ways were followed.
+right: distances to the goal [m] from the left and the right end of the side, which is cut by the radius at both ends,
+at most to its middle, for ways that leave the side's triangle across it; infinite if no way was followed there. The
+last row belongs to no side: its ``left`` is the limit [m] up to which ways were followed. It bounds keys of the search,
+in which meters to go count GREED times.
 """
 
 GREED = 1.05
@@ -51,8 +52,8 @@ def _row(guide, origin, end):
 def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     """Estimate the length [m] of a way from the start over the label's interval to the goal; meters to go are weighted.
 
-    Return ``otherwise``, the estimate [m] without a guide, if that is more or the side is not in ``guide``. ``label``
-    is a record LABEL of the workspace; the weight is GREED.
+    The weight is GREED. The estimate is at most the limit of ``guide``, but at least ``otherwise``, the estimate [m]
+    without a guide; it is ``otherwise`` if the side is not in ``guide``. ``label`` is a record LABEL of the workspace.
     """
     h = np.int64(label.h)
     origin = sides[h].org
@@ -62,7 +63,7 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
         return otherwise
     limit = guide[guide.size - 1].left
     # No way was followed across this side: with meters to go weighted, all ways over it exceed the limit, so they are
-    # longer than limit / GREED. The limit itself will do here.
+    # longer than limit / GREED. The limit itself is close enough.
     if row.left == math.inf:
         return max(limit, otherwise)
     a = vertices[origin]
@@ -78,18 +79,19 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     off = (label.rx - a.x) * uy - (label.ry - a.y) * ux
     low = (label.px - a.x) * ux + (label.py - a.y) * uy - inset
     high = (label.lx - a.x) * ux + (label.ly - a.y) * uy - inset
-    # At a point ``at`` of the side, the way to go is at least that from either end, less the way there. Take the point
-    # where both bounds are equal: elsewhere the greater one is more, by at least as much as the root comes nearer.
+    # At a point ``at`` of the side, the way to go is at least the way from either end less the piece of the side up to
+    # that end. Take the point at which both bounds are equal: at any other point the greater bound is more, by at least
+    # as much as the way from the root to the point can be less.
     width = length - 2.0 * inset
     at = min(max(0.5 * (row.right - row.left + width), low), high)
     rest = max(row.right - at, row.left - width + at)
-    # Not all ways beyond the limit were followed, so there may be shorter ones than known.
+    # Not all ways beyond the limit were followed, so there may be shorter ones than known: estimate the limit at most.
     return max(min(label.spent + GREED * (math.sqrt((at - root) ** 2 + off * off) + rest), limit), otherwise)
 
 
 @helper
 def add_sides(m, guide):
-    """Put all sides that can be crossed into the empty ``guide``."""
+    """Put all sides that can be crossed into the empty ``guide``; the distances stay as they are."""
     sides = m.sides
     for h in range(3 * m.frame[0].triangles):
         if sides[h].constraints == 0 and m.cover[h // 3] == 0:
@@ -100,7 +102,7 @@ def add_sides(m, guide):
 
 @helper
 def clear_guide(guide):
-    """Forget all distances of ``guide``: it knows ways up to 0 m."""
+    """Forget all distances of ``guide``, but not its sides: it knows ways up to 0 m."""
     for i in range(guide.size):
         guide[i].left = math.inf
         guide[i].right = math.inf
@@ -109,9 +111,11 @@ def clear_guide(guide):
 
 @helper
 def fill_guide(m, labels, used, radius, limit, guide):
-    """Enter the first ``used`` labels of a search that began at the goal, complete up to ``limit`` [m], into ``guide``.
+    """Enter the first ``used`` labels of a search from the goal, complete up to keys of ``limit`` [m], into ``guide``.
 
-    The limit bounds whole ways, from the goal to the start. Distances only get less, so the guide is cleared before.
+    ``labels`` are records LABEL of the workspace. Keys estimate whole ways between goal and start, and count meters
+    to go GREED times. So the search is complete only up to ways of about limit / GREED. Distances only get less here:
+    clear the guide before.
     """
     guide[guide.size - 1].left = limit
     sides = m.sides

@@ -1,8 +1,8 @@
 """Search for a short way over intervals of sides, after Polyanya (Cui, Harabor and Grastien, IJCAI 2017).
 
-Each side is cut by the radius at both ends. A way crosses the rest in straight lines from root to root; roots are ends
-of cut sides, where the way bends. The cost of a way is its length with chords in place of arcs. The widths of sides and
-corners decide what can be crossed, as in :mod:`crowdsim.navmesh.paths.search_kernels`.
+Each side is cut by the radius at both ends, at most to its middle. A way crosses the rest in straight lines from root
+to root; roots are ends of cut sides, where the way bends. The cost of a way is its length with chords in place of arcs.
+The widths of sides and corners decide what can be crossed, as in :mod:`crowdsim.navmesh.paths.search_kernels`.
 
 Arguments of all helpers are those of :func:`find_way`; ``label`` is a record LABEL of the workspace (not the behavior
 of a section): an interval of a side that is seen from a root r, between the ends l (left) and p (right). ``spent`` is
@@ -10,7 +10,8 @@ the length up to the root [m]. ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.
 the :class:`crowdsim.navmesh.paths.workspace.Workspace`, of which ``labels`` (the first ``used`` in use), ``waypoints``
 and ``reached`` are arrays and ``stamp`` is the number of the query; ``regions`` (nt,) are records
 :data:`crowdsim.navmesh.paths.region_kernels.REGION`; s = (sx, sy) is the start and g = (gx, gy) the goal [m]. h,
-``before`` and ``corner`` are fields of a label.
+``before`` and ``corner`` are fields of a label; np.int64 gives these int32 the type of other numbers, as numba would
+compile a helper again for each type.
 """
 
 import math
@@ -93,7 +94,8 @@ def _estimate(label, x, y):
 def _key(m, regions, waypoints, guide, label, gx, gy, radius):
     """Return the key of a label in the heap: about how long a way over it is [m], with meters to go times GREED.
 
-    Either ``guide`` or ``regions`` is None, not both. A guide without sides leaves the plain estimate to the goal.
+    One of ``guide`` and ``regions`` is None, the other is not. A guide without sides leaves the plain estimate to the
+    goal.
     """
     key = 0.0
     if guide is not None:
@@ -175,6 +177,7 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
     h = np.int64(label.h)
     rx = label.rx
     ry = label.ry
+    # The ends of the label's interval, relative to the root.
     dlx = label.lx - rx
     dly = label.ly - ry
     dpx = label.px - rx
@@ -201,14 +204,14 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
         at = rr / (rr - rl) if rl > 0.0 else 1.0
         srx += at * (elx - erx)
         sry += at * (ely - ery)
-    # Straight on.
+    # Straight on, unless all of e is left of the left ray or right of the right one.
     if not (ll > 0.0 and lr >= 0.0) and not (rr < 0.0 and rl <= 0.0):
         ends = np.int64(ll <= 0.0) + 2 * np.int64(rr >= 0.0)
         before = np.int64(label.before)
         corner = np.int64(label.corner)
         _set_label(labels[used], rx, ry, label.spent, slx, sly, srx, sry, e, before, corner, ends)
         used += 1
-    # Around the left end, to what lies left of what is seen; then around the right end.
+    # Around the left end, to the part of e left of the part that the root sees; then the same on the right.
     if ll > 0.0 and spent_left < math.inf:
         ends = 1 + 2 * np.int64(lr >= 0.0)
         _set_label(labels[used], label.lx, label.ly, spent_left, elx, ely, slx, sly, e, i, 2 * h, ends)
@@ -228,12 +231,12 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, farther=None, longest=None):
     """Search for a short way from triangle ``start`` to ``goal``; return (last label or -1, number of labels, limit).
 
-    The way passes widths of at least ``width`` [m], the diameter less the tolerance. One that goes back through a
-    narrow passage between regions, to turn around behind it, is not found, nor one for which the workspace has no room.
-    ``guide`` is None, or a guide to this goal, with ``regions`` None. ``farther`` is None, or (factor, meters): go on
-    until all keys exceed the limit, the length [m] of the shortest way found times the factor plus the meters; there is
-    no last label then. The limit is infinite if there is no such way, or no ``farther``. ``longest`` is None, or a
-    length [m] beyond which no way is followed.
+    The way passes widths of at least ``width`` [m], the diameter less the tolerance. Not found are ways that cross a
+    bridge of regions and come back over it, and ways for which the workspace has no room. ``guide`` is None, or a guide
+    to this goal, (k,) GUIDE, with ``regions`` None. ``longest`` is None, or a length [m] beyond which no way is
+    followed. ``farther`` is None, or (factor, meters): then the search goes on until all keys exceed the limit, and
+    returns no last label. The limit is the estimate [m] of the shortest way found, times the factor, plus the meters;
+    it is infinite if no way was found, or without ``farther``.
     """
     labels = work.labels
     heap = work.heap
@@ -244,10 +247,10 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
     work.stamp[0] += 1
     stamp = work.stamp[0]
     if regions is not None and not lay_waypoints(m, regions, waypoints, heap, stamp, start, goal, gx, gy, radius):
-        return NONE, np.int64(0), math.inf
+        return NONE, np.int64(0), math.inf  # free space does not join start and goal
     # Corners of closed sides have a clearance of 0: never pass them.
     width = max(width, 1e-30)
-    most = 6 * m.frame[0].triangles - 6  # a step adds up to six labels
+    most = 6 * m.frame[0].triangles - 6  # a step adds up to six labels, three for each of two sides
     limit = math.inf
     # In one triangle the straight line is a way, from which the limit is known at once.
     if farther is not None and start == goal:
@@ -268,7 +271,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
         following = NONE
         label = labels[i]
         spent = label.spent
-        # Too long even if straight from here, without GREED. The key is no bound: it estimates the way behind bridges.
+        # Too long even if straight from here, without GREED. The key is no bound, as it estimates ways behind bridges.
         if longest is not None and spent + (_estimate(label, gx, gy) - spent) / GREED > longest:
             continue
         # Its root was reached on a shorter way since.
@@ -331,7 +334,8 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
 def string_along(m, labels, last, sx, sy, gx, gy, radius):
     """Return the nodes (STRING_NODE) that the way over label ``last`` to the goal bends around, and their number.
 
-    They begin with the start and end with the goal. The array has 64 rows to spare, for repairs of the string.
+    They begin with the start and end with the goal. STRING_NODE is of tangent_kernels. The array has 64 rows to spare
+    or more, for repairs of the string.
     """
     label = labels[last]
     h = np.int64(label.h)
@@ -361,7 +365,7 @@ def string_along(m, labels, last, sx, sy, gx, gy, radius):
         right = corner % 2 == 1
         v = m.sides[h if right else nxt(h)].org
         q = -radius if right else radius
-        # A way around one corner has roots at several sides.
+        # A way around one corner has roots at several sides, for which one node is enough.
         if nodes[k].vertex != v or nodes[k].q != q:
             k -= 1
             set_node(nodes[k], m.vertices[v].x, m.vertices[v].y, q, v)

@@ -3,9 +3,9 @@
 Nodes are records :data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`; the first is the start, the last the goal.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``work`` is the
-:class:`crowdsim.navmesh.paths.workspace.Workspace`, ``regions`` are those of
-:mod:`crowdsim.navmesh.paths.region_kernels`, ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; s
-= (sx, sy) is the start and g = (gx, gy) the goal [m].
+:class:`crowdsim.navmesh.paths.workspace.Workspace`, ``regions`` (nt,) are records REGION of
+:mod:`crowdsim.navmesh.paths.region_kernels`, ``stack`` is scratch, (k,) SWEPT of
+:mod:`crowdsim.navmesh.clearance.sweep_kernels`; s = (sx, sy) is the start and g = (gx, gy) the goal [m].
 """
 
 import math
@@ -61,15 +61,15 @@ def straight_path(sx, sy, gx, gy):
 def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=None):
     """Find a short path of a disc of ``radius`` that keeps a clearance of ``least``; return (status, points (n, 2)).
 
-    If there is a path it is found, except for few that end TANGLED, or with ``longest``. There are no points unless the
-    status is OK.
+    If there is a path it is found, but for a few searches that end TANGLED, and but for the limits of ``longest``.
+    There are points only if the status is OK. One of ``regions`` and ``guide`` is None, the other is not.
 
     Parameters
     ----------
     m : MeshArrays
         The mesh.
     regions : (nt,) REGION or None
-        As :func:`crowdsim.navmesh.paths.region_kernels.find_regions` makes them; None with a guide.
+        As :func:`crowdsim.navmesh.paths.region_kernels.find_regions` makes them.
     work : Workspace
         Scratch memory.
     sx, sy, gx, gy : float
@@ -79,9 +79,9 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=No
     guide : (k,) GUIDE or None
         Distances to the goal, see :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide`.
     longest : float or None
-        Longest way to look for [m]; NO_PASSAGE then also stands for longer ones, but a path within one triangle or in a
-        straight line may be longer. If finite, the complete search is left out, so a few paths in passages of just the
-        diameter are not found.
+        Longest way to look for [m]; NO_PASSAGE then may also mean that all ways are longer. A path within one triangle
+        or in a straight line may be longer than this. If finite, the complete search is left out, so a few paths in
+        passages of just the diameter are not found.
     """
     points = np.empty((0, 2))
     stack = np.empty(64, SWEPT)
@@ -126,7 +126,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=No
 
 @helper
 def append_path(points, filled, path):
-    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows of ``points`` (n, 2), both [m].
+    """Copy the polyline ``path`` (n, 2) behind the first ``filled`` rows of ``points`` (k, 2), both [m].
 
     Return the points, which grow as needed, and the length of the path [m].
     """
@@ -134,29 +134,29 @@ def append_path(points, filled, path):
     while filled + n > points.shape[0]:
         points = longer_rows(points)
     length = 0.0
-    for k in range(n):
-        points[filled + k, 0] = path[k, 0]
-        points[filled + k, 1] = path[k, 1]
-        if k > 0:
-            dx = path[k, 0] - path[k - 1, 0]
-            dy = path[k, 1] - path[k - 1, 1]
+    for i in range(n):
+        points[filled + i, 0] = path[i, 0]
+        points[filled + i, 1] = path[i, 1]
+        if i > 0:
+            dx = path[i, 0] - path[i - 1, 0]
+            dy = path[i, 1] - path[i - 1, 1]
             length += math.sqrt(dx * dx + dy * dy)
     return points, length
 
 
 @kernel
 def plan_paths(m, regions, work, batch):
-    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2), path after path.
+    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2) [m], path after path.
 
-    Fill the batch's ``status``, ``lengths`` (nan if there is no path) and ``counts``.
+    Fill the batch's ``status``, ``lengths`` [m] (nan if there is no path) and ``counts``.
     """
     starts, goals, radii, least = batch.starts, batch.goals, batch.radii, batch.least
     status, lengths, counts = batch.status, batch.lengths, batch.counts
+    # One buffer for all paths, which grows; 16 points a path are a first guess.
     points = np.empty((16 * status.size, 2))
     filled = np.int64(0)
     for i in range(status.size):
         sx, sy, gx, gy = starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1]
-        # ``points`` is one buffer for all paths, which grows.
         found, path = plan_path(m, regions, work, sx, sy, gx, gy, radii[i], least[i], None)
         status[i] = found
         counts[i] = 0

@@ -22,7 +22,10 @@ class ComponentCache:
         self._entries: tuple[tuple[float, NDArray[np.int32], int], ...] = ()
 
     def labels(self, mesh: MeshArrays, width: float) -> tuple[NDArray[np.int32], int]:
-        """Return the components (3 nt,) int32 of half-edges for a disc of diameter ``width`` [m], and their number."""
+        """Return the components (3 nt,) int32 of half-edges for a disc of diameter ``width`` [m], and their number.
+
+        They are numbered as by :func:`label_sides`.
+        """
         entries = self._entries
         entry = next((entry for entry in entries if entry[0] == width), None)
         if entry is None:

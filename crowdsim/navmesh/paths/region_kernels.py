@@ -5,8 +5,9 @@ form a tree. So a way from start to goal crosses the bridges between them one by
 way need no search, and in each region the next bridge is a better aim than the goal. Bridges are found as by Tarjan
 (1974).
 
-``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``waypoints`` (nt,) and ``stamp``, the
-number of the query, are those of the :class:`crowdsim.navmesh.paths.workspace.Workspace`; g = (gx, gy) is the goal [m].
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``regions`` (nt,) are records
+:data:`REGION`; ``waypoints`` (nt,), records WAYPOINT, and ``stamp``, the number of the query, are those of the
+:class:`crowdsim.navmesh.paths.workspace.Workspace`; g = (gx, gy) is the goal [m].
 """
 
 import numpy as np
@@ -20,7 +21,7 @@ REGION = np.dtype([(name, np.int32) for name in ("top", "up", "depth", "root")],
 """The region of a free triangle.
 
 top: the triangle of its region nearest to the root of the tree; it identifies the region. up: half-edge towards the
-root, -1 at the root; that of a top triangle is a bridge. depth: for a top triangle, the number of bridges to the root.
+root, -1 at the root; of a top triangle it is a bridge. depth: for a top triangle, the number of bridges to the root.
 root: the same for all triangles that free space joins, -1 for blocked ones.
 """
 
@@ -36,7 +37,10 @@ visit, and the index each is visited from.
 
 @kernel
 def find_regions(m, regions):
-    """Fill ``regions`` (nt,), records :data:`REGION`."""
+    """Fill ``regions`` (nt,), records :data:`REGION`, with the region of each triangle.
+
+    Blocked triangles get -1 for root and top.
+    """
     sides = m.sides
     triangles = m.frame[0].triangles
     # Each triangle takes one half-edge off the stack and puts two on it; the first one puts three.
@@ -120,7 +124,7 @@ def _lay(m, waypoints, stamp, region, following, h, radius):
     ux = b.x - a.x
     uy = b.y - a.y
     length = hypot(ux, uy)
-    # The foot of the next waypoint, on the bridge cut by the radius at both ends.
+    # The foot of the next waypoint, on the bridge cut by the radius at both ends, at most to its middle.
     inset = min(radius / length, 0.5)
     at = ((after.x - a.x) * ux + (after.y - a.y) * uy) / (length * length)
     at = min(max(at, inset), 1.0 - inset)
@@ -133,10 +137,10 @@ def _lay(m, waypoints, stamp, region, following, h, radius):
 
 @helper
 def lay_waypoints(m, regions, waypoints, stack, stamp, start, goal, gx, gy, radius):
-    """Fill the ``waypoints`` of regions from triangle ``start`` to ``goal``; False if free space does not join them.
+    """Fill ``waypoints`` of the regions on the way from triangle ``start`` to ``goal``, both free; return True.
 
-    Both triangles are free. ``stack`` is scratch: records with a field ``item``, with room for all regions. ``radius``
-    is that of the disc [m], by which bridges are cut; it does not matter for what is joined.
+    Return False if free space does not join the two. ``stack`` is scratch: records with a field ``item``, with room for
+    all regions. ``radius`` is that of the disc [m], by which bridges are cut; no bridge counts as too narrow.
     """
     sides = m.sides
     if regions[start].root != regions[goal].root:
@@ -149,8 +153,8 @@ def lay_waypoints(m, regions, waypoints, stack, stamp, start, goal, gx, gy, radi
     last.rest = 0.0
     last.stamp = stamp
     count = 0
-    # Climb from both ends to their common region. Waypoints are set from the goal on, so those of the start's branch
-    # wait on the stack.
+    # Climb from both ends to their common region, from the deeper one first. Waypoints are set from the goal on, so
+    # those of the start's branch wait on the stack.
     while a != b:
         if regions[a].depth > regions[b].depth:
             stack[count].item = a

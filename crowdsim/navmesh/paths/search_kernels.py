@@ -3,8 +3,8 @@
 A state is a half-edge by which the path leaves its triangle, with the best point to cross it. In a refined mesh the
 widths of sides and corners decide exactly if the disc fits; near the ends of the path `can_leave` decides.
 
-``sides`` and ``vertices`` are the records SIDE and VERTEX of the mesh; p = (px, py) is a place before side h, g = (gx,
-gy) the goal [m].
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
+SIDE and VERTEX; p = (px, py) is a place before side h, g = (gx, gy) the goal [m].
 """
 
 import numpy as np
@@ -44,8 +44,9 @@ def can_leave(sides, vertices, h, x, y, width):
         a = vertices[sides[base].org]
         b = vertices[sides[nxt(base)].org]
         v = vertices[sides[prv(base)].org]
-        # They are a bottleneck if the corner's foot is inside the wall a -> b; it matters if h and the disc are on
-        # different sides of it: along < 0 is the side of a, where prv(base) is, the other one that of b.
+        # They are a bottleneck if they are closer than the width and the corner's foot is inside the wall a -> b. It is
+        # in the way if h and the disc are on different sides of it: towards a (along < 0) lies prv(base), towards b
+        # nxt(base).
         if point_segment_distance2(v.x, v.y, a.x, a.y, b.x, b.y) < width * width:
             ux = b.x - a.x
             uy = b.y - a.y
@@ -59,9 +60,9 @@ def can_leave(sides, vertices, h, x, y, width):
 
 @helper
 def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
-    """Return the point of side h, at least ``radius`` from its ends, on the shortest way from p across h to g.
+    """Return the point of side h, at least ``radius`` [m] from its ends, on the shortest way from p across h to g.
 
-    That is the middle of a side shorter than two radii.
+    If the side is shorter than two radii, return its middle.
     """
     a = vertices[sides[h].org]
     b = vertices[sides[nxt(h)].org]
@@ -87,10 +88,10 @@ def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
 
 @helper
 def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
-    """Return the half-edges (k,) int64 that a short way from triangle ``start`` to ``goal`` crosses.
+    """Return the half-edges (k,) int64 that a short way from triangle ``start`` to ``goal`` crosses, in order.
 
-    It is empty if all ways are too narrow. A channel is found if there is one; only how short it is depends on the
-    limit of expansions. If start and goal are in one triangle, it is a way out of this and back.
+    The array is empty if all ways are too narrow. A channel is found if there is one; only how short it is depends on
+    the limit of expansions (_IMPROVING). If start and goal are in one triangle, the channel leads out of it and back.
 
     Parameters
     ----------

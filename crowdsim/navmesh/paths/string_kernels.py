@@ -1,8 +1,9 @@
 """Turn the taut string of a disc into a path: check its polyline piece by piece and repair it where it is too close.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
-SIDE and VERTEX; ``nodes`` are records :data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`, the first ``count``
-of them in use; ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; a and b are unit vectors.
+SIDE and VERTEX; ``nodes`` (k,) are records :data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`, the first
+``count`` of them in use; ``stack`` is scratch, (k,) SWEPT of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; a = (ax,
+ay) and b = (bx, by) are unit vectors.
 """
 
 import math
@@ -31,10 +32,11 @@ _MARK = np.dtype([("points", np.int64), ("triangle", np.int64)], align=True)
 
 @helper
 def tighten(nodes, count, i, last):
-    """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and those that this affects.
+    """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and neighbors that this affects.
 
-    ``nodes`` is changed: later nodes move to lower indices, which count for ``last`` then. i is at least 1. Return the
-    new number of nodes, or -1 if two are too close for a tangent, and the first node with new neighbors (i if none).
+    Return (number of nodes, first node with new neighbors). The number is -1 if two nodes are too close for a tangent;
+    the node is i if none was dropped. ``nodes`` is changed: later nodes move to lower indices. The index ``last``
+    stays, so it comes to mean a later node. i is at least 1.
     """
     first = i
     before, ax, ay = tangent(nodes[i - 1], nodes[i])
@@ -66,9 +68,9 @@ def tighten(nodes, count, i, last):
 def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
     """Test that nothing but vertex v is closer to v than ``room`` [m] between bearings a and b, counter-clockwise.
 
-    b is less than half a circle on from a.
-    Return (bool, a triangle of the fan around v: that which holds b if True). It is False in doubt, too: a base, the
-    side of a triangle opposite of v, counts as an obstacle if it is nearer, although it may be open.
+    b is less than half a circle on from a. Return (bool, triangle of the fan around v); if True, the triangle holds b.
+    The answer is False in doubt, too: a base, the side of a triangle opposite of v, counts as an obstacle if it is
+    nearer than ``room``, although it may be open.
     """
     vx = vertices[v].x
     vy = vertices[v].y
@@ -102,6 +104,7 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
             # This triangle holds bearing b.
             if lx * by - ly * bx < 0.0 and rx * by - ry * bx >= 0.0:
                 return True, h // 3
+            # A wall that ends at v lies between a and b.
             if sides[back].constraints != 0:
                 return False, h // 3
         h = sides[back].twin
@@ -124,8 +127,8 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
 
     Return (points, their number, node, inside, vertex, edge, distance, x0, y0, x1, y1). ``node`` is -1 if nothing is
     too close. Otherwise the piece (x0, y0) -> (x1, y1) runs around node ``node`` (``inside``) or from there to the
-    next, and comes as near as ``distance`` [m] to ``vertex`` or to the half-edge ``edge``; the other one is -1. All
-    three are -1 if the piece starts outside of free space, or after rounding errors.
+    next, and comes as near as ``distance`` [m] to ``vertex`` or to the half-edge ``edge``; the other one is -1. If the
+    piece starts outside of free space, or after rounding errors, ``distance`` is -1.0, ``vertex`` and ``edge`` are -1.
     """
     sides = m.sides
     vertices = m.vertices
@@ -193,7 +196,10 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
 
 @helper
 def _turns_right(nodes, count, i):
-    """Return True if the string turns towards its obstacle at node i, and both tangents exist; or if i is an end."""
+    """Return True if the string turns to the correct side at node i, and both tangents there exist, or if i is an end.
+
+    The correct side is that of the node's obstacle, on the left or on the right.
+    """
     if i <= 0 or i >= count - 1:
         return True
     before, ax, ay = tangent(nodes[i - 1], nodes[i])
@@ -253,7 +259,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
         vy = vertices[vertex].y
         left = dx * (vy - py) - dy * (vx - px) > 0.0
         if distance > least - 2.0 * COARSE:
-            # The corners of the polyline stand off the arc. If only that is wrong, make them finer.
+            # Too close by so little, corners of the polyline that stand off the arc may be the cause: make them finer.
             fine = False
             size = math.sqrt(dx * dx + dy * dy)
             along = (dx * (vx - px) + dy * (vy - py)) / size if size > 0.0 else 0.0
@@ -269,14 +275,14 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
                 if not taut:
                     if (vx - nx) * (nx - node.x) + (vy - ny) * (ny - node.y) <= 0.0:
                         continue
-                    # Between two arcs the polyline is their tangent, except where it runs on to a corner.
+                    # Between two arcs the polyline is their tangent, but for the last ``over`` [m] up to its corners.
                     over = math.sqrt(node.bulge * (2.0 * radius + node.bulge))
                     if not inside and (along if k == i else size - along) > over:
                         continue
                 node.bulge = FINE if node.bulge > FINE else max(0.125 * node.bulge, finest)
                 fine = True
             if fine:
-                first = max(1, i)
+                first = max(1, i)  # trace again from there; the start, node 0, has no arc
                 continue
         if taut:
             break
@@ -287,7 +293,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
             break
         if count == nodes.size:
             break
-        # Insert the node after node i. If the string does not turn around both then, they are in the wrong order.
+        # Insert the node after node i. If the string then does not turn around these two, they are in the wrong order.
         for k in range(count, i + 1, -1):
             nodes[k] = nodes[k - 1]
         set_node(nodes[i + 1], vx, vy, q, vertex)
@@ -298,5 +304,6 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
         i = max(1, i - 1)
         # Only the new node and those next to it have new tangents.
         count, first = tighten(nodes, count, i, i + 4)
+        # The first new tangent leaves the node before, whose arc it changes: trace from there.
         first = max(1, first - 1)
     return False, points[:0]

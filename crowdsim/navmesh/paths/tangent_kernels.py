@@ -22,9 +22,9 @@ and vertex -1. bulge: how far corners of the polyline may stand off the arc [m].
 
 COARSE = 1e-3
 FINE = 2e-6
-"""Bulges [m]: the normal one, and that of passages that leave no more room.
+"""Bulges [m]: the normal one, and the one for passages that leave no more room.
 
-If that is still too much, the bulge shrinks on, down to a quarter of the tolerance. Smaller bulges make more points.
+If FINE is still too much, the bulge shrinks on, down to a quarter of the tolerance. Smaller bulges make more points.
 """
 
 PINCH = 1e-2
@@ -48,9 +48,10 @@ def set_node(node, x, y, q, vertex):
 def tangent(a, b):
     """Return (exists, direction x, y) of the taut string from node a to node b; the direction is a unit vector.
 
-    It does not exist if circles on opposite sides of the string overlap by more than PINCH, or one on the same side is
-    inside the other by more than that; the direction is then at a right angle to the line of the centers. Nor if a and
-    b are at one place; the direction is then (1, 0). A start or goal is a circle of radius 0 on either side.
+    It does not exist if circles on opposite sides of the string overlap by more than PINCH, or if of two on the same
+    side one is inside the other by more than PINCH; the direction is then at a right angle to the line of the centers.
+    It does not exist either if a and b are at one place; the direction is then (1, 0). A start or goal is a circle of
+    radius 0 on either side.
     """
     ex = b.x - a.x
     ey = b.y - a.y
@@ -71,15 +72,16 @@ def tangent(a, b):
 def arc_corners(q, dx, dy, angle, bulge):
     """Find corners around a node that the string reaches in direction d and leaves turned by ``angle`` [rad].
 
-    The angle is positive to the left, as q; d is a unit vector. Return (count, x, y of the first one from the node [m],
-    cosine, sine of the turn to the next). The polyline is circumscribed and stands off the arc by at most ``bulge``
-    [m]. Start and goal (q = 0) are the only corner themselves.
+    The angle is positive to the left, as q; d is a unit vector. Return (count, x, y of the first corner relative to the
+    node [m], cosine, sine of the turn from one corner to the next). There is at least one corner. The polyline is
+    circumscribed and stands off the arc by at most ``bulge`` [m]. Start and goal (q = 0) are the only corner
+    themselves.
     """
     radius = abs(q)
     if radius == 0.0:
         return 1, 0.0, 0.0, 1.0, 0.0
     # Slightly less than 2 acos(radius / (radius + bulge)), the angle at which a corner stands off by the bulge; at most
-    # 0.35 rad (20 degrees), which bounds it for radii below 65 bulges.
+    # 0.35 rad (20 degrees), which bounds it for radii of less than about 64 bulges.
     most = min(math.sqrt(8.0 * bulge / (radius + bulge)), 0.35)
     steps = max(1, math.ceil(abs(angle) / most))
     half = 0.5 * angle / steps
@@ -101,13 +103,13 @@ def _swallowed(one, other):
 
 @helper
 def funnel(m, channel, count, reach, sx, sy, gx, gy):
-    """Pull a string taut through the first ``count`` sides of the channel, from (sx, sy) to (gx, gy).
+    """Pull a string taut through the first ``count`` sides of the channel, from (sx, sy) to (gx, gy) [m].
 
-    ``channel`` holds the half-edges that are crossed, in order. Return the string's nodes (STRING_NODE), in an array
-    with room for more, and their number.
+    ``channel`` (k,) int64 holds the half-edges that are crossed, in order. Return the string's nodes (STRING_NODE), in
+    an array with room for more, and their number.
 
-    The string keeps reach[v] [m] away from each vertex v (Lee and Preparata 1984, with circles for points). With no
-    sides, ``channel`` and ``reach`` may be empty, and it is the straight line.
+    The string keeps reach[v] [m] away from each vertex v (Lee and Preparata 1984, with circles for points); ``reach``
+    is (nv,) float64. If ``count`` is 0, the string is the straight line, and ``channel`` and ``reach`` may be empty.
     """
     # The funnel is a deque in ``chain``: the left chain (outwards to lower indices), the apex, the right chain (to
     # higher ones).
@@ -156,7 +158,7 @@ def funnel(m, channel, count, reach, sx, sy, gx, gy):
                         high -= 1
                     continue
                 at = end
-            elif low != high:  # the other chain has a first node
+            elif low != high:  # this chain is empty, but the other one has a first node
                 at = apex + sign
             else:
                 break

@@ -21,8 +21,9 @@ LABEL = np.dtype(
 
 rx, ry: the root, the last place where the way bends [m]. spent: length of the way up to it [m]. lx, ly, px, py: left
 and right end of the part of side h [m]. corner: twice the half-edge that the root is an end of, plus 1 for its right
-end; -1 for the start. before: the label whose end became the root, or -1. ends: +1 if the left end is that of the cut
-side, so that the way may bend there; +2 for the right end.
+end; -1 for the start. before: the label whose end became the root, or -1. ends: 1 if the left end is also the left end
+of the cut side, so that the way may bend there; plus 2 if the right end is also its right end. (Searches for shortest
+paths have another LABEL, see :mod:`crowdsim.navmesh.shortest.shortest_scratch`.)
 """
 
 REACHED = np.dtype([("spent", np.float64), ("stamp", np.int64)], align=True)
@@ -38,9 +39,9 @@ class Workspace(NamedTuple):
     labels: NDArray[Any]
     """(6 nt,) records :data:`LABEL`."""
     heap: NDArray[Any]
-    """(6 nt,) records :data:`HEAP_ROW`."""
+    """(6 nt,) records HEAP_ROW of :mod:`crowdsim.navmesh.mesh.heap_kernels`."""
     reached: NDArray[Any]
-    """(6 nt,) records :data:`REACHED` of the left (even) and right ends of half-edges."""
+    """(6 nt,) records :data:`REACHED`: row 2 h is for the left end of half-edge h, row 2 h + 1 for its right end."""
     waypoints: NDArray[Any]
     """(nt,) records :data:`WAYPOINT` of regions, at their top triangles."""
     stamp: NDArray[np.int64]
@@ -59,7 +60,7 @@ def empty_workspace(triangles: int) -> Workspace:
 
 
 class Workspaces:
-    """Workspaces of searches on one mesh. Each is lent to one thread at a time and then kept for the next search."""
+    """Workspaces of searches on a mesh and its copies; each serves one thread at a time, and is kept for the next."""
 
     def __init__(self) -> None:
         self._idle: list[Workspace] = []
@@ -71,7 +72,10 @@ class Workspaces:
 
     @contextmanager
     def lent(self, triangles: int) -> Iterator[Workspace]:
-        """Lend a workspace to one thread, for the mesh while it has ``triangles``."""
+        """Yield a workspace for a mesh of so many ``triangles`` to one thread.
+
+        It is kept for the next search afterwards, but dropped after an error.
+        """
         with self._lock:
             fit = next((k for k, idle in enumerate(self._idle) if len(idle.waypoints) >= triangles), None)
             found = None if fit is None else self._idle.pop(fit)
@@ -79,7 +83,7 @@ class Workspaces:
                 # Drop the others: they are too small for the mesh as it is now.
                 self._idle.clear()
         if found is None:
-            # Up to a power of two, so that a mesh that grows a little still fits.
+            # Room for a power of two, so that a mesh that grows a little still fits.
             found = empty_workspace(1 << max(triangles - 1, 1).bit_length())
         yield found
         with self._lock:

@@ -1,12 +1,13 @@
 """Arcs around the corners of a mesh where a disc of one radius stands free, so that a taut string may bend there.
 
 Arguments of all helpers: ``radius`` of the disc and ``least``, the clearance that counts as enough, slightly less [m];
-angles are measured from the direction n, up to ``extent`` [rad]; ``sights``, ``found`` and ``spans`` are scratch: a
-stack of views, what is seen, and the intervals of angles that are taken. ``m`` is the mesh (MeshArrays) of
-:mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records SIDE and VERTEX; n = (nx, ny) is a
-unit vector, c = (cx, cy) a direction of any length, v a vertex or its place (vx, vy), a and b the ends of a wall, p the
-place of a corner, all in mesh coordinates [m]. The half-edges that leave a vertex are its spokes; two constrained ones
-bound a wedge of free ground.
+angles are measured from the direction n, up to ``extent`` [rad]; ``arcs`` (na,) are records ARC of
+:mod:`crowdsim.navmesh.shortest.tangent_graph_arrays`. Scratch are ``sights``, a stack of views (records SIGHT of
+:mod:`crowdsim.navmesh.shortest.view_arrays`), ``found``, what is seen (int64), and ``spans``, the intervals of angles
+that are taken (records _SPAN). ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides``
+and ``vertices`` are its records SIDE and VERTEX; n = (nx, ny) is a unit vector, c = (cx, cy) a direction of any length,
+v a vertex or its place (vx, vy), a and b the ends of a wall, p the place of a corner, all in mesh coordinates [m]. The
+half-edges that leave a vertex are its spokes; two constrained ones bound a wedge of free ground.
 """
 
 import math
@@ -72,7 +73,8 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
         ry = sight.ry
         lx = sight.lx
         ly = sight.ly
-        # The far corner w of the triangle behind the side divides the view; both parts go on if they are not empty.
+        # The far corner w of the triangle behind the side divides the view. Both parts go on if they are not empty: the
+        # right one in the same row of the stack, the left one in the row after it.
         w = sides[prv(g)].org
         zx = vertices[w].x - px
         zy = vertices[w].y - py
@@ -95,9 +97,10 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
 
 @helper
 def _block(spans, count, nx, ny, extent, cx, cy, half):
-    """Insert the interval of angles from direction n that lie within ``half`` of direction c; return the new count.
+    """Insert the interval of angles within ``half`` [rad] of direction c into ``spans``; return the new count.
 
-    ``spans`` stay in the order of their lower ends. Only the part between 0 and ``extent`` matters.
+    Angles are measured from direction n; the interval is inserted for each turn in which it meets 0 to ``extent``. If
+    ``half`` is not above 0, nothing is inserted. ``spans`` stay in the order of their lower ends.
     """
     middle = atan2(nx * cy - ny * cx, nx * cx + ny * cy)
     # Three turns: angles around a point obstacle go up to two turns.
@@ -131,7 +134,7 @@ def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
     # v is left of the wall: its height over the wall, and its foot along the wall.
     height = tx * (vy - a.y) - ty * (vx - a.x)
     along = tx * (vx - a.x) + ty * (vy - a.y)
-    # Places closer than ``least`` to the wall's line are those whose part towards the wall is more than ``below``.
+    # A place is closer than ``least`` to the wall's line if it lies more than ``below`` radii from v towards the wall.
     below = (height - least) / radius
     if below >= 1.0:
         return count
@@ -205,6 +208,7 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
                 cosine = (radius * radius + distance2 - least * least) / (2.0 * radius * math.sqrt(distance2))
                 half = acos(min(max(cosine, -1.0), 1.0))
                 taken = _block(spans, taken, nx, ny, extent, dx, dy, half)
+        # The end of the wedge, or all around.
         if h in (last, begin):
             return spans, taken
     raise BoundExceeded
@@ -212,9 +216,9 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
 
 @helper
 def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spans):
-    """Add the arcs of vertex v between its spokes ``first`` and ``last`` to ``arcs``; all around if they are -1.
+    """Add the arcs of vertex v between its spokes ``first`` and ``last`` to ``arcs``; all around if both are -1.
 
-    Return (arcs, count).
+    Return (arcs, their number), as the array grows if it is full. ``count`` is their number before.
     """
     sides = m.sides
     vertices = m.vertices

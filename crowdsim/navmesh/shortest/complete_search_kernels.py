@@ -1,11 +1,10 @@
 """The search for a shortest path that keeps all arrivals at an arc, for the few queries in which one is not enough.
 
-Arguments are those of :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`; ``arrivals`` are records ARRIVAL, and
-``first`` (nodes,) is the arrival last added at each node, -1 for none.
-
-``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``radius`` is that of the disc [m],
-``cost``, ``turned`` and ``before`` are fields of an arrival, ``count`` is the number of arrivals. ``graph``,
-``scratch``, ``start`` and ``goal`` are those of the other search.
+Arguments are those of :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`: ``m``, ``graph``, ``scratch``,
+``start``, ``goal``, ``disc`` and ``longest``. ``arrivals`` (k,) are records ARRIVAL of
+:mod:`crowdsim.navmesh.shortest.shortest_scratch`, the first ``count`` of them in use, and ``first`` (nodes,) int64 is
+the index of the arrival last added at each node, -1 for none. ``radius`` is that of the disc [m]; ``cost``, ``turned``
+and ``before`` are fields of an arrival.
 """
 
 import numpy as np
@@ -24,16 +23,15 @@ from crowdsim.navmesh.shortest.tangent_search_kernels import SAME, begin_search,
 def _is_beaten(arrivals, k, first, radius):
     """Return True if another arrival at the node of arrival k is as good, however the string goes on.
 
-    ``first`` is the arrival last added at that node.
-    An arrival that has turned by more can go back along the arc; see
-    :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`.
+    ``first`` is here the index of the arrival last added at that node, -1 for none. An arrival that has turned by more
+    can go back along the arc; see :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`.
     """
     one = arrivals[k]
     i = first
     while i >= 0:
         other = arrivals[i]
         if i != k:
-            # What the other costs more, with the way back along the arc. Of equals the first one stays.
+            # By how much the other costs more, with its way back along the arc. Of two equals the earlier one stays.
             off = other.cost + 2.0 * radius * max(other.turned - one.turned, 0.0) - one.cost
             if off < -SAME or (off <= SAME and i < k):
                 return True
@@ -49,6 +47,7 @@ def _arrive(arrivals, count, first, n, cost, turned, before, radius):
     """
     if count == arrivals.size:
         arrivals = longer(arrivals)
+    # Fill the next row, which stays unused if the arrival is beaten.
     arrival = arrivals[count]
     arrival.cost = cost
     arrival.turned = turned
@@ -63,9 +62,10 @@ def _arrive(arrivals, count, first, n, cost, turned, before, radius):
 
 @helper
 def search_all(m, graph, scratch, start, goal, disc, longest):
-    """Search for the shortest path of at most ``longest`` meters.
+    """Search for the shortest path of at most ``longest`` meters, which may be infinite.
 
-    Return (arrivals, last arrival, length [m]); the last arrival is -1, and the length infinite, if there is no path.
+    Return (arrivals, index of the last arrival, length [m]). If there is no path, the index is -1 and the length
+    infinite.
     """
     nodes = graph.nodes
     goals = scratch.goals
@@ -131,7 +131,7 @@ def search_all(m, graph, scratch, start, goal, disc, longest):
 
 @helper
 def string_of_arrival(graph, arrivals, last, start, goal, radius):
-    """Return the nodes of the string from the start to the goal whose last arc is that of arrival ``last``."""
+    """Return the string (k,) STRING_NODE from start to goal that passes the arc of arrival ``last`` at the end."""
     # Follow the arrivals back to the start.
     count = 0
     k = last

@@ -1,9 +1,10 @@
 """The ends of shortest paths: where they stand, what they see, and the tangents between them and arcs.
 
-``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``graph`` (TangentGraph), ``scratch`` and
-``disc`` are those of :mod:`crowdsim.navmesh.shortest.shortest_scratch`; ``least`` is the clearance that counts as
-enough [m]; ``found`` is the number of tangents in the view so far; p0 = (x0, y0), the end 0 of a line, is where one
-looks from.
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``graph`` is the TangentGraph of
+:mod:`crowdsim.navmesh.shortest.tangent_graph_arrays`; ``scratch`` (ShortestScratch), ``disc`` (Disc) and ``stand``
+(Stand) are those of :mod:`crowdsim.navmesh.shortest.shortest_scratch`; ``eye`` is a Viewpoint of view_arrays; ``least``
+is the clearance that counts as enough [m], at most 0 for a point; ``found`` is the number of tangents in the view so
+far; t is a triangle; (x, y) is a place, p0 = (x0, y0) the place from which a line of sight leads to (x1, y1) [m].
 """
 
 import math
@@ -25,7 +26,7 @@ from crowdsim.navmesh.shortest.visibility_kernels import TOLERANCE, see_corners
 
 @helper
 def _free_triangle(m, x, y, least):
-    """Find a free triangle whose closure holds (x, y), for a path of discs of radius ``least`` [m], 0 for a point.
+    """Find a free triangle whose closure holds (x, y), for a path of a disc that needs the clearance ``least``.
 
     Return (triangle, True if there are others), or (-1, False) if the disc is not free there.
 
@@ -79,7 +80,7 @@ def _free_triangle(m, x, y, least):
 
 @helper
 def stand_at(m, x, y, least):
-    """Return the :class:`crowdsim.navmesh.shortest.shortest_scratch.Stand` at (x, y)."""
+    """Return the Stand at (x, y) of a disc that needs the clearance ``least``."""
     triangle, others = _free_triangle(m, x, y, least)
     return Stand(x, y, triangle, others)
 
@@ -89,7 +90,7 @@ def sees(m, t, x0, y0, x1, y1):
     """Return True if a point can go straight from (x0, y0), in the closure of free triangle t, to (x1, y1).
 
     If the line passes through a corner, or starts at one and leaves t there, the answer is False: the tangent graph
-    knows of those paths. It may end at a corner.
+    knows of such paths. The line may end at a corner.
     """
     sides = m.sides
     vertices = m.vertices
@@ -115,6 +116,7 @@ def sees(m, t, x0, y0, x1, y1):
             return False
         came = sides[out].twin
         t = came // 3
+    # A straight line enters each triangle at most once, so the walk has ended before.
     return False
 
 
@@ -163,12 +165,12 @@ def _look(m, graph, scratch, eye, t, found):
 def find_ends(m, graph, scratch, stand, disc, to_goal):
     """Find the tangents between a stand and the arcs it sees; return their number. They fill ``ends`` of ``scratch``.
 
-    They lead from the arcs to the stand if ``to_goal`` is True, as for the goal; from the stand to the arcs if False.
-    Those outside of the ellipse of the view may be missing.
+    The tangents lead from the arcs to the stand if ``to_goal`` is True, as for the goal, and from the stand to the arcs
+    if False. Tangents outside of the ellipse of the view may be missing. None is checked for obstacles that cut it.
 
-    They are not checked for obstacles that cut them. A disc may stand closer to an obstacle than its ``radius``, down
-    to ``least``. Its tangents may then miss the begin or the end of an arc by an angle and lead to that place instead:
-    a tangent that is off by this angle dips into a circle by the difference of ``radius`` and ``least``.
+    A disc may stand closer to an obstacle than its ``radius``, down to ``least``. A tangent that then misses the begin
+    or the end of an arc by a small angle leads to that end instead. At the largest such angle, the tangent dips into
+    the circle by the difference of ``radius`` and ``least``.
     """
     sides = m.sides
     vertices = m.vertices
@@ -179,7 +181,8 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
     triangle = stand.triangle
     radius = disc.radius
     margin = TOLERANCE
-    # Off by an angle e, a tangent dips in by radius (1 - cos e), about radius e * e / 2. For a point both are 0.
+    # Off by an angle e, a tangent dips in by radius (1 - cos e), about radius e * e / 2. For a point, radius and least
+    # are both 0: no margin (and no division by 0).
     if disc.least > 0.0:
         margin += math.sqrt(2.0 * max(radius - disc.least, 0.0) / radius)
     eye = Viewpoint(x, y, 0.0, radius, disc.tolerance, margin, 0.0, 0.0, 0.0, 0.0)

@@ -1,7 +1,8 @@
 """The shortest path of a disc: straight if possible, otherwise along arcs and tangents.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``graph`` is the TangentGraph of the disc,
-``scratch`` a ShortestScratch.
+of :mod:`crowdsim.navmesh.shortest.tangent_graph_arrays`; ``scratch`` is a ShortestScratch and ``disc`` a Disc of
+:mod:`crowdsim.navmesh.shortest.shortest_scratch`.
 """
 
 import math
@@ -33,9 +34,10 @@ _DETOUR = 1.06
 
 @helper
 def _widen(string, radius):
-    """Give the discs of a taut string the given radius, close to their old one, and the coarse bulge.
+    """Give the discs of a taut string ``radius`` [m], which is close to their old one, and the coarse bulge.
 
-    Return True if all tangents exist and the string still turns around each disc on the disc's side, up to rounding; a
+    ``string`` (k,) are records STRING_NODE of tangent_kernels, changed in place; start and goal get radius 0. Return
+    True if all tangents exist and the string still turns around each disc on the disc's side, up to rounding; a
     turn of more than half a circle counts as one to the other side.
     """
     for i in range(string.size):
@@ -56,9 +58,9 @@ def _widen(string, radius):
 def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
     """Find the shortest path of a disc; return (status, points (n, 2), length [m]).
 
-    The length is that of the arcs and tangents of the search, not of the polyline, which keeps outside of the arcs. It
-    is nan, and there are no points, unless the status is OK. TANGLED means here that the search found a path, but that
-    its arcs could not be turned into points.
+    The length is that of the arcs and tangents of the search, not of the polyline, which keeps outside of the arcs. The
+    length is nan, and there are no points, unless the status is OK. TANGLED means here that the search found a path,
+    but that its arcs could not be turned into points.
 
     Parameters
     ----------
@@ -115,9 +117,9 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
         if last < 0:
             return NO_PASSAGE, points, math.nan
         string = string_of_arrival(graph, arrivals, last, start, goal, radius)
-    # Turn the string into points: around discs of the requested radius if they fit, else of the graph's. A string
-    # around the latter is tightened and refined if its turns are right, only refined if not; then the other way round.
-    # None gets another node, as there is no room for any.
+    # Turn the string into points: around discs of the requested radius if they fit, else around discs of the graph's
+    # radius. The latter string is first tightened and refined if its turns are right, only refined if not; if that
+    # fails, the other way round. No string gets another node, as its array has no room.
     done = False
     if _widen(string, asked):
         done, points = pull(m, scratch.stack, string, string.size, asked, least, start.triangle, np.bool_(True))
@@ -134,7 +136,7 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
 
 @kernel
 def shortest_paths(m, graph, scratch, batch, asked, disc):
-    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2), path after path.
+    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2) [m], path by path.
 
     Fill the batch's ``status``, ``lengths`` [m] (nan if there is no path) and ``counts``. All paths are for the one
     ``disc`` of the graph, so the batch's ``radii`` and ``least`` are not read. For ``asked``, a radius [m], and the

@@ -17,8 +17,9 @@ LABEL = np.dtype(
 )
 """The best arrival at a node of the tangent graph, in the query number ``stamp``.
 
-cost: length up to the arc, less radius * ``turned`` [m]. turned: angle turned of the arc on arrival [rad]. straight:
-length of the tangent that arrives [m]. before: the node before, -1 for the start.
+cost: length up to the arc, less radius * ``turned`` [m]. turned: angle from the begin of the node's arc to the place of
+arrival [rad]. straight: length of the tangent that arrives [m]. before: the node before, -1 for the start. (Fast paths
+have another LABEL, see :mod:`crowdsim.navmesh.paths.workspace`.)
 """
 
 ARRIVAL = np.dtype(
@@ -27,8 +28,8 @@ ARRIVAL = np.dtype(
 )
 """One of several arrivals at a node of the tangent graph.
 
-cost, turned: as in :data:`LABEL`. before: the arrival before, -1 for the start. next: another arrival at the node, or
--1.
+cost, turned: as in :data:`LABEL`. before: index of the arrival before it on its way, -1 for the start. next: index of
+another arrival at the same node, -1 for none.
 """
 
 END = np.dtype(
@@ -37,13 +38,13 @@ END = np.dtype(
 )
 """A tangent between the start or the goal and an arc, in the query number ``stamp``.
 
-node: way around the arc. length: of the tangent [m]. turned: angle turned of the arc at the point of contact [rad]. x,
-y: place of the disc there [m].
+node: node of the arc. length: length of the tangent [m]. turned: angle from the begin of the node's arc to the place
+where the tangent meets it [rad]. x, y: that place, a place of the disc [m].
 """
 
 
 class Disc(NamedTuple):
-    """The disc that is moved: its radius, the clearance that counts as enough, and how much walls may hide [m]."""
+    """The moved disc: its radius, the clearance that counts as enough, and how far views see past vertices [m]."""
 
     radius: float
     least: float
@@ -51,7 +52,11 @@ class Disc(NamedTuple):
 
 
 class Stand(NamedTuple):
-    """A place [m] and a free triangle whose closure holds it (-1 if the disc is not free), and if there are others."""
+    """A place (x, y) [m] where a path starts or ends.
+
+    triangle: a free triangle whose closure holds the place, -1 if the disc is not free there. others: True if closures
+    of other triangles may hold the place as well.
+    """
 
     x: float
     y: float
@@ -71,7 +76,7 @@ class ShortestScratch(NamedTuple):
     outlook: View
     """The view from the start or the goal."""
     heap: NDArray[Any]
-    """(k,) records HEAP_ROW; the search copies it into a larger one if it is full."""
+    """(k,) records HEAP_ROW of heap_kernels; the search copies it into a larger one if it is full."""
     stack: NDArray[Any]
     """(k,) records of :mod:`crowdsim.navmesh.clearance.sweep_kernels`: SWEPT."""
     stamp: NDArray[np.int64]
@@ -79,11 +84,11 @@ class ShortestScratch(NamedTuple):
 
 
 def shortest_scratch(nodes: int, vertices: int, triangles: int) -> ShortestScratch:
-    """Return scratch memory for a graph of so many nodes; the system provides memory only where it is written to.
+    """Return scratch memory for a graph of so many ``nodes`` and a mesh of so many ``vertices`` and ``triangles``.
 
-    The heap is small, as a search copies it into a larger one if it is full; so is the stack, as the exact distance
-    decides if it is too short for a sweep. ``ends`` have room for the tangents in a view, and for more at corners with
-    several arcs.
+    The system provides memory only where it is written to. The heap is small, as a search copies it into a larger one
+    if it is full; so is the stack, as the exact distance decides if it is too short for a sweep. ``ends`` have room for
+    the tangents in a view, and for more at corners with several arcs.
     """
     return ShortestScratch(
         np.zeros(nodes, LABEL),

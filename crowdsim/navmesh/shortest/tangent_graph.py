@@ -16,7 +16,10 @@ from crowdsim.navmesh.shortest.tangent_graph_arrays import TangentGraph
 from crowdsim.navmesh.shortest.view_arrays import empty_view
 
 _TOLERANCE_CELLS = 4.0
-"""Grid cells by which walls may hide what lies along them, as their inner vertices are rounded to the grid."""
+"""Grid cells by which a view sees past vertices, to the side.
+
+Inner vertices of a wall are rounded to the grid: one that stands out must not hide what lies along the wall.
+"""
 
 
 _ROUNDING_CELLS = 1.0 / 64.0
@@ -29,6 +32,9 @@ class RadiusGraph:
     The disc is as small as the tolerance allows. So a gap exactly as wide as a disc of the requested radius leaves it
     room, more than corners can lose by moving to the grid. A disc of exactly that radius would be stuck between arcs
     that touch or miss each other by rounding, although the tolerance lets it pass.
+
+    ``asked`` is the requested radius [m], 0 for a point; ``disc`` is the Disc of the graph, ``arrays`` its
+    TangentGraph.
 
     Parameters
     ----------
@@ -43,6 +49,7 @@ class RadiusGraph:
 
     def __init__(self, mesh: MeshArrays, radius: float, least: float, workers: int) -> None:
         cell = float(mesh.frame["cell"][0])
+        # The requested radius, and the disc of the graph, which is as small as the tolerance allows.
         self.asked, self.disc = radius, Disc(least + _ROUNDING_CELLS * cell, least, _TOLERANCE_CELLS * cell)
         if least <= 0.0:
             self.asked, self.disc = 0.0, Disc(0.0, 0.0, 0.0)
@@ -52,7 +59,7 @@ class RadiusGraph:
         arcs, begin = arc_kernels.find_arcs(mesh, self.disc.radius, self.disc.least)
 
         def tangents(first: int, last: int) -> np.ndarray:
-            """Return the tangents from nodes ``first`` up to ``last``."""
+            """Return the tangents (k,), records _TANGENT, from nodes ``first`` up to ``last`` (exclusive)."""
             view = empty_view(self._vertices, self._triangles)
             part: np.ndarray = tangent_graph_kernels.find_tangents(mesh, arcs, begin, *self.disc, view, first, last)
             return part
@@ -69,7 +76,7 @@ class RadiusGraph:
 
     @contextmanager
     def scratch(self) -> Iterator[ShortestScratch]:
-        """Lend scratch memory to one thread; it is kept for the next search, but dropped after an error."""
+        """Yield scratch memory to one thread; it is kept for the next search, but dropped after an error."""
         with self._lock:
             found = self._idle.pop() if self._idle else None
         if found is None:

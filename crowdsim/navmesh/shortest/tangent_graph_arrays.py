@@ -19,23 +19,23 @@ ARC = np.dtype(
 """Places around a corner where the disc touches nothing but this corner.
 
 x, y: the corner [m]. a, b: unit vectors of the walls that begin and end the free side of the corner, counter-clockwise;
-zero for a point obstacle. n: unit vector from the corner to the first place, counter-clockwise. extent: angle of the
-arc [rad].
+zero for a point obstacle. n: unit vector from the corner to the first place, if passed counter-clockwise. extent: angle
+of the arc [rad], from 0 for a single place to 2 pi. vertex: vertex of the corner. (arc_span_kernels has another ARC.)
 """
 
 LINK = np.dtype(
     [("to", np.int64), ("cost", np.float64), ("leave", np.float64), ("arrive", np.float64)],
     align=True,
 )
-"""A tangent to node ``to``.
+"""A tangent to node ``to``, from the node that the link belongs to.
 
-leave: angle turned of its own arc when it leaves [rad]. arrive: angle turned of the arc of ``to`` when it arrives
-[rad]. cost: its length, plus radius * leave, less radius * arrive [m].
+leave: angle from the begin of the arc that the tangent leaves to the place where it leaves [rad]. arrive: angle from
+the begin of the arc of ``to`` to the place where it arrives [rad]. Each arc begins at one end or the other, by the
+direction in which its node passes it. cost: length of the tangent, plus radius * leave, less radius * arrive [m].
 """
 
-
 NODE = np.dtype([("begin", np.int64), ("x", np.float64), ("y", np.float64)], align=True)
-"""A way around an arc: its first link, and the place of the disc at its begin [m]."""
+"""An arc passed in one direction. begin: index of its first link. x, y: place of the disc where the way begins [m]."""
 
 
 class TangentGraph(NamedTuple):

@@ -1,9 +1,10 @@
 """Tangents between the arcs of a mesh that a disc of one radius can follow.
 
 ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; n = (nx, ny) is a unit vector; ``stack`` is
-scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; ``radius`` is that of the disc, ``least`` the clearance that
-counts as enough [m]; ``arcs`` (na,) are records ARC, ``tangents`` (k,) records _TANGENT. i and j are nodes: node 2 k
-passes arc k counter-clockwise, 2 k + 1 clockwise.
+scratch, (k,) SWEPT of :mod:`crowdsim.navmesh.clearance.sweep_kernels`; ``radius`` is that of the disc, ``least`` the
+clearance that counts as enough [m]; ``arcs`` (na,) are records ARC of
+:mod:`crowdsim.navmesh.shortest.tangent_graph_arrays`, ``arc`` is one of them, ``tangents`` (k,) are records _TANGENT. i
+and j are nodes: node 2 k passes arc k counter-clockwise, 2 k + 1 clockwise.
 """
 
 import math
@@ -23,23 +24,28 @@ from crowdsim.navmesh.shortest.visibility_kernels import TOLERANCE, see_corners
 _TANGENT = np.dtype(
     [("i", np.int64), ("j", np.int64)] + [(n, np.float64) for n in ("length", "leave", "arrive")], align=True
 )
-"""A tangent from node i to node j: its length [m], and the angles turned where it leaves and arrives [rad]."""
+"""A tangent from node i to node j: its length [m], and the angles leave and arrive [rad] of LINK."""
 
 
 @helper
 def touches(arc, nx, ny):
     """Return True if direction n is at a right angle or more from both walls of the arc's corner, within rounding.
 
-    A disc that touches the corner at a place in that direction does not reach into the walls.
+    A disc that touches the corner at a place in that direction does not reach into the walls. A point obstacle
+    has no walls: the answer is True for each direction.
     """
     return nx * arc.ax + ny * arc.ay <= TOLERANCE and nx * arc.bx + ny * arc.by <= TOLERANCE
 
 
 @helper
 def turned_to(arc, nx, ny):
-    """Return the angle [rad] from the begin of the arc to its place in direction n, or -1.0 if it is not on the arc."""
+    """Return the angle [rad] from n of the arc to the place in direction (nx, ny), or -1.0 if that is not on the arc.
+
+    The angle is counter-clockwise, in [0, ``arc.extent``]. Places beyond an end by at most TOLERANCE count as at that
+    end.
+    """
     angle = atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
-    # Counter-clockwise from the begin n of the arc, in [0, 2 pi); a little before the begin counts as on it.
+    # In [-TOLERANCE, 2 pi): a little before the begin counts as on it.
     if angle < -TOLERANCE:
         angle += 2.0 * math.pi
     if angle > arc.extent + TOLERANCE:
@@ -49,27 +55,29 @@ def turned_to(arc, nx, ny):
 
 @helper
 def nearest_end(arc, nx, ny, margin):
-    """Return the angle turned [rad] at the end of the arc that direction n misses by less than ``margin`` [rad].
+    """Return the angle [rad] at an end of the arc that direction n misses by less than ``margin`` [rad].
 
-    That is 0 at its begin and ``arc.extent`` at its other end; -1.0 if n misses both by more.
+    It is 0 at the begin and ``arc.extent`` at the other end. If n misses both by less, the begin is taken; if it misses
+    both by more, the answer is -1.0.
     """
     angle = atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
     if abs(angle) < margin:
         return 0.0
+    # The extent may exceed pi: compare around the full turn.
     off = (angle - arc.extent) % (2.0 * math.pi)
     return arc.extent if min(off, 2.0 * math.pi - off) < margin else -1.0
 
 
 @helper
 def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
-    """Add the tangent ``end`` (SEEN), from node i to the corner of arc b, if it is free and meets both arcs.
+    """Add the tangent ``end`` from node i to the corner of arc b, if it is free and meets both arcs.
 
-    Return (tangents, count).
+    ``end`` is a record SEEN of view_arrays. Return (tangents, their number), as the array grows if it is full.
     """
     one = arcs[i >> 1]
     other = arcs[b]
-    # q and p: 1 with the corner on the left of the tangent, -1 on the right. The points of contact are a right angle
-    # from its heading.
+    # q and p: 1 with the corner on the left of the tangent, -1 on the right (of a point, end.q is 0.0 or -0.0). The
+    # points of contact are a right angle from its heading.
     q = 1 - 2 * (i & 1)
     p = int(math.copysign(1.0, end.q))
     tx = end.tx
@@ -115,16 +123,16 @@ def find_tangents(m, arcs, begin, radius, least, tolerance, view, first_node, la
     radius, least : float
         Radius of the disc, and clearance that counts as enough, slightly less [m].
     tolerance : float
-        How far corners may be off their places: vertices hide only what is behind them by more than this [m].
+        How far views see past vertices, to the side, as corners may be off their places [m].
     view : View
-        Scratch memory; its ellipse must be the one that holds all places.
+        Scratch memory; its ellipse must be all zeros, so that all places count.
     first_node, last_node : int
         The nodes to look from.
 
     Returns
     -------
-    (k,) records
-        The tangents, see ``_TANGENT``.
+    (k,) _TANGENT
+        The tangents.
     """
     sides = m.sides
     tangents = np.empty(8 * arcs.size + 64, _TANGENT)
@@ -136,7 +144,7 @@ def find_tangents(m, arcs, begin, radius, least, tolerance, view, first_node, la
     for i in range(first_node, last_node):
         arc = arcs[i >> 1]
         q = 1 - 2 * (i & 1)
-        # Look in the headings at which an arc can be left, a quarter turn at a time.
+        # Look in the headings at which an arc can be left, at most a quarter turn at a time; once if its extent is 0.
         parts = max(1, math.ceil(arc.extent / (0.5 * math.pi)))
         stamp += 1
         for part in range(parts):
@@ -168,7 +176,8 @@ def find_tangents(m, arcs, begin, radius, least, tolerance, view, first_node, la
                                 continue
                         elif q < 0:
                             continue
-                        # Views that meet behind another vertex report a corner twice; use it once.
+                        # Views that meet behind another vertex report a corner twice: once it has given tangents, skip
+                        # it.
                         mark = 2 * w + (1 if left else 0)
                         if stamps[mark] == stamp:
                             continue
@@ -191,7 +200,7 @@ def find_tangents(m, arcs, begin, radius, least, tolerance, view, first_node, la
 def link_arcs(arcs, tangents, radius):
     """Make ``nodes`` and ``links`` of :class:`crowdsim.navmesh.shortest.tangent_graph_arrays.TangentGraph`.
 
-    ``tangents`` are all those that :func:`find_tangents` finds; ``radius`` is that of the disc [m].
+    Return (nodes, links). ``tangents`` are those that :func:`find_tangents` finds from all nodes.
     """
     count = 2 * arcs.size
     nodes = np.zeros(count + 2, NODE)

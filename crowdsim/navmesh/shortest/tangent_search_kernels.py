@@ -1,18 +1,20 @@
 """A* in the tangent graph, from the arcs that the start sees to those the goal sees, with one arrival at each node.
 
 The cost of an arrival is the length up to its arc less radius * the angle turned there, so that arrivals at different
-places of one arc compare. A string can leave an arc only behind its place of arrival. Take a cheaper arrival that has
-turned by more: its disc can go back along the arc, which is free, for twice the radius * the angle back (once for the
-way, and once as the cost counts the angle). An arrival that costs more than this leads to no shortest path. One that
-costs less may, but hardly ever does; then all arrivals have to be kept, see
-:mod:`crowdsim.navmesh.shortest.complete_search_kernels`.
+places of one arc compare. A string can leave an arc only behind its place of arrival. Compare an arrival with a cheaper
+one that has turned by more. From the cheaper one the disc can go back along the arc, which is free, for twice the
+radius * the angle back (once for the way, and once as the cost counts the angle). If the other arrival still costs
+more, it leads to no shortest path. If it costs less, it may, but hardly ever does; then all arrivals have to be kept,
+see :mod:`crowdsim.navmesh.shortest.complete_search_kernels`.
 
-Arguments of all helpers: ``graph`` (TangentGraph); ``scratch``, ``disc``, ``start`` and ``goal`` (Stand), labels and
-``goals`` (END, the tangents to the goal) as of :mod:`crowdsim.navmesh.shortest.shortest_scratch`; ``stamp``, the number
-of the query; ``n``, a node: a way around an arc, counter-clockwise if even. ``turned`` is the angle from the begin of
-the arc to the place of arrival [rad], ``straight`` the length of the tangent before it [m]. ``m`` is the mesh
-(MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``longest`` is the length beyond which no way is followed
-[m]; ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
+Arguments of all helpers: ``graph`` is the TangentGraph of :mod:`crowdsim.navmesh.shortest.tangent_graph_arrays`. Of
+:mod:`crowdsim.navmesh.shortest.shortest_scratch` are ``scratch`` (ShortestScratch), ``disc`` (Disc), ``start`` and
+``goal`` (Stand), ``label`` and ``labels`` (records LABEL), ``end``, ``ends`` and ``goals`` (records END; ``goals`` are
+the tangents to the goal). ``stamp`` is the number of the query; ``n`` is a node: a way around an arc, counter-clockwise
+if even. ``turned`` is the angle from the begin of the arc to the place of arrival [rad], ``straight`` the length of the
+tangent before it [m]. ``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`; ``longest`` is the
+length beyond which no way is followed [m]; ``stack`` is scratch, (k,) SWEPT of
+:mod:`crowdsim.navmesh.clearance.sweep_kernels`.
 """
 
 import numpy as np
@@ -39,13 +41,13 @@ def _is_better(cost, turned, label):
 
 @helper
 def _is_shorter(back, radius, one, other):
-    """Return True if two tangents of one arc cross, so that a string can change from the first to the other.
+    """Return True if two tangents of one arc cross, so that a string can change from the first to the second.
 
-    It then need not go back along the arc, and a way over the crossing is shorter.
-
-    ``back`` is the angle between their points of contact [rad]; one and other are their lengths [m].
+    The string then need not go back along the arc, and a way over the crossing is shorter. ``back`` is the angle
+    between the points of contact [rad]; ``one`` and ``other`` are the lengths of the tangents [m].
     """
-    # Tangents at two points of a circle meet at this distance from both; nearly half a turn apart, too far away.
+    # Tangents at two points of a circle meet at this distance from both points; if these are nearly half a turn apart,
+    # too far away.
     reach = radius * tan(0.5 * back) if back < 3.0 else np.inf
     return one >= reach and other >= reach
 
@@ -54,12 +56,12 @@ def _is_shorter(back, radius, one, other):
 def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kept_turned, kept_straight):
     """Return a lower bound of the lengths of strings that are lost with an arrival at node n [m]; infinite if none is.
 
-    ``cost`` and ``turned`` are those of the lost arrival; kept_cost, kept_turned and kept_straight (length of its
-    tangent) are those of the cheaper one that is kept. Lost are the strings to which only the lost arrival leads.
+    ``cost`` and ``turned`` belong to the lost arrival; kept_cost, kept_turned and kept_straight (length of its tangent)
+    belong to the cheaper arrival, which is kept. Lost are the strings to which only the lost arrival leads.
     """
     radius = disc.radius
-    # Tangents that leave between ``turned`` and ``until`` are cheaper than with the other arrival, which would go back.
-    # A point (radius 0) goes back at no cost, so nothing is lost.
+    # Tangents that leave between ``turned`` and ``until`` cost less with the lost arrival than with the kept one, which
+    # would have to go back. A point (radius 0) goes back at no cost, so nothing is lost.
     until = kept_turned - (cost - kept_cost) / (2.0 * radius) if radius > 0.0 else turned
     lost = np.inf
     if until <= turned + SAME:
@@ -67,7 +69,8 @@ def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kep
     nodes = graph.nodes
     for k in range(nodes[n].begin, nodes[n + 1].begin):
         link = graph.links[k]
-        # Of these, those that the tangent of the other arrival does not cross. The bound is the estimate of A*.
+        # Of these tangents, the ones that the kept arrival's tangent does not cross are lost. The bound is A*'s
+        # estimate.
         if link.leave >= turned - SAME and link.leave < until:
             straight = link.cost - radius * (link.leave - link.arrive)
             if not _is_shorter(kept_turned - link.leave, radius, kept_straight, straight):
@@ -90,9 +93,9 @@ def _lost_beside(graph, goals, stamp, goal, disc, n, cost, turned, label):
 
 @helper
 def _settle(graph, goals, stamp, goal, disc, n, label, cost, turned, straight, before):
-    """Make a better arrival the label of node n; return the bound of :func:`_least_lost` for the one it replaces.
+    """Make a better arrival the label of node n; return the bound of :func:`_least_lost` for the arrival it replaces.
 
-    The bound is infinite if it replaces none.
+    The bound is infinite if the node had no arrival.
     """
     lost = np.inf
     if label.stamp == stamp:
@@ -107,14 +110,16 @@ def _settle(graph, goals, stamp, goal, disc, n, label, cost, turned, straight, b
 
 @helper
 def begin_search(m, graph, scratch, start, goal, disc, longest):
-    """Mark the arcs that the goal sees, and find the tangents from the start; return the number of these.
+    """Mark the arcs that the goal sees, and find the tangents from the start; return the number of the latter.
 
-    Of ``scratch``, ``stamp`` gets a new number, ``goals`` the tangents to the goal, ``ends`` those from the start.
+    In ``scratch``, ``stamp`` gets a new number, ``outlook`` the ellipse of the search, ``goals`` the tangents to the
+    goal at their nodes, and ``ends`` the tangents from the start. ``longest`` may be infinite.
     """
     scratch.stamp[0] += 1
     # Only corners in the ellipse can be on a way of at most ``longest``; the discs widen it.
     set_ellipse(scratch.outlook.ellipse[0], start.x, start.y, goal.x, goal.y, longest + 2.0 * disc.radius)
     ends = scratch.ends
+    # Copy each tangent to the goal into the row of its node, and mark that row as one of this query.
     for i in range(find_ends(m, graph, scratch, goal, disc, np.bool_(True))):
         end = scratch.goals[ends[i].node]
         scratch.goals[ends[i].node] = ends[i]
@@ -126,7 +131,7 @@ def begin_search(m, graph, scratch, start, goal, disc, longest):
 def is_free_end(m, stack, stand, disc, end):
     """Return True if the tangent between a stand and the place where ``end`` meets its arc is free.
 
-    For a point it always is.
+    The tangent of a point always is: to be seen is to be free.
     """
     return disc.least <= 0.0 or is_free_way(m, stack, stand.triangle, stand.x, stand.y, end.x, end.y, disc.least)
 
@@ -135,8 +140,8 @@ def is_free_end(m, stack, stand, disc, end):
 def search_tangents(m, graph, scratch, start, goal, disc, longest):
     """Search for the shortest path of at most ``longest`` meters; return (last node, length, lost).
 
-    The labels lead back from the last node. The node is -1 if there is no path, with an infinite length. If there is a
-    still shorter path, it is at least ``lost`` long.
+    The labels lead back from the last node. The node is -1 if there is no path, with an infinite length. A path that
+    the search has lost is at least ``lost`` long [m]; this is infinite if none was lost.
     """
     nodes = graph.nodes
     labels = scratch.labels
@@ -216,7 +221,7 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
 def string_through(graph, ways, count, start, goal, radius):
     """Return the string (count + 2,) STRING_NODE from start to goal through ``count`` nodes of the graph.
 
-    ``ways`` lists these nodes backwards.
+    ``ways`` (count,) int64 lists these nodes backwards; STRING_NODE is of tangent_kernels.
     """
     string = np.empty(count + 2, STRING_NODE)
     set_node(string[0], start.x, start.y, 0.0, NONE)
@@ -230,7 +235,7 @@ def string_through(graph, ways, count, start, goal, radius):
 
 @helper
 def string_of(graph, labels, last, start, goal, radius):
-    """Return the string from the start to the goal whose last arc is that of node ``last``."""
+    """Return the string (k,) STRING_NODE from start to goal that passes the arc of node ``last`` at the end."""
     # Follow the labels back to the start.
     count = 0
     n = last

@@ -16,7 +16,7 @@ SIGHT = np.dtype(
 
 r, l: directions that bound the view on the right and left. a, b: unit vectors that bound the headings of tangents on
 the right and left, for corners at least ``a_from`` or ``b_from`` away [m]. clipped: 1 if the view was cut to what the
-headings can reach.
+headings can reach, or need not be.
 """
 
 ELLIPSE = np.dtype([(name, np.float64) for name in ("x", "y", "ux", "uy", "per_major", "per_minor")], align=True)
@@ -43,7 +43,8 @@ AIM = np.dtype(
 )
 """A vertex seen from an eye: its distance [m], its direction d, and the tangents with the vertex on the left and right.
 
-s, c: sine and cosine of the angle from d to the heading; x, y: the heading.
+s, c: sine and cosine of the angle from d clockwise to the heading; x, y: the heading. Directions and headings are unit
+vectors.
 """
 
 
@@ -59,7 +60,7 @@ class Viewpoint(NamedTuple):
     q: float
     radius: float
     tolerance: float
-    """Vertices hide only what is behind them by more than this [m]."""
+    """How far views see past vertices, to the side [m], as corners may be off their places."""
     margin: float
     """How far headings may be off what other vertices leave [rad], at least ``TOLERANCE`` of visibility_kernels."""
     ax: float

@@ -1,8 +1,10 @@
 """The corners to which a disc can go straight: the view from a point or an arc across the triangles around it.
 
-``aim``, ``sight``, ``seen`` and ``ellipse`` are records AIM, SIGHT, SEEN and ELLIPSE of
-:mod:`crowdsim.navmesh.shortest.view_arrays`; ``radius`` is that of the disc [m], ``reach`` the distance behind a vertex
-from which on it bounds headings [m]; point 0 is (x0, y0), point 1 is (x1, y1). ``eye`` is the Viewpoint.
+``m`` is the mesh (MeshArrays) of :mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sides`` and ``vertices`` are its records
+SIDE and VERTEX. ``aim``, ``sight`` and ``ellipse`` are records AIM, SIGHT and ELLIPSE of
+:mod:`crowdsim.navmesh.shortest.view_arrays`, ``seen`` (k,) are records SEEN; ``radius`` is that of the disc [m],
+``reach`` the distance behind a vertex from which on it bounds headings [m]; point 0 is (x0, y0), point 1 is (x1, y1)
+[m]. ``eye`` is the Viewpoint.
 """
 
 import math
@@ -24,10 +26,10 @@ LOOKS = np.int64(1024)
 
 @helper
 def _aim(aim, x, y, q0, radius):
-    """Set the tangents from the circle around the eye to both sides of the circle around (x, y), and its direction.
+    """Fill ``aim``: distance and direction of (x, y), and the tangents to both sides of the circle around it.
 
-    q0: signed radius of the eye's circle [m], as ``q`` of Viewpoint; (x, y) is relative to the eye [m], and its circle
-    has ``radius``. Direction and headings are 0 at the eye itself.
+    (x, y) is relative to the eye [m]; the circle around it has ``radius``. The tangents leave the circle around the
+    eye, whose signed radius is q0 [m], as ``q`` of Viewpoint. Direction and headings are 0 at the eye itself.
     """
     # No division by 0 for a vertex at the eye.
     distance = math.sqrt(x * x + y * y)
@@ -37,8 +39,9 @@ def _aim(aim, x, y, q0, radius):
     aim.distance = distance
     aim.dx = dx
     aim.dy = dy
-    # The sine of the angle between a tangent and the line of the centers is (q - q0) / distance. It is kept even if it
-    # exceeds 1, as the circles overlap; the heading is then that at 1.
+    # The sine s of the angle between a tangent and the line of the centers is (q - q0) / distance, q = radius on the
+    # left and -radius on the right. If the circles overlap, s exceeds 1 and is kept so; the heading is the one at 1. If
+    # s is 0, as for a point, there is no need for the square root.
     s = (radius - q0) * scale
     c = 1.0 if s == 0.0 else math.sqrt(max(1.0 - s * s, 0.0))
     aim.left_s = s
@@ -88,7 +91,10 @@ def _report(seen, count, v, radius, aim, sight, margin):
 
 @helper
 def _tighten_right(sight, aim, reach):
-    """Bound the headings on the right by a vertex that tangents have on their right, unless the circles overlap."""
+    """Bound the headings on the right by a vertex that tangents have on their right.
+
+    The bound of the view stays if it is tighter, or if the vertex's circle overlaps that of the eye.
+    """
     if aim.right_s >= -1.0 and sight.ax * aim.right_y - sight.ay * aim.right_x > 0.0:
         sight.ax = aim.right_x
         sight.ay = aim.right_y
@@ -97,7 +103,10 @@ def _tighten_right(sight, aim, reach):
 
 @helper
 def _tighten_left(sight, aim, reach):
-    """Bound the headings on the left by a vertex that tangents have on their left, unless the circles overlap."""
+    """Bound the headings on the left by a vertex that tangents have on their left.
+
+    The bound of the view stays if it is tighter, or if the vertex's circle overlaps that of the eye.
+    """
     if aim.left_s <= 1.0 and aim.left_x * sight.by - aim.left_y * sight.bx > 0.0:
         sight.bx = aim.left_x
         sight.by = aim.left_y
@@ -146,7 +155,7 @@ def _meets(ellipse, a, b):
 
 @inlined
 def _leads_on(sight, h, vertices, sides, eye, ellipse):
-    """Return True if a tangent may lead across side h, if that is open, at the headings of a view.
+    """Return True if side h is open and a tangent may lead across it at the headings of the view ``sight``.
 
     Only sides seen from inside count: a view that sees slightly past vertices would otherwise go round and round those
     in line.
@@ -173,7 +182,8 @@ def _leads_on(sight, h, vertices, sides, eye, ellipse):
 def _first_sight(sight, h, v, w, eye):
     """Set the view across side h from v to w (records VERTEX), with the headings of the eye.
 
-    If the eye has no bounds of headings, they run from v to w; return False if it is at one of the two then, else True.
+    If the eye has no bounds of headings, the headings run from v to w. Return False if the eye then is at v or w, else
+    True.
     """
     sight.side = h
     sight.rx = v.x - eye.x
@@ -210,7 +220,6 @@ def _clip(sight, eye):
 
     Only a view that begins at least four radii from the eye may be clipped: every corner there is within these bounds,
     as the sine of the angle from it to a tangent's heading is at most 2 radii over the distance, 0.5 for 30 degrees.
-    A nearer view may be wider than half a turn, for which the tests by cross products below do not hold.
 
     sight: record :data:`~crowdsim.navmesh.shortest.view_arrays.SIGHT`, whose right bound is r and left bound l.
     """
@@ -237,7 +246,7 @@ def _clip(sight, eye):
 
 @inlined
 def _split(sight, other, zx, zy, aim, tolerance, reach):
-    """Split a view at the vertex seen at z from the eye: ``sight`` keeps its right part, ``other`` takes the left one.
+    """Split a view at the vertex at z, relative to the eye [m]: ``sight`` keeps the right part, ``other`` the left one.
 
     Both see past the vertex by ``tolerance`` [m]. Beside the vertex, headings are bounded for corners more than
     ``reach`` behind it. sight, other: records :data:`~crowdsim.navmesh.shortest.view_arrays.SIGHT`. aim: the
@@ -253,7 +262,8 @@ def _split(sight, other, zx, zy, aim, tolerance, reach):
     other.by = sight.by
     other.a_from = sight.a_from
     other.b_from = sight.b_from
-    # The left part begins slightly right of the vertex, but not outside of the old view; the right part ends alike.
+    # The left part begins slightly right of the vertex, but not outside of the old view. The right part ends slightly
+    # left of it.
     other.rx = zx + tolerance * aim.dy
     other.ry = zy - tolerance * aim.dx
     if sight.rx * other.ry - sight.ry * other.rx < 0.0:
@@ -299,7 +309,7 @@ def see_corners(m, arc_begin, eye, h, view, count):
     ellipse = view.ellipse[0]
     aim = view.aim[0]
     radius = eye.radius
-    # The ends of the first side are reported, and bound the headings.
+    # The ends of the first side are reported, and bound the headings. An end at the eye itself has no tangent.
     v = sides[h].org
     w = sides[nxt(h)].org
     sight = sights[0]
@@ -315,6 +325,7 @@ def see_corners(m, arc_begin, eye, h, view, count):
         count = _report(view.seen, count, v, radius, aim, sight, eye.margin)
     _tighten_right(sight, aim, reach)
     top = 1 if _leads_on(sight, h, vertices, sides, eye, ellipse) else 0
+    # From four radii on views may be clipped, see `_clip`.
     near2 = (4.0 * radius) * (4.0 * radius)
     turns = LOOKS * sides.size
     while top > 0:
@@ -360,6 +371,7 @@ def see_corners(m, arc_begin, eye, h, view, count):
             elif second:
                 sights[top] = sights[top + 1]
                 top += 1
+        # The vertex is left or right of the view. (Neither would mean behind the eye, which only rounding could give.)
         elif left_of_right or right_of_left:
             sight.side = nxt(g) if left_of_right else prv(g)
             if _leads_on(sight, sight.side, vertices, sides, eye, ellipse):

@@ -67,7 +67,7 @@ def build(m, points, ids, ring_ends, order, w):
         Corners on the grid [m]. Ring k is points[ring_ends[k-1]:ring_ends[k]], with blocked ground on the left of each
         side. Points after the last ring are obstacles of their own.
     ids : (n,) int64
-        Vertices of the points; filled for those in ``order``, given for the others.
+        Vertices of the points; filled here for points in ``order``, given for the others.
     ring_ends : (r,) int64
         Where each ring ends in ``points``.
     order : (k,) int64

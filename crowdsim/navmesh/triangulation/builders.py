@@ -1,7 +1,7 @@
 """Build the arrays of a mesh from a valid area, by the engine's own triangulation or by Shewchuk's Triangle.
 
-Both number the vertices alike and leave constraints, refinement and clearances to the same kernel. So their meshes
-differ only if four corners lie on one circle and either diagonal is Delaunay.
+Both number the vertices in the same order and leave constraints, refinement and clearances to the same kernel. So their
+meshes differ only if four corners lie on one circle and either diagonal is Delaunay.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BUILDERS = ("own", "triangle")
 
 
 def mesh_frame(points: Floats) -> NDArray[Any]:
-    """Return the frame (1,) of an empty mesh around ``points`` (n, 2) [m], with hint cells for about two points each.
+    """Return the frame, (1,) FRAME, of an empty mesh around ``points`` (n, 2) [m]: hint cells hold about two points.
 
     The box is wider than the points by 5 % of their greater extent on each side. At most 1024 hint cells lie along a
     side of the box.
@@ -45,7 +45,7 @@ def mesh_frame(points: Floats) -> NDArray[Any]:
 
 
 def _rings(area: shapely.Polygon | shapely.MultiPolygon) -> tuple[Rings, NDArray[Any]]:
-    """Return the rings of a valid area, snapped to the grid, and the frame that fits them.
+    """Return the rings of a valid area, snapped to the grid, and the frame, (1,) FRAME, that fits them.
 
     Outlines run clockwise and holes counter-clockwise, so blocked ground is on the left.
     """
@@ -69,13 +69,13 @@ def _spread(v: Ints) -> Ints:
 def insertion_order(points: Floats, frame: NDArray[Any]) -> Ints:
     """Return an order (n,) int64 of ``points`` (n, 2) along a Z-curve, each near the one before, coarse levels first.
 
-    Every eighth point of the curve comes before the others, of those every eighth again, and so on. Without these
-    levels, points along two opposite walls, inserted wall after wall, would flip about as many sides for each point as
-    there are points.
+    ``frame``, (1,) FRAME, has the box, on which no point lies. Every eighth point of the curve comes before the
+    others, of those every eighth again, and so on. Without these levels, points along two opposite walls, inserted wall
+    after wall, would flip about as many sides for each point as there are points.
     """
     # Places along the curve in the high bits, indices of points in the low 31: one sort of numbers gives the order.
     x0, y0, x1, y1 = frame[["x0", "y0", "x1", "y1"]][0].item()
-    x, y = ((points - (x0, y0)) * (65536.0 / max(x1 - x0, y1 - y0))).astype(np.int64).T  # none is on the box
+    x, y = ((points - (x0, y0)) * (65536.0 / max(x1 - x0, y1 - y0))).astype(np.int64).T  # below 2**16
     along = (_spread(x) | _spread(y) << 1) << 31 | np.arange(len(points))
     along.sort()
     along &= (1 << 31) - 1

@@ -5,10 +5,10 @@ opposite points touches nothing else. Refinement makes the foot of each bottlene
 sides and the heights of corners alone decide what fits where (docs/navmesh.md, "Refinement").
 
 ``m`` is the mesh (MeshArrays) and ``w`` the workshop of the edit (Workshop), both of
-:mod:`crowdsim.navmesh.mesh.mesh_arrays`; h and s are half-edges, v a vertex, t a triangle; ``sight`` is a record SIGHT.
-A segment leads from a to b, and a part lo..hi of it is a pair of shares, 0 at a and 1 at b, empty if lo > hi; l = (l0,
-l1) is a ray; vectors are relative to the vertex that looks [m], as (wx, wy) to a vertex w that it sees. Of what is
-returned, FULL and STUCK are negative.
+:mod:`crowdsim.navmesh.mesh.mesh_arrays`, ``sight`` is a record SIGHT of that module; h and s are half-edges, v a
+vertex, t a triangle. A segment leads from a to b, and a part lo..hi of it is a pair of shares, 0 at a and 1 at b, empty
+if lo > hi; l = (l0, l1) is a ray; vectors are relative to the vertex that looks [m], as (wx, wy) to a vertex w that it
+sees. Statuses: 0 for success; FULL and STUCK are negative, so they differ from any vertex.
 """
 
 import math
@@ -42,7 +42,8 @@ def _cut(lo, hi, at0, at1):
 def _nearer(lo, hi, ax, ay, bx, by, wx, wy):
     """Return the part of lo..hi of segment ab that lies, along the direction of w, no farther than vertex w itself.
 
-    Other feet than these are out: the disc on the looking vertex and its foot f holds w if f . w > w . w.
+    Other feet are ruled out: the disc with the looking vertex and its foot f as opposite points holds w if
+    f . w > w . w.
     """
     most = wx * wx + wy * wy
     return _cut(lo, hi, ax * wx + ay * wy - most, bx * wx + by * wy - most)
@@ -50,7 +51,11 @@ def _nearer(lo, hi, ax, ay, bx, by, wx, wy):
 
 @helper
 def set_sight(sight, side, rx, ry, lx, ly):
-    """Set the view from a vertex across ``side``, between the ray r on the right and l on the left."""
+    """Set the view from a vertex across ``side``, between the ray r on the right and l on the left.
+
+    ``sight`` is a record SIGHT of mesh_arrays or of :mod:`crowdsim.navmesh.shortest.view_arrays`; r and l are relative
+    to the vertex [m].
+    """
     sight.side = side
     sight.rx, sight.ry = rx, ry
     sight.lx, sight.ly = lx, ly
@@ -79,10 +84,11 @@ def _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
 
 @helper
 def _foot_at(m, s, part, x, y, near):
-    """Test for a bottleneck between (x, y) and the place at ``part`` (0 to 1) of wall s: (found, foot x, foot y) [m].
+    """Test for a bottleneck between (x, y) and its foot at share ``part`` of wall s: (found, foot x, foot y) [m].
 
-    It is one if the disc around the middle, as wide as the two are apart, touches nothing else. ``near`` is a triangle
-    nearby. Close to an end of the side there is none, as the side to that end measures the passage as well.
+    The two are a bottleneck if the disc with both as opposite points touches nothing else. The foot moves to the grid.
+    ``near`` is a triangle nearby. Close to an end of the wall the answer is False: the side from (x, y) to that end
+    measures the passage as well. It is False, too, if a split of the wall there could invert a triangle.
     """
     cell = m.frame[0].cell
     a = m.vertices[m.sides[s].org]
@@ -106,9 +112,10 @@ def _foot_at(m, s, part, x, y, near):
 def _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1):
     """Return the part of lo..hi of side ab (0 at a, 1 at b) where the origin may see a foot; lo > hi if there is none.
 
-    The foot is on ab, or beyond it if ab is open. It is in view between ray r = (r0, r1) on the right and ray l. For
-    each vertex w of x, y (ends of the first side that the view crosses), a and b, w . foot <= w . w, as the disc on the
-    origin and the foot would hold w otherwise; so the place on ab in front of the foot keeps this bound, too.
+    The foot is on ab, or beyond it if ab is open. It is in view between ray r = (r0, r1) on the right and ray l. Let w
+    be a, b or one of x and y, the ends of the first side that the view crosses. The disc with the origin and the foot
+    as opposite points must not hold w: so w . foot <= w . w. The place on ab in front of the foot has the same
+    direction and is nearer, so it keeps this bound, too.
     """
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, xx, xy)
     lo, hi = _nearer(lo, hi, ax, ay, bx, by, yx, yy)
@@ -127,7 +134,7 @@ def find_bottleneck(m, v, qx, qy, w):
     Return (half-edge, foot x, foot y) [m], not relative to v, with -1 for the half-edge if there is none. As the disc
     between v and the foot holds no vertex, the foot is not farther along any seen vertex u than u itself, which bounds
     the search. Only discs that hold (qx, qy) [m] count: their feet are at least as far along q as q itself. If q is at
-    v all count. If ``sights`` has no room for a view, no loop turn is left for the edit.
+    v all count. If ``sights`` has no room for a view, the loop turns left become 0, so that the edit counts as stuck.
     """
     sights = w.sights
     sides = m.sides
@@ -168,7 +175,8 @@ def find_bottleneck(m, v, qx, qy, w):
             zx = apex.x - px
             zy = apex.y - py
             for h in (nxt(g), prv(g)):
-                # The half right of z keeps the left ray or z, whichever is farther right; the other half alike.
+                # The half right of z ends at the left ray or z, whichever is farther right; the half left of z begins
+                # at the right ray or z, whichever is farther left.
                 r0 = rx
                 r1 = ry
                 l0 = lx
@@ -229,7 +237,8 @@ def _find_foot(m, s, w):
     that touches nothing else holds no corner of the triangles it crosses. So at each side that it crosses on the way to
     the vertex, its part before the side lies within the circumcircle of the triangle behind the side. The foot is thus
     in all these circles, which bounds the search. It is also in front of each of these sides; without this bound the
-    search would circle around a vertex next to s. If ``sights`` has no room, no loop turn is left for the edit.
+    search would circle around a vertex next to s. If ``sights`` has no room, the loop turns left become 0, so that the
+    edit counts as stuck.
     """
     sights = w.sights
     sides = m.sides
@@ -301,9 +310,9 @@ def add_foot(m, h, x, y, w):
     v = split_edge(m, h, x, y, w)
     if v < 0:
         return v
-    # All triangles that changed are around the new vertex, but for those that `restore_delaunay` has flipped and noted
-    # itself: note that there (`settle` measures them), and queue the walls of v and of its neighbors, as what they see
-    # has changed.
+    # All triangles that changed are around the new vertex, except for triangles that `restore_delaunay` has flipped and
+    # noted itself. Mark v as changed, so that `settle` measures the triangles around it. Queue v and its neighbors, as
+    # what their walls see has changed.
     touch(w, v)
     w.to_do[v].mark |= CHANGED
     enqueue(w, v)
@@ -358,7 +367,8 @@ def refine(m, w):
 def measure_triangle(m, t):
     """Fill ``corner_clearance`` of triangle t: the diameter [m] of the largest disc that can turn around each corner.
 
-    It is the shorter of the two sides at the corner, and at most the distance to the third side if that is a wall.
+    It is 0 if the triangle is blocked or one of the two sides at the corner is a wall. Otherwise it is the shorter of
+    these two sides, and at most the distance to the third side if that is a wall.
     """
     sides = m.sides
     vertices = m.vertices

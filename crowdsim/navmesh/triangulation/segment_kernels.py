@@ -61,11 +61,12 @@ def _set_way(way, start, goal, constraints, winding, use, back):
 
 @helper
 def _cross(m, e, ways, top, w):
-    """Let the last of the ``top`` ``ways`` cross the constrained side e; return how many there are then, FULL or STUCK.
+    """Let the last of the ``top`` ``ways`` cross the constrained side e.
 
-    The crossing moves to the grid. If it is then inside the two triangles at e, e is split there. Otherwise e is taken
-    out, and both the way and e go through the vertex nearest to the crossing, or through a new one if none is near. So
-    the two never cross again. ``ways`` are records _WAY, with room for three more.
+    Return the new number of ways, FULL or STUCK. The crossing moves to the grid. If it is then inside the two triangles
+    at e, e is split there. Otherwise e is taken out (``rerouted`` of the progress becomes 1), and both the way and e go
+    through the vertex nearest to the crossing, or through a new one if none is near. So the two never cross again.
+    ``ways`` are records _WAY, with room for three more.
     """
     sides = m.sides
     vertices = m.vertices
@@ -145,11 +146,11 @@ def _cross(m, e, ways, top, w):
 
 @helper
 def _clear_way(m, w, a, b, crossed):
-    """Flip the ``crossed`` sides in ``pairs`` until vertices a and b are joined; return 0, FULL or STUCK.
+    """Flip the first ``crossed`` sides in ``pairs``, which a-b crosses, until vertices a and b are joined.
 
-    Sloan's algorithm (1993): flip a crossed side if the two triangles at it are convex together, otherwise try it again
-    after the others. Afterwards the new sides are made Delaunay. ``pairs`` is first the ring buffer of crossed sides,
-    then the stack of new ones.
+    Return 0, FULL or STUCK. Sloan's algorithm (1993): flip a crossed side if the two triangles at it are convex
+    together, otherwise try it again after the others. Afterwards the new sides are made Delaunay. ``pairs`` is first
+    the ring buffer of crossed sides, then the stack of new ones.
     """
     sides = m.sides
     vertices = m.vertices
@@ -255,6 +256,7 @@ def _look_ahead(m, cur, goal, near):
                     return sides[prv(h)].twin, NONE
                 return NONE, nxt(h)
         h = sides[prv(h)].twin
+        # All around and no way on: only in an impossible mesh.
         if h == first:
             return NONE, NONE
     raise BoundExceeded
@@ -264,7 +266,7 @@ def _look_ahead(m, cur, goal, near):
 def _load(m, w, along, way):
     """Add the load of a way to half-edge ``along`` and its twin; the way then starts at the end of ``along``.
 
-    Return 0 or FULL.
+    Mark both triangles as changed, and touch the start. Return 0 or FULL.
     """
     sides = m.sides
     forth = sides[along]
@@ -288,11 +290,11 @@ def _load(m, w, along, way):
 
 @helper
 def insert_segment(m, a, b, winding, use, w):
-    """Constrain the way from vertex a to b, with ``winding`` and ``use`` on its half-edges; return 0, FULL or STUCK.
+    """Constrain the straight way from vertex a to b; return 0, FULL or STUCK.
 
-    Their twins get minus ``winding``, and no use. Vertices on the way, or close to it, split the segment. Constrained
-    sides it meets are split at the crossing, or led through a vertex near it (:func:`_cross`).
-    winding, use: fields of half-edges, see :mod:`crowdsim.navmesh.mesh.mesh_arrays`. w: workshop of the edit.
+    ``winding`` and the list ``use`` are added to the half-edges from a to b. Their twins get minus ``winding``, and no
+    use. Vertices on the way, or close to it, split the way. A constrained side that the way meets is split at the
+    crossing, or led through a vertex near it (:func:`_cross`).
     """
     sides = m.sides
     vertices = m.vertices
@@ -304,6 +306,7 @@ def insert_segment(m, a, b, winding, use, w):
     while count > 0:
         cur = ways[count - 1].start
         goal = ways[count - 1].goal
+        # This way has come to its end.
         if cur == goal:
             count -= 1
             continue

@@ -55,7 +55,7 @@ def _package() -> ModuleType:
 def _distinct(points: Floats, order: Ints, frame: NDArray[Any]) -> tuple[Floats, Ints]:
     """Return the distinct ``points`` in the order they are first met, and the index of each point among them (n,).
 
-    ``points`` is (n, 2) on the grid [m]; ``order`` (n,) says in which order they are met.
+    ``points`` is (n, 2) on the grid [m]; ``order`` (n,) says in which order they are met; ``frame`` is (1,) FRAME.
     """
     # A point as one whole number: its row and column of grid cells.
     x0, y0, cell = frame[["x0", "y0", "cell"]][0].item()
@@ -81,8 +81,9 @@ def _next_points(rings: Rings) -> Ints:
 def _through(rings: Rings, order: Ints, places: Floats, cell: float) -> tuple[Rings, Ints]:
     """Lead each side of the rings through those ``places`` (k, 2) [m] whose grid cells it meets.
 
-    Return the rings with these new corners, and ``order`` with the numbers that points have now, and those of new ones
-    last. This is snap rounding: sides that cross meet in the place that their crossing moved to.
+    Return the rings with these new corners, and a new ``order`` (n,): the old points under the numbers that they have
+    now, then the new corners. This is snap rounding: sides that cross meet in the place that their crossing moved to.
+    ``cell`` is the side of a grid cell [m].
     """
     ends = rings.points[_next_points(rings)]
     tree = shapely.STRtree(shapely.linestrings(np.stack([rings.points, ends], axis=1)))
@@ -129,7 +130,9 @@ def crossings(rings: Rings) -> Floats:
 
 
 def triangulation(rings: Rings, order: Ints, frame: NDArray[Any]) -> Triangulation:
-    """Triangulate the box of ``frame`` (1,) with the sides of ``rings``; number the vertices in ``order`` (n,).
+    """Triangulate the box of ``frame``, (1,) FRAME, with the sides of ``rings``.
+
+    Vertices are numbered behind the corners of the box in ``order`` (n,), a permutation of the points of the rings.
 
     Raises
     ------

@@ -38,7 +38,7 @@ def link(sides, h, g):
 def take(sides, h, source):
     """Give half-edge h the twin, constraint, winding and use of half-edge ``source``: it takes the place of this side.
 
-    Of the twin, only its own twin changes: its constraints, winding and use stay.
+    The new twin of h gets h as its twin; its constraints, winding and use stay.
     """
     target = sides[h]
     target.constraints = sides[source].constraints
@@ -54,7 +54,7 @@ def flip(sides, vertices, e):
     Half-edge e = u -> v of triangle (u, v, p) and its twin f of (v, u, q) become u -> q of (u, q, p) and v -> p of (v,
     p, q).
     """
-    # en, fn: the half-edges after e and f in their triangles; ep, fp: those before. p and q: vertices.
+    # en, fn: the half-edges after e and f in their triangles; ep, fp: those before e and f. p and q: vertices.
     f = sides[e].twin
     en = nxt(e)
     ep = prv(e)
@@ -126,6 +126,7 @@ def _legalize(m, w, top):
     while top > 0:
         if is_spent(w):
             return STUCK
+        # A flip stacks two sides for the one that is taken off.
         if top + 1 > stack.size:
             return FULL
         top -= 1
@@ -142,9 +143,9 @@ def _legalize(m, w, top):
 
 @helper
 def restore_delaunay(m, w, top):
-    """Flip the sides in the first ``top`` of ``pairs`` that are not Delaunay, and those this affects.
+    """Flip the sides in the first ``top`` of ``pairs`` that are not Delaunay, and sides that these flips affect.
 
-    Return 0, FULL or STUCK.
+    Triangles that change are touched (:func:`touch_triangle`). Return 0, FULL or STUCK.
     """
     sides = m.sides
     vertices = m.vertices
@@ -182,7 +183,7 @@ def restore_delaunay(m, w, top):
 
 @helper
 def _new_vertex(m, x, y):
-    """Reserve a vertex at (x, y) that no triangle has yet, and two triangles without corners.
+    """Reserve a vertex at (x, y) [m] that no triangle has yet, and two triangles without corners.
 
     Return the vertex or FULL.
     """
@@ -208,7 +209,7 @@ def _new_vertex(m, x, y):
 def split_edge(m, h, x, y, w):
     """Put a new vertex at (x, y) [m] on side h and split both triangles at it; return the vertex, FULL or STUCK.
 
-    h must have a twin.
+    h must have a twin. The sides around are made Delaunay again.
     """
     sides = m.sides
     vertices = m.vertices
@@ -265,7 +266,7 @@ def split_edge(m, h, x, y, w):
 def insert_point(m, x, y, hint, w):
     """Return the vertex at the grid point (x, y) [m], which must be inside the box; insert one if there is none.
 
-    Return FULL or STUCK if that fails.
+    The sides around a new vertex are made Delaunay again. Return FULL or STUCK if that fails.
     """
     sides = m.sides
     vertices = m.vertices

@@ -69,9 +69,10 @@ def joined(w, one, other):
 def without(w, use, owner):
     """Return the items of list ``use`` without those of ``owner``."""
     k = np.int64(use)
+    # Skip the items of ``owner`` in front.
     while k >= 0 and w.uses[k].owner == owner:
         k = np.int64(w.uses[k].next)
-    # If ``owner`` occurs only in front, the rest is shared; otherwise the list is copied without it.
+    # If there are no more of them, the rest is shared; otherwise the list is copied without them.
     i = k
     while i >= 0 and w.uses[i].owner != owner:
         i = np.int64(w.uses[i].next)
@@ -113,9 +114,9 @@ def same_uses(uses, one, other):
 
 @kernel
 def keep_used(m, uses, kept):
-    """Copy the lists of ``uses`` (k,) that half-edges refer to, to the start of ``kept`` (k,); return how many items.
+    """Copy the lists that half-edges refer to from ``uses`` to the start of ``kept``; return the number of items.
 
-    The half-edges then refer to ``kept``, and what no half-edge refers to any longer is left behind.
+    Both are (k,) records USE. The half-edges then refer to ``kept``. Items that no half-edge refers to are left out.
     """
     sides = m.sides
     # ``place``: where an item was copied to.

@@ -56,8 +56,8 @@ def touch(w, v):
 
 @helper
 def touch_triangle(sides, w, t):
-    """Note that triangle t changed: touch its corners up to the first that is not one of the box, and mark that."""
-    # One such corner is enough: the walk around it finds the triangle. Corners of the box need no mark: once touched,
+    """Note that triangle t changed: touch its corners up to the first that is no corner of the box; mark it CHANGED."""
+    # One marked corner is enough: the walk around it finds the triangle. Corners of the box need no mark: once touched,
     # they always count as changed (`settle`).
     for h in range(3 * t, 3 * t + 3):
         v = sides[h].org

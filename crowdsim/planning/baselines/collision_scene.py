@@ -61,9 +61,9 @@ class Stride:
         self._bodies: dict[int, Any] = {}
 
     def body(self, arc: float) -> Any:
-        """Return the body ``arc`` meters along its path."""
+        """Return the body as it is ``arc`` meters along its path, where cycle follows on cycle."""
         frame = int(arc / self.length * len(self._points)) % len(self._points)
-        # Its tree is costly, and few frames may be asked for.
+        # Made on first use: the tree of a body is costly, and few frames may be needed.
         if frame not in self._bodies:
             self._bodies[frame] = _surface(self._points[frame], self._triangles)
         return self._bodies[frame]

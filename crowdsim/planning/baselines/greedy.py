@@ -50,7 +50,7 @@ class MeshCopies:
         return revision, Detours(self._mesh)
 
     def give_back(self, revision: int, detours: Detours) -> None:
-        """Return a copy, so that the next thread can use it."""
+        """Give back a copy and its revision, as of :meth:`take`, so that the next thread can use the copy."""
         with self._lock:
             self._idle.append((revision, detours))
 
@@ -83,13 +83,14 @@ def plan_step_by_step(query: Query, annotate: Annotate) -> AnnotatedPath | None:
             return AnnotatedPath(np.empty((0, 2)), np.zeros(1), (), np.inf)
 
     def around(place: Floats) -> AnnotatedPath:
-        """Return the shortest path while an obstacle stands at the point ``place`` (2,) [m]."""
+        """Return the shortest path for the legs while an obstacle stands at the point ``place`` (2,) [m]."""
         handle = mesh.insert_obstacle(place)
         path = shortest()
         mesh.remove(handle)
         return path
 
     best = shortest()
+    # Without conflict points the path stays as it is.
     for _ in range(MOST_ROUNDS):
         cheapest = min(map(around, conflict_points(query, best)), key=lambda path: path.cost, default=best)
         if cheapest.cost >= best.cost:

@@ -43,6 +43,7 @@ def _add_conflicts(points, sections, away, places, count):
     """
     last = points.shape[0] - 1
     for k in range(max(sections.shape[0], 1)):
+        # A section of another behavior than the narrowest keeps length 0, and gets no points.
         start = 0.0
         end = 0.0
         if sections.shape[0] == 0:
@@ -100,6 +101,7 @@ def plan_around(search, fitting):
     points = direct
     sections = np.empty((0, 3))
     cost = math.inf
+    # The mesh is unusable, or there is no path.
     if status != DONE or direct.shape[0] == 0:
         return status, cost, points, sections
     sections, cost, _ = annotate(fitting, direct)
@@ -126,6 +128,7 @@ def plan_around(search, fitting):
             found, value, _ = annotate(fitting, detour)
             if value < lowest:
                 best, labels, lowest = detour, found, value
+        # No detour costs less than the path.
         if lowest == cost:
             break
         # The cheapest detour becomes the path.

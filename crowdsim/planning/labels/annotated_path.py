@@ -41,7 +41,7 @@ class PathSamples(NamedTuple):
 
 @dataclass(frozen=True)
 class AnnotatedPath:
-    """Polyline (n, 2) with its arc lengths (n,) [m] and contiguous sections from start to goal.
+    """Polyline, points (n, 2) and arc (n,), their arc lengths [m], with contiguous sections from start to goal.
 
     cost: sum of length times cost per meter of each section's behavior, and of the cost of changes; infinite, without
     sections, if no behavior fits somewhere.
@@ -101,5 +101,8 @@ def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def points_at(points: NDArray[np.float64], arc: NDArray[np.float64], where: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points (m, 2) of a polyline at arc lengths (m,); arc lengths beyond an end give that end."""
+    """Return points (m, 2) [m] of a polyline (n, 2) with arc lengths ``arc`` (n,) at arc lengths ``where`` (m,) [m].
+
+    Arc lengths beyond an end give that end.
+    """
     return np.stack([np.interp(where, arc, points[:, 0]), np.interp(where, arc, points[:, 1])], axis=-1)

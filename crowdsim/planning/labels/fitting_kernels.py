@@ -52,7 +52,7 @@ class Piece(NamedTuple):
 
     x: float
     y: float
-    """Start of the piece."""
+    """Start of the piece [m]."""
     ux: float
     uy: float
     """Unit direction of the piece."""
@@ -95,17 +95,18 @@ def _inside(m, t, piece):
             lo = max(lo, -at / rate)
         elif rate < 0.0:
             hi = min(hi, -at / rate)
-        elif at < 0.0:
+        elif at < 0.0:  # parallel to the side, and outside of it
             hi = -math.inf
     return lo, hi
 
 
 @helper
 def _add_span(spans, lasts, count, owner, lo, hi):
-    """Record the interval lo..hi for behavior ``owner``, or merge it into its last one; return the new count.
+    """Record the interval lo..hi [m] for behavior ``owner``, or merge it into its last one; return the new count.
 
-    ``spans`` are the intervals [m] in which behaviors do not fit, the first ``count`` of them in use.
-    The caller makes room in ``spans``. Returning the array would make numba count its references in each call.
+    They are merged if they overlap or touch. ``spans`` are the intervals in which behaviors do not fit, the first
+    ``count`` of them in use. The caller makes room in ``spans``: to return a longer array would make numba count its
+    references in each call.
     """
     # lasts[owner]: index of this behavior's last interval on this layer, or NONE.
     k = lasts[owner]
@@ -138,6 +139,7 @@ def _add_corner(spans, lasts, count, radii, k, x, y, piece):
         half = math.sqrt(half2)
         lo = max(x - half, 0.0)
         hi = min(x + half, piece.length)
+        # Narrower behaviors have shorter intervals, within this one.
         if lo >= hi:
             break
         count = _add_span(spans, lasts, count, b, lo + piece.start, hi + piece.start)
@@ -191,7 +193,7 @@ def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece):
 def _add_inside(m, t, piece, behaviors, spans, lasts, count):
     """Record where the piece is inside the blocked triangle t, for all behaviors; return the new count.
 
-    spans, lasts, count: as of :func:`_add_span`. Spans are measured along the path, of which the piece is a part [m].
+    behaviors: their number. spans, lasts, count: as of :func:`_add_span`. Spans are arc lengths of the whole path [m].
     """
     lo, hi = _inside(m, t, piece)
     lo = max(lo, 0.0)
@@ -263,6 +265,7 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
                 continue
         g = side.twin
         t = g // 3
+        # Nothing lies behind a side of the bounding box (its twin is NONE).
         if g < 0 or marks[t] == mark:
             continue
         # The triangle behind: its interior, the opposite corner, and its two other sides on the stack.
@@ -298,9 +301,10 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
 
 @helper
 def label_spans(spans, total, costs, turned, terms, length):
-    """Return the cheapest sections (k, 3) of a path and their cost, given the intervals where behaviors do not fit.
+    """Return the cheapest sections (k, 3) of a path and their cost, given the intervals in which behaviors do not fit.
 
-    spans: the first ``total`` rows count, in any order. The result is that of `label_stretches`.
+    spans: OWN_SPAN, the first ``total`` rows count, in any order. length: of the path [m]. The result is that of
+    `label_stretches`.
     """
     count = costs.size
     ends = np.zeros(count, np.int64)
@@ -331,8 +335,8 @@ def annotate(fitting, points):
 
     Parameters
     ----------
-    fitting: :class:`Fitting`
-    points: (p, 2) float64, vertices of the path [m].
+    fitting: :class:`Fitting`.
+    points: (p, 2) float64, vertices of the path [m], at least one; several may be at the same place.
 
     Returns
     -------

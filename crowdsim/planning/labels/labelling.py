@@ -24,9 +24,10 @@ def label_path(
 ) -> tuple[tuple[Section, ...], float]:
     """Find the cheapest sections over a path, and their cost.
 
-    A stretch that requires a narrower behavior is lengthened to ``MIN_SECTION`` if it is shorter, as narrower always
-    fits; a shorter stretch that would allow a wider behavior keeps the narrower one. Turned sections border on the
-    preferred behavior, with room to turn, or on the ends of the path, where an agent may stand at any heading.
+    A stretch that requires a narrower behavior is lengthened to the least section of ``terms`` if it is shorter, as a
+    narrower behavior always fits. A stretch shorter than this that would allow a wider behavior keeps the narrower one.
+    Turned sections border on the preferred behavior, with room to turn, or on the ends of the path, where an agent may
+    stand at any heading.
 
     Parameters
     ----------

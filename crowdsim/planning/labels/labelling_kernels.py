@@ -59,6 +59,7 @@ def required_length(before, label, after, turned, terms):
     # or ends sideways there, and the section beside it holds the room to turn.
     if ends == 2 or (ends == 1 and turned[label]):
         return 0.0
+    # The body turns in the section that is not turned, so a turned one needs no room for it.
     if turned[label] or turns == 0:
         return terms[LEAST_SECTION]
     if turns == 2:
@@ -101,11 +102,12 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
                     if before == label:
                         continue
                     paid = 0.0 if start == 0 else best[start, before, label] + terms[CHANGE_COST] * costs[n - 1]
+                    # No section of ``before`` can end at ``start`` with this one behind it.
                     if paid == math.inf:
                         continue
                     paid += length * costs[label]
                     for after in range(n + 1):
-                        # Only the last section is followed by the end of the path.
+                        # Only the last section is followed by the end of the path. Of equal costs the first stays.
                         if after == label or (after == n) != (end == cells) or paid >= best[end, label, after]:
                             continue
                         if length + ROUNDING >= required_length(before, label, after, turned, terms):
@@ -135,7 +137,8 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
 def _lengthened(stretches, shortest, length, spans):
     """Write ``stretches`` (k, 2) to ``spans``, grown about their middles to at least ``shortest``, within 0..length.
 
-    All are arc lengths [m]. Return (spans, their number): SPAN records, an array that grows.
+    All are arc lengths [m]. Earlier content of ``spans`` is overwritten. Return (spans, number of spans): ``spans`` are
+    records SPAN of :mod:`crowdsim.navmesh.clearance.violation_kernels`, an array that grows.
     """
     count = np.int64(0)
     for k in range(stretches.shape[0]):
@@ -178,9 +181,11 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
 
     Parameters
     ----------
-    blocked: (r, 2) float64; behavior i does not fit in the arc-length intervals blocked[ends[i - 1] : ends[i]] [m].
-    ends: (n,) int64.
-    costs, turned, terms: (n,) float64, (n,) bool, (4,) float64, see :data:`TERMS`.
+    blocked: (r, 2) float64; behavior i does not fit in the arc-length intervals blocked[ends[i - 1] : ends[i]] [m],
+    those of the narrowest behavior, 0, begin at row 0.
+    ends: (n,) int64, number of rows up to those of each behavior.
+    costs, turned, terms: (n,) float64, (n,) bool, (4,) float64, as in :class:`Fitting
+    <crowdsim.planning.labels.fitting_kernels.Fitting>`.
     length: length of the path [m].
 
     Returns
@@ -204,7 +209,7 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
     inside = np.empty((n, most))
     counts = np.zeros(n, np.int64)
     # Where each behavior i is ruled out: where i or a narrower one does not fit, grown to the least length of a
-    # section. (A stretch that short would get a narrower behavior for that length anyway.)
+    # section. (A narrower behavior on a shorter stretch would be lengthened to this anyway.)
     for i in range(1, n):
         count = np.int64(0)
         for k in range(grown.shape[0]):
@@ -220,8 +225,8 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
                 inside[i, 2 * k + side] = grown[k, side]
                 cuts[filled] = grown[k, side]
                 filled += 1
-    # Cells between all ends of these intervals, one on a path of no length, and the widest behavior allowed in each.
-    # The bounds of a behavior's intervals ascend, so an odd rank among them means inside one.
+    # Cells between all ends of these intervals (a path of no length is one cell), and the widest behavior allowed in
+    # each. The bounds of a behavior's intervals ascend, so an odd rank among them means inside one.
     cells = max(_sort_distinct(cuts, filled), 2) - 1
     widest = np.zeros(cells, np.int32)
     for cell in range(cells):

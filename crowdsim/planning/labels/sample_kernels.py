@@ -36,7 +36,8 @@ def sample_path(points, lengths, starts, labels, reach, pose, arc, behavior):
     """Fill the samples of a path: pose (m, 3), arc (m,) and behavior (m,) int32, as of `PathSamples`.
 
     points (n, 2) and lengths (n,): the polyline and the arc length at each point [m]. starts (s,) [m] and labels (s,)
-    int32: where its sections begin, and their behaviors. reach: half length of the chord of the direction [m].
+    int32: where its sections begin, and their behaviors. reach: half length of the chord that gives the direction of
+    motion at a sample [m].
     """
     count = len(arc)
     whole = lengths[-1]

@@ -24,7 +24,7 @@ MARGIN = 0.1
 """Clearance beyond the planned one that a path takes if it costs (almost) nothing [m]."""
 
 SHIFTS = MARGIN * np.linspace(-1.0, 1.0, 9)
-"""Shifts of a station, to the left [m]."""
+"""Shifts of a station to the left, negative to the right [m]."""
 
 MARGIN_PRICE = 0.1
 """Price of lacking the whole margin, as a share of the preferred behavior's cost per meter. Higher: wider detours."""
@@ -48,8 +48,8 @@ _STAY = len(SHIFTS) // 2
 def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
     """Return the route with more clearance if there is room: through the middle of gaps, wide around corners.
 
-    It is ``path`` itself if there is nothing to gain, if that costs more than MARGIN_WORTH, or if pieces still cut
-    corners after _ROUNDS attempts.
+    It is ``path`` itself if it is too short to shift, if nothing is to be gained, if the shifted path fits no behavior
+    somewhere or costs more by a share above MARGIN_WORTH, or if pieces still cut corners after _ROUNDS attempts.
     """
     # Too short: at most one station lies between the ends, which do not shift.
     if path.length < 2.0 * STATION:
@@ -89,8 +89,10 @@ def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
 def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Return the cost per meter (n, shifts) at each of ``places`` (n, shifts, 2); None if every station has the margin.
 
-    It is the cost of the most preferred behavior that fits, plus the price of the margin that it lacks; infinite where
-    no behavior fits.
+    Only stations near one that lacks margin may shift. Their places cost the least sum, over the behaviors that fit, of
+    a behavior's cost and the price of the margin that it lacks. If no behavior fits, a shifted place costs infinity,
+    and a station's own place as much as the narrowest behavior. Own places of the other stations cost as much as the
+    preferred behavior. Their shifted places cost infinity, and so do those of both ends of the path.
     """
     need = query.need
     reach = need.radii.max(axis=0) + MARGIN
@@ -122,10 +124,12 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
 def _cheapest_shifts(prices: NDArray[np.float64], steps: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return indices (n,) of the shifts with the least sum of length times mean price, by Bellman's recursion.
 
-    prices: (n, shifts) cost per meter at each place of each station, infinite where nothing fits; the first and the
-    last station stay. steps: (n - 1, from, to) distance between the places of neighboring stations [m].
+    prices: (n, shifts) cost per meter at each place of each station, infinite if a place may not be taken; the first
+    and the last station stay. steps: (n - 1, shifts, shifts) distance from each place of a station (second axis) to
+    each place of the next one (third axis) [m].
     """
     before = np.full(steps.shape[:2], _STAY)
+    # The first station's shifted places have infinite prices, so all may begin at 0.
     total = np.zeros(len(SHIFTS))
     every = np.arange(len(SHIFTS))
     # Between two stations that can only stay there is nothing to choose.

@@ -35,7 +35,8 @@ INNER = int(0.25 * TURN_ROOM / STATION) + 1
 """Stations on each side of a turn's middle that may move. They cover the middle half of TURN_ROOM."""
 
 RAMP = 2
-"""Stations from the last of these to the point where the bend rejoins the path."""
+"""Steps of a station's length from the outermost station that may move to the end of the bend, where it rejoins the
+path."""
 
 _ENDS = INNER + RAMP
 """Station number, counted from the middle, of both ends of the bend."""
@@ -67,15 +68,17 @@ def _place_stations(points, arc, middle, places):
 
 @helper
 def _lacking(layers, radii, turning, label, walking, back, x, y):
-    """Return the clearance that (x, y) lacks for a turn of behavior ``label`` [m], at least -PROBE.
+    """Return the clearance that (x, y) lacks for a turn of behavior ``label``, less SPARED [m].
 
-    Only layers count in which the turn reaches beyond the clearance of ``walking``, the behavior in which a body walks
-    while it turns. ``back`` is 0 for the turn into the behavior, 1 for the turn out of it.
+    It is negative if there is more than needed, and at least -PROBE. Only layers count in which the turn reaches beyond
+    the clearance of ``walking``, the behavior in which a body walks while it turns. ``back`` is 0 for the turn into the
+    behavior, 1 for the turn out of it.
     """
     lack = -PROBE
     for i in range(len(layers)):
         reach = turning[label, back, i] - SPARED
         if reach > radii[walking, i]:
+            # The distance is -1 outside of free space, which counts as 0.
             distance, _ = disc_clearance(mesh_at(layers[i]), x, y, reach + PROBE, np.int64(NONE))
             lack = max(lack, reach - max(distance, 0.0))
     return lack
@@ -85,8 +88,8 @@ def _lacking(layers, radii, turning, label, walking, back, x, y):
 def _lead_aside(layers, radii, turning, label, walking, back, places):
     """Move ``places`` (s, 2) [m] aside by the clearance that they lack for the turn; return True if any lacked it.
 
-    They may still lack some. The first and the last place stay. ``label``, ``walking``, ``back`` and others are those
-    of :func:`_lacking`.
+    The moved places may still lack some clearance. The first and the last place stay. The other parameters are those of
+    :func:`_lacking`.
     """
     bends = False
     x = places[0, 0]

@@ -39,7 +39,7 @@ class BehaviorArea(NamedTuple):
     behavior: int | None = None
 
     def find_path(self, ends: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the points of the shortest path between ``ends`` (2, 2); raise PathNotFound if there is none."""
+        """Return the shortest path between ``ends`` (2, 2), (n, 2) [m]; raise PathNotFound if there is none."""
         return self.mesh.find_path(ends[0], ends[1], self.radius).points
 
 
@@ -48,8 +48,8 @@ def area_polygons(
 ) -> tuple[shapely.Geometry, ...]:
     """Return the area of each behavior, from the walkable areas of the layers, the legs' first.
 
-    The obstacles of the upper layers grow by what the behavior needs there beyond the legs' clearance. An area may be
-    empty or consist of several parts.
+    The obstacles of the upper layers grow by what the behavior, with ``margin`` [m], needs there beyond the legs'
+    clearance. An area may be empty or consist of several parts.
     """
     areas = []
     for growths in area_growths(behaviors, len(layers), margin):
@@ -62,7 +62,10 @@ def area_polygons(
 
 
 def area_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRACKING_MARGIN) -> NDArray[np.float64]:
-    """Return (n, layers - 1): growth of the upper layers' obstacles in each behavior's area [m], 0 for none."""
+    """Return (n, layers - 1): growth of the upper layers' obstacles in each behavior's area [m], 0 for none.
+
+    The n ``behaviors`` are planned with ``margin`` [m] beyond their bodies.
+    """
     need = Requirements.of(behaviors, layers, margin)
     # Grown corners are polygons inside of their circles; growing by more makes them circumscribe these.
     widened: NDArray[np.float64] = np.maximum(need.radii[:, 1:] - need.search_radius, 0.0) / cos(
@@ -72,7 +75,7 @@ def area_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRA
 
 
 def grown(obstacle: shapely.Geometry, growth: float) -> shapely.Geometry:
-    """Return an upper layer's obstacle as a behavior area contains it."""
+    """Return an upper layer's obstacle as a behavior area contains it, grown by ``growth`` [m] of `area_growths`."""
     return buffered(obstacle, growth, quad_segs=_ARC_STEPS) if growth > 0.0 else obstacle
 
 
@@ -93,6 +96,7 @@ def make_areas(
 
     Parameters
     ----------
+    meshes: one per layer, the legs' first. need: clearances of the behaviors.
     given: mesh of each of :func:`area_polygons`, None for an empty one. Without it, an area is the lowest layer with
     the largest clearance that the behavior needs on any layer.
     """
@@ -103,5 +107,6 @@ def make_areas(
         if given[0] is None or need.radii[0].max() > least:
             areas.insert(0, BehaviorArea(meshes[0], least))
         return tuple(areas[::-1])
+    # Behaviors with the same clearance share an area.
     reach = np.unique(np.append(need.radii.max(axis=1), need.search_radius))[::-1]
     return tuple([BehaviorArea(meshes[0], radius) for radius in reach.tolist()])

@@ -30,15 +30,16 @@ _DIRECTIONS = 24
 _ROUNDING = 1e-7
 """Clearance shortfall that counts as rounding [m]."""
 _PROBE = 0.005
-"""Distance between places whose clearance is measured [m]; clearance differs by at most half of that in between."""
+"""Distance between places whose clearance is measured [m]; between them, clearance is at most half of this less."""
 
 
 def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return ``points`` (n, 2) [m], or places nearby with planned clearance for those that have only a body's own.
 
-    A motion strays from its path, so an agent at rest may be closer to obstacles than planned. A point with planned
-    clearance for any upright behavior stays. Any other is moved, by REACH at most, to a place that has it for the
-    widest behavior possible, turned ones too, whose body fits at the point; it stays if there is none.
+    A motion strays from its path, so an agent at rest may be closer to obstacles than planned. A point with the planned
+    clearance of any upright behavior (one that is not turned) stays. Any other is moved, by REACH at most, to a place
+    with the planned clearance of the widest behavior, upright or turned, whose body fits at the point and for which
+    there is such a place. If there is none for any behavior, the point stays.
     """
     upright = need.narrowest_upright  # if a wider behavior fits, this one fits, too
     if upright is not None:
@@ -73,7 +74,10 @@ def _clear_end(meshes: Sequence[NavMesh], need: Requirements, point: NDArray[np.
 
 
 def nearby_place(mesh: NavMesh, point: NDArray[np.float64], radius: float) -> NDArray[np.float64] | None:
-    """Return ``point`` (2,) or a place within REACH of it with clearance ``radius`` [m]; None if none was found."""
+    """Return ``point`` (2,) if it has clearance ``radius`` [m], else a place nearby that has it; None if none is found.
+
+    Places are those of :func:`_rings`, the nearest ring first.
+    """
     if mesh.clearances(point[None], 2.0 * radius)[0] >= radius:
         return point
     _, offsets = _rings()
@@ -93,7 +97,10 @@ def _rings() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 def missing_at_ends(
     meshes: Sequence[NavMesh], need: Requirements, path: AnnotatedPath, ends: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Return the largest shortfalls of planned clearance between the path and each of ``ends`` (2, 2) [m]."""
+    """Return the largest shortfalls of planned clearance on the straight lines from ``ends`` (2, 2) to the path [m].
+
+    The clearance is that of the path's first and of its last section.
+    """
     pieces = ((ends[0], path.points[0], path.sections[0]), (path.points[-1], ends[1], path.sections[-1]))
     before, after = (_missing(meshes, need.radii[section.behavior], one, other) for one, other, section in pieces)
     return before, after
@@ -102,7 +109,10 @@ def missing_at_ends(
 def _missing(
     meshes: Sequence[NavMesh], radii: NDArray[np.float64], one: NDArray[np.float64], other: NDArray[np.float64]
 ) -> float:
-    """Return by how much the straight line from ``one`` to ``other`` falls short of clearances ``radii`` (m,) [m]."""
+    """Return the largest shortfall of clearances ``radii`` (m,) on the way straight from ``one`` to ``other`` [m].
+
+    It is 0 if there is no shortfall.
+    """
     length = distance(one, other)
     if length == 0.0:
         return 0.0

@@ -52,11 +52,12 @@ def least_extra(query: Query, k: int, shortest: float, out: float) -> float:
 
 
 def way_out(query: Query, k: int) -> float:
-    """Return how far start and goal both are from where the preferred behavior stops fitting although ``k`` fits [m].
+    """Return a least length of sections of behavior ``k`` at the start or the goal of a path [m].
 
-    The length is a lower bound, and at most the length beyond which costs no longer change. A section of k at an end of
-    a path lasts at least that long: a neighbor that fits all along the section would replace it, and the preferred
-    behavior is the first that does not fit.
+    It is the least distance from either end to a place that may fit k but not the preferred behavior. Nearer than that,
+    the preferred behavior, the widest one, fits wherever k fits, and so do all others: the behavior of the neighboring
+    section would replace k at less cost. The result is cut off at the length from which a section at an end costs as
+    much as one within the path: `least_extra` needs no more.
     """
     need = query.need
     terms: list[float] = query.terms.tolist()

@@ -38,7 +38,10 @@ class Requirements:
 
     @staticmethod
     def of(behaviors: Sequence[Behavior], layers: int, margin: float) -> Requirements:
-        """Collect the planned clearances; raise BehaviorError if behaviors and layers do not match."""
+        """Collect clearances and costs of ``behaviors`` on a number of ``layers``, planned with ``margin`` [m].
+
+        Raise BehaviorError if there is no behavior, or if one was measured on another number of layers.
+        """
         if not behaviors:
             raise BehaviorError("a plan needs at least one behavior")
         for behavior in behaviors:
@@ -71,7 +74,8 @@ class Requirements:
     def fitting(self, layers: NDArray[np.int64], terms: NDArray[np.float64], tolerance: NDArray[np.float64]) -> Fitting:
         """Return the input of the labelling kernels.
 
-        layers: (m, 5, 2) as of `layers_of`. tolerance: (n, m) `NavMesh.tolerance` of the radii [m].
+        layers: (m, 5, 2) as of `layers_of`. tolerance: (n, m) `NavMesh.tolerance` of the radii [m]. terms: (4,) as
+        :data:`~crowdsim.planning.labels.labelling_kernels.TERMS`.
         """
         first = min(1, len(layers) - 1)  # all behaviors need the same clearance on the legs' layer
         # Paths are found with the tolerance of the mesh, the larger one in places of more than a hundred meters.
@@ -96,9 +100,10 @@ class Requirements:
 
 
 def _widest(behaviors: Sequence[Behavior], bodies: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return the clip and frame behind each layer's least clearance; on the legs' layer that of the widest behavior.
+    """Return the clip and frame that determine the least clearance on each layer, for messages.
 
-    () if they are not known of all behaviors. bodies: (n, m) clearance of the bodies, without margin [m].
+    On the legs' layer they are of the behavior with the largest clearance there, on the others of the narrowest one; ()
+    if they are not known of all behaviors. bodies: (n, m) clearance of the bodies, without margin [m].
     """
     if not all(behavior.widest for behavior in behaviors):
         return ()

@@ -3,11 +3,12 @@
 Points lie where paths are likely to cross a side: at both ends of each stretch that is clear enough for the widest
 behavior, because paths wind around corners there; between these ends; and at the widest place of each stretch that only
 a narrower behavior passes. A way crosses one triangle. If it cuts the corner that its two sides share, its length is
-that of the arc around the corner.
+measured around the corner, with an arc.
 
 ``layers`` (m, 5, 2), ``radii`` (n, m) and ``hints`` (m,) are those of
-:mod:`crowdsim.planning.roadmap.measuring_kernels`, ``level`` is a behavior, ``spans`` (half-edges,) are records
-:data:`SPAN_OF`; a is a place and u a unit vector.
+:mod:`crowdsim.planning.roadmap.measuring_kernels`, ``level`` is a behavior, ``points`` (p,) are records
+:data:`ROAD_POINT` and ``spans`` (half-edges,) records :data:`SPAN_OF`; a = (ax, ay) is a place [m], u = (ux, uy) a unit
+vector.
 """
 
 import math
@@ -64,7 +65,10 @@ _MOST_BETWEEN = 6
 
 @helper
 def _add_point(points, count, x, y, level, h):
-    """Append a point on half-edge ``h`` to ``points``, an array that grows; return (points, count)."""
+    """Append the point (x, y) [m] on half-edge ``h`` to ``points``, an array that grows; return (points, count).
+
+    ``level`` is the widest behavior that fits there; ``begin`` is left for `join_points`.
+    """
     if count == points.size:
         points = longer(points)
     point = points[count]
@@ -77,7 +81,11 @@ def _add_point(points, count, x, y, level, h):
 
 @helper
 def _border(layers, hints, radii, ax, ay, ux, uy, inside, outside):
-    """Bisect between s = ``inside`` and ``outside`` for the end of the stretch of a + s * u that fits all behaviors."""
+    """Return the last s [m] for which the widest behavior, and so every one, fits at a + s * u, by bisection.
+
+    It lies between s = ``inside``, at which it fits, and s = ``outside``, at which it does not [m]. ``hints`` are
+    changed.
+    """
     top = radii.shape[0] - 1
     # Halved six times, a step of _STEP leaves about a millimeter.
     for _ in range(6):
@@ -138,7 +146,7 @@ def place_points(layers, radii):
             s = length * k / steps
             levels[k], rooms[k] = level_at(layers, hints, radii, ax + s * ux, ay + s * uy)
         first = count
-        # Runs of samples of at least a level that nowhere reach the next level give points of this level.
+        # A run of samples of at least this level gives points of it, unless it reaches the next level somewhere.
         for level in range(n):
             k = 0
             while k <= steps:
@@ -220,7 +228,8 @@ def join_points(layers, radii, around, points, spans):
 
     Returns
     -------
-    (k,) of :data:`ROAD_WAY`, sorted by the point they leave from. The last point's ways end at the end of the array.
+    (k,) of :data:`ROAD_WAY`, sorted by the point from which they lead. The ways of point i end at the ``begin`` of
+    point i + 1, those of the last point at the end of the array.
     """
     m = mesh_at(layers[0])
     sides = m.sides
@@ -257,8 +266,9 @@ def join_points(layers, radii, around, points, spans):
                     top = min(p.level, q.level)
                     level = way_level(layers, roots, hints, stack, radii, p.x, p.y, q.x, q.y, top, cx, cy, around[v])
                     if level < 0:
-                        # The corner is wide enough for the legs by the mesh's own measure: they get around it, though
-                        # neither way tried fits. So they do on all layers: the lowest mesh holds all their obstacles.
+                        # No way tried fits. But if the corner is wide enough by the mesh's own measure, the legs get
+                        # around it. So does the narrowest behavior on all layers if it needs no more than its legs
+                        # there, as the lowest mesh holds the obstacles of all layers.
                         if sides[h].corner_clearance < width or not legs_suffice:
                             continue
                         level = 0
@@ -298,7 +308,7 @@ def join_points(layers, radii, around, points, spans):
 def see_points(layers, hints, radii, around, points, spans, x, y, seen):
     """Find the ways from (x, y) [m] to the points on the sides of its triangle; return (seen, count).
 
-    They are the first ``count`` rows of ``seen``, an array of :data:`ROAD_WAY` that grows; there are none if no
+    The ways are the first ``count`` rows of ``seen``, an array of :data:`ROAD_WAY` that grows; there are none if no
     behavior fits at (x, y). ``hints`` are changed. Other parameters are as of `join_points`.
     """
     m = mesh_at(layers[0])
@@ -311,12 +321,12 @@ def see_points(layers, hints, radii, around, points, spans, x, y, seen):
     # `level_at` has set the hints to the triangles that hold (x, y). ``roots`` keeps them, as the hints move on.
     t = hints[0]
     roots = hints.copy()
-    # Scratch: a sweep that needs more answers no, and `way_level` samples the way instead.
+    # Scratch. If a sweep needs more room, its answer is no, and `way_level` samples the way instead.
     stack = np.empty(64, SWEPT)
     for h in range(3 * t, 3 * t + 3):
         for k in range(spans[h].first, spans[h].last):
             point = points[k]
-            # The way winds around the corner of the triangle that is nearest to it.
+            # The way winds around the corner of the triangle that is nearest to the straight line.
             corner = NONE
             nearest = math.inf
             for e in range(3 * t, 3 * t + 3):

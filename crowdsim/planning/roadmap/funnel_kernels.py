@@ -4,7 +4,7 @@ The sides that the way crosses are its channel; the vertices of these sides are 
 string: nodes (:data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`) are circles around corners, joined by their
 tangents. ``m`` is the legs' mesh; half-edge h belongs to triangle h // 3.
 
-``filled`` is the number of corners.
+``filled`` is the number of ``corners`` (:data:`CORNER`) in use.
 """
 
 import numpy as np
@@ -40,9 +40,10 @@ _TOUCHING = 1e-4
 def road_channel(m, points, road, start, goal, cap, channel, levels):
     """Fill ``channel`` with the half-edges that a road crosses, ``levels`` with their behaviors; return their number.
 
-    points: those of the roadmap. road: (k, 2) rows (point, behavior). start, goal: triangles of both ends. cap: largest
-    behavior written. Return -1 if two consecutive points are on no common triangle, or if the road does not lead from
-    the start's triangle to the goal's.
+    points: those of the roadmap, records ROAD_POINT of :mod:`crowdsim.planning.roadmap.build_kernels`. road: (k, 2)
+    rows (point, behavior). start, goal: triangles of both ends. cap: widest behavior written; wider ones count as this
+    one. channel, levels: (k,) int64 at least. Return -1 if two consecutive points are on no common triangle, or if the
+    road does not lead from the start's triangle to the goal's.
     """
     sides = m.sides
     count = 0
@@ -66,6 +67,7 @@ def road_channel(m, points, road, start, goal, cap, channel, levels):
                 return -1
             count -= 1
             triangle = channel[count] // 3
+            # Without that crossing, the road may turn back over the side before it, as above.
             if count > 0 and (channel[count - 1] == h or channel[count - 1] == g):
                 count -= 1
                 triangle = channel[count] // 3
@@ -90,9 +92,10 @@ def road_channel(m, points, road, start, goal, cap, channel, levels):
 def channel_corners(m, channel, count, around, radius, ends, corners):
     """Fill ``corners`` with the vertices of the channel, in its order, and return their number.
 
-    The string keeps from each what the widest behavior needs, or as much as leaves ``radius`` to the narrowest passage
-    beside it: the opposite end of a side, or an edge across. No circle reaches over either end of the path, unless that
-    is closer than ``radius`` or than the narrowest behavior needs. The fields ``reach`` and ``kept`` are not filled.
+    The field ``most`` of a corner is what the widest behavior needs. It is less if the narrowest passage beside the
+    corner (to the opposite end of a side, or to an edge across) would not leave ``radius`` on its far side, or if the
+    circle would reach over an end of the path. But it is at least ``radius`` and what the narrowest behavior needs.
+    The fields ``reach`` and ``kept`` are not filled.
 
     channel: half-edges that the way crosses, the first ``count`` of them. around: (nv, n) clearance [m] that each of n
     behaviors, the narrowest first, keeps from each vertex. radius: least clearance that the string keeps from any
@@ -181,8 +184,8 @@ def keep_off(nodes, size, corners, filled, low, high):
     """Wind the string around all corners that it is closer to than their reach; return its new size, -1 if it tangles.
 
     The string is the first ``size`` of ``nodes``, which change; -1 also if they have no room. Only corners count that
-    end a side of the channel from number ``low`` to ``high``. This repairs the funnel's result: it takes the ends of
-    sides one after the other, but wide circles of close corners may touch the string in another order.
+    end a side of the channel from number ``low`` to ``high``. This repairs the result of the funnel: the funnel takes
+    the ends of sides one after the other, but wide circles of close corners may touch the string in another order.
     """
     size, _ = tighten(nodes, size, np.int64(1), size)
     i = np.int64(0)
@@ -212,15 +215,18 @@ def keep_off(nodes, size, corners, filled, low, high):
             over = corner.reach - corner.side * ((corner.y - ay) * dx - (corner.x - ax) * dy)
             if over > most and over < 2.0 * corner.reach:
                 along = (corner.x - ax) * dx + (corner.y - ay) * dy
+                # The corner has to lie beside the piece, and not at one of its ends.
                 if along > 0.0 and along < length and corner.vertex != a.vertex and corner.vertex != b.vertex:
                     most = over
                     worst = c
+        # This piece enters no circle: on to the next one.
         if worst < 0:
             i += 1
             continue
         if size == nodes.size:
             return -1
-        # Insert the circle that is entered deepest, and drop nodes around it that the string no longer touches.
+        # Insert the circle that is entered deepest. Drop nodes that the string no longer touches, from one before it to
+        # a few behind it, then go on with the first piece that this may have changed.
         for k in range(size, i + 1, -1):
             nodes[k] = nodes[k - 1]
         corner = corners[worst]

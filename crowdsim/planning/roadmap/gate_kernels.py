@@ -75,13 +75,12 @@ def _meeting(m, around, h, sign):
 
 @helper
 def find_gates(m, channel, levels, count, around, least, gates):
-    """Fill ``gates`` with the stretches of the channel that the widest behavior does not pass; return their number.
+    """Fill ``gates``, records :data:`GATE`, with the channel's stretches of narrower behaviors; return their number.
 
-    channel: half-edges that the path crosses, ``count`` of them. levels: behavior with which each is crossed; only
-    sides crossed with a narrower behavior than the widest count. least: clearance that pins must have [m].
-
-    Stretches without a side at whose ends the widest behavior's circles meet are no gates. Gates for which ``gates``
-    has no room are left out.
+    channel: half-edges that the path crosses, ``count`` of them. levels: behavior with which each is crossed. A stretch
+    is made of sides in a row that are crossed with a narrower behavior than the widest. It is a gate only if it has a
+    side for which the widest behavior's circles around both ends meet. Gates for which ``gates`` has no room are left
+    out. least: clearance that pins must have [m].
     """
     top = around.shape[1] - 1
     found = 0
@@ -115,7 +114,7 @@ def find_gates(m, channel, levels, count, around, least, gates):
 
 @helper
 def _is_beside(corner, gate):
-    """Return True if the corner ends a side of the gate."""
+    """Return True if the corner (CORNER of funnel_kernels) ends a side of the gate (:data:`GATE`)."""
     return corner.last >= gate.low and corner.first <= gate.high
 
 
@@ -123,9 +122,10 @@ def _is_beside(corner, gate):
 def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
     """Write the taut path through the pins of all pinned gates to ``taut``; return its node count, -1 if it tangles.
 
-    It also is -1 if ``taut`` has no room. nodes: the taut path without pins, ``size`` of them. corners: CORNER[filled],
-    whose ``reach`` changes. around: (nv, n) clearance of each vertex for each behavior [m]. gates: GATE[found], in the
-    order of the path.
+    The count is -1 as well if ``taut`` has no room. nodes, taut: records STRING_NODE of
+    :mod:`crowdsim.navmesh.paths.tangent_kernels`; ``nodes`` is the taut path without pins, the first ``size`` in use.
+    corners: records CORNER of :mod:`crowdsim.planning.roadmap.funnel_kernels`, the first ``filled`` in use, whose
+    ``reach`` changes. gates: :data:`GATE`, the first ``found`` in use, in the order of the path.
 
     Between gates the path keeps the distance from the gates' corners that the widest behavior needs.
     """
@@ -135,6 +135,7 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
     before = NONE  # the gate before
     low = np.int64(0)
     for g in range(found + 1):
+        # A gate without pins lies within the part that leads up to the next one.
         if g < found and gates[g].pinned == 0:
             continue
         for inside in range(2):
@@ -200,6 +201,7 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
             if part < 0:
                 return np.int64(-1)
             written = begin + part
+            # The next part needs room, too.
             if written >= taut.size - 2:
                 return np.int64(-1)
             # The next part begins where this one ends; the side between them belongs to both.

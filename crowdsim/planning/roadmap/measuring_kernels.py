@@ -2,9 +2,10 @@
 
 A behavior's number is called its level here: 0 is the narrowest, n - 1 the widest. ``layers`` (m, 5, 2) are the mesh
 addresses of `layers_of`, ``radii`` (n, m) the clearances of all behaviors on all layers [m], ``hints`` (m,) triangles
-near the last place on each layer.
+near the last place on each layer, -1 for none.
 
 The ends of a way are p = (px, py) and q = (qx, qy) [m], and c = (cx, cy) is the corner that it goes around [m];
+``around`` (n,) is the distance that each behavior keeps from c [m];
 ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
 """
 
@@ -48,7 +49,8 @@ def room_at(layers, hints, radii, level, x, y):
 def level_at(layers, hints, radii, x, y):
     """Return the widest behavior that fits at (x, y), -1 if none, and the narrowest one's spare clearance there [m].
 
-    The latter is at most :data:`REACH`, and negative if there is none. ``hints`` (m,) are set as by `room_at`.
+    The spare clearance is the least over all layers, at most :data:`REACH`, and negative if the behavior does not fit.
+    ``hints`` (m,) are set as by `room_at`.
     """
     n = radii.shape[0]
     level = n - 1
@@ -69,7 +71,7 @@ def level_at(layers, hints, radii, x, y):
 def length_around(px, py, qx, qy, cx, cy, radius):
     """Return the length of the shortest way from p to q that keeps ``radius`` from c [m].
 
-    It is that of the straight line if one of the ends does not keep the radius.
+    If one of the ends is nearer to c than the radius, it is the length of the straight line.
     """
     ax = px - cx
     ay = py - cy
@@ -91,12 +93,13 @@ def length_around(px, py, qx, qy, cx, cy, radius):
 
 @helper
 def _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
-    """Return True if a disc of behavior ``level`` moves straight from p, in triangles ``roots``, to q on all layers.
+    """Return True if a disc of behavior ``level`` moves straight from p to q on all layers; False in doubt.
 
-    Return False in doubt.
+    ``roots`` (m,) are the triangles that contain p in each layer, -1 if it is outside of the mesh.
     """
     for k in range(len(layers)):
         m = mesh_at(layers[k])
+        # A sweep can begin only in a free triangle.
         if roots[k] < 0 or m.cover[roots[k]] != 0:
             return False
         free, _ = sweep(m.sides, m.vertices, stack, roots[k], px, py, qx, qy, radii[level, k])
@@ -124,16 +127,17 @@ def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, a
     """Return the widest behavior, at most ``top``, that fits on the way from p to q; -1 if none.
 
     The way is the straight line from p to q. Where it passes the corner c at less than ``around[level]`` [m], it goes
-    along the circle of that radius around c instead. ``roots`` (m,) are the triangles that contain p in each layer;
-    ``hints`` are changed.
+    along the circle of that radius around c instead. It may lack :data:`SOFT` of a behavior's clearance. ``roots`` (m,)
+    are the triangles that contain p in each layer, as of `_is_open`; ``hints`` are changed.
     """
     length = hypot(qx - px, qy - py)
     for level in range(top, -1, -1):
         # Cheap test first: the disc moves straight.
         if _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
             return level
-        # Else look at places along the way, wound around the corner. Nothing is nearer than the spare clearance
-        # ``room``, so the next place may be as far off; it is at least 0.1 m off, so that there are few.
+        # Else look at places along the way, wound around the corner. No obstacle is nearer than the need plus ``room``,
+        # so the next place may be ``room`` farther on; it is at least 0.1 m farther on, so that there are few. At q
+        # itself ``top`` fits, as the caller knows.
         at = 0.0
         free = True
         while at < length and free:
@@ -151,9 +155,10 @@ def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, a
 
 @helper
 def tight_share(layers, hints, radii, px, py, qx, qy, cx, cy, around):
-    """Return the share of the way p -> q, wound around c, that the widest behavior does not fit; see `way_level`.
+    """Return the share of the way from p to q, from 0 to 1, that the widest behavior does not fit.
 
-    The circle around c is that of the widest behavior, and it may lack SOFT; ``hints`` are changed.
+    The way is that of `way_level` for the widest behavior: it goes around c on the circle of radius ``around[n - 1]``.
+    The behavior fits at a place if it lacks at most :data:`SOFT` of its clearance there. ``hints`` are changed.
     """
     top = radii.shape[0] - 1
     steps = max(2, math.ceil(hypot(qx - px, qy - py) / _TIGHT_STEP))

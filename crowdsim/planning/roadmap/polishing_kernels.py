@@ -44,7 +44,8 @@ _ROUNDS = 4
 def polish_road(layers, fitting, points, road, around, reach, ends, radius, least):
     """Find the cheapest taut path along a road; return (points (q, 2), sections (k, 3), cost).
 
-    There are no rows if all tangle or fit no behavior.
+    There are no rows, and the cost is infinite, if the road crosses no chain of triangles, or if all variants tangle or
+    fit no behavior.
 
     The first variant is as wide as the road's behaviors and not pinned, the second is pinned in all gates that fit and
     as wide as possible elsewhere. Each further one differs from the second by one gate, and by those kept before.
@@ -53,10 +54,10 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     ----------
     layers: (m, 5, 2) of `layers_of`, the legs' first.
     fitting: :class:`crowdsim.planning.labels.fitting_kernels.Fitting`.
-    points: (p,) points of the roadmap.
+    points: (p,) points of the roadmap, records ROAD_POINT of :mod:`crowdsim.planning.roadmap.build_kernels`.
     road: (r, 2) int64, point and behavior, as of `find_road`.
     around: (nv, n) of `corner_radii` [m].
-    reach: (nv,) scratch.
+    reach: (nv,) scratch, filled as by `fill_gaps`.
     ends: (2, 2) start and goal [m].
     radius, least: clearance that the path is pulled to on the lowest layer, and that it must keep there [m].
     """
@@ -73,6 +74,7 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     goal = triangle_of(m, ends[1, 0], ends[1, 1], NONE)
     # The sides that the road crosses, the vertices beside it, and the gates that the widest behavior does not pass.
     count = road_channel(m, points, road, start, goal, top, channel, levels)
+    # The road crosses no chain of triangles.
     if count < 0:
         return line, sections, cost
     filled = channel_corners(m, channel, count, around, radius, ends, corners)
@@ -99,7 +101,7 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
             for g in range(found_gates):
                 gates[g].pinned = gates[g].fits
         elif flip >= 0:
-            # A single gate has been tried both ways.
+            # A single gate has been tried both ways, and one whose pins do not fit is never pinned.
             if pins < 2 or gates[flip].fits == 0:
                 continue
             gates[flip].pinned = 1 - gates[flip].pinned
@@ -128,10 +130,12 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
 def shift_path(layers, fitting, points, sections, cost, radii, least):
     """Shift stations of a path aside where that is cheaper; return (points (q, 2), sections (k, 3), cost).
 
+    Without a cheaper path they are those given.
+
     Parameters
     ----------
     layers, fitting: as of `polish_road`.
-    points, sections, cost: the path as it is, with its labels as of `annotate`.
+    points, sections, cost: the path (p, 2) [m] as it is, with its sections (k, 3) and cost as of `annotate`.
     radii: (behaviors, m) clearance of each behavior on each of all ``layers`` [m].
     least: clearance that the legs must keep [m].
     """

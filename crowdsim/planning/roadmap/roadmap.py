@@ -70,7 +70,7 @@ class Roadmap:
         self._idle: list[tuple[NDArray[Any], int]] = []
 
     def _landmarks(self) -> NDArray[np.float32]:
-        """Return (states, l) costs from landmarks, each landmark as far as possible from those before.
+        """Return (states, l) costs from l landmarks: point 0, then always the point farthest from all before.
 
         State s is behavior s % n at point s // n; states that a landmark does not reach cost _NEVER.
         """
@@ -95,10 +95,10 @@ class Roadmap:
         """Return about the cheapest way from ends[0] to ends[1], and its estimated cost.
 
         ``ends`` (2, 2) are x and y [m]. The way is rows (k, 2) of a point's number and the behavior on the way to it.
-        The cost estimates :attr:`AnnotatedPath.cost`; without a way there are no rows, and it is infinite.
+        The cost estimates :attr:`AnnotatedPath.cost`. Without a way there are no rows and the cost is infinite.
         """
-        # States of an earlier search serve again: what it wrote bears its stamp, so nothing has to be cleared. Threads
-        # take them off the list, which is atomic, so that no two have the same.
+        # States of an earlier search serve again: what it wrote bears its stamp, so nothing has to be cleared. A thread
+        # takes states off the list in one atomic step, so no two threads use the same ones.
         try:
             states, stamp = self._idle.pop()
         except IndexError:
@@ -110,7 +110,10 @@ class Roadmap:
         return road, float(cost)
 
     def polish(self, road: NDArray[np.int64], ends: NDArray[np.float64]) -> AnnotatedPath | None:
-        """Return the cheapest taut path found along a road, or None if all tangle or fit no behavior."""
+        """Return the cheapest taut path found along a road; None if `polish_road` finds none.
+
+        ``road`` (k, 2) is of :meth:`find`, ``ends`` (2, 2) are start and goal [m].
+        """
         line, found, cost = polishing_kernels.polish_road(
             self.layers,
             self.fitting,
@@ -125,13 +128,17 @@ class Roadmap:
         return with_sections(line, found, float(cost)) if len(found) else None
 
     def excess(self, path: AnnotatedPath) -> list[float]:
-        """Return each section's cost above the preferred behavior's for its length beyond the least."""
+        """Return the excess cost of each section.
+
+        That is its length beyond the least one, times the cost per meter of its behavior less the preferred one's.
+        """
         return [self._more[s.behavior] * max(s.end - s.start - self._shortest, 0.0) for s in path.sections]
 
     def shifted(self, path: AnnotatedPath) -> AnnotatedPath:
         """Return the path with stations, points sampled closely along it, shifted aside if that is cheaper.
 
-        It is unchanged if narrow sections cost little beyond their least lengths (:data:`_WORTH`).
+        It is unchanged if narrow sections cost little beyond their least lengths (:data:`_WORTH`), or if no shift makes
+        it cheaper.
         """
         if math.fsum(self.excess(path)) <= _WORTH * path.cost:
             return path

@@ -93,15 +93,17 @@ def _may_follow(i, j, turned):
 
 @helper
 def _too_short(i, j, run, since, costs, turned, terms, paid):
-    """Estimate what it costs that a section of behavior i, ``run`` meters long, is too short before one of j.
+    """Estimate the extra cost of a section of behavior i that is ``run`` meters long, followed by one of j.
 
-    since: meters since the last turned section. paid: cost of the changes into and out of the section that already
-    counts for its least length. terms: (4,), see :data:`crowdsim.planning.labels.labelling_kernels.TERMS`.
+    It is 0 if the section is long enough. since: meters since the last turned section, as of :data:`STATE`. paid: what
+    the changes into and out of the section have already charged for its least length. terms: (4,), see
+    :data:`crowdsim.planning.labels.labelling_kernels.TERMS`.
     """
     # A narrow section before a wider one is lengthened at the expense of the wider one.
     if costs[i] > costs[j]:
         return max(0.0, (costs[i] - costs[j]) * (terms[LEAST_SECTION] - run) - paid)
-    # A wide section needs room for the turn at either end; since == run: a turned section is right before it.
+    # A wide section needs room for the turn at either end. since == run: a turned section is right before this one, or
+    # this is the first section, which is never too short, as both are infinite.
     needed = terms[LEAST_SECTION]
     if turned[j]:
         needed = terms[FOR_BETWEEN] if since == run else terms[LEAST_SECTION] + terms[FOR_TURN]
@@ -109,8 +111,8 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
         needed = terms[LEAST_SECTION] + terms[FOR_TURN]
     if run >= needed:
         return 0.0
-    # Too short, it is given to the narrower of its neighbors, which saves two changes. The dearest turned behavior
-    # stands for a turned one before it, as it is not known which one that was.
+    # Too short: it is given to the narrower of its neighbors, which saves two changes. It is not known which behavior
+    # was before it: the dearest turned one stands for any turned one, and one that is not turned does not count.
     narrow = costs[j]
     for k in range(costs.size):
         if turned[k] and since == run:
@@ -122,9 +124,10 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
 def _bound_to_goal(graph, goal, state, p, preferred):
     """Return a bound of the cost from ``state`` of point p to the goal, for the order of the search.
 
-    It is the straight distance at the preferred behavior or, if larger, |cost to goal - cost to state| from any
-    landmark in use (triangle inequality). The latter may be too high by the cost of changes of behavior: the goal's
-    cost is the least over all behaviors, but the way from ``state`` may end in another one than that.
+    It is the straight distance times the preferred behavior's cost or, if larger, |cost to goal - cost to state| from
+    any landmark in use (triangle inequality). The second bound may be too high by the cost of changes of behavior: a
+    landmark's cost to the goal is the least over all behaviors there, but the way from ``state`` may arrive with
+    another one.
     """
     bound = hypot(graph.points[p].x - goal.x, graph.points[p].y - goal.y) * preferred
     for i in range(goal.telling.size):
@@ -135,10 +138,10 @@ def _bound_to_goal(graph, goal, state, p, preferred):
 
 @helper
 def _reach(graph, goal, preferred, states, stamp, s, p, value, before, since, run):
-    """Record that state ``s`` of point p is reached at cost ``value``, if that is cheaper; return True if it is.
+    """Record that state ``s`` of point p is reached at cost ``value``, if it is cheaper than before; return True if so.
 
-    before, since, run: the state before it, meters since the last turned section, and meters of the present section.
-    ``stamp`` is the number of the search: states with other stamps are left over from earlier ones.
+    ``states`` are records :data:`STATE`, whose fields before, since and run are set to these arguments. ``stamp`` is
+    the number of the search: states with other stamps are left over from earlier searches.
     """
     state = states[s]
     if state.stamp == stamp and state.cost <= value:
@@ -156,12 +159,16 @@ def _reach(graph, goal, preferred, states, stamp, s, p, value, before, since, ru
 
 @helper
 def _road_to(states, last, behaviors):
-    """Return the points and behaviors (k, 2) from the start to state ``last``; no rows for -1."""
+    """Return rows (point, behavior), (k, 2) int64, from the start to state ``last``; no rows if it is -1.
+
+    states: records :data:`STATE`. behaviors: the number of behaviors.
+    """
     # Count the states, then fill them in from the end.
     found = 0
     s = last
     while s >= 0:
         found += 1
+        # A chain longer than the list of states runs in a circle.
         if found > states.size:
             raise BoundExceeded
         s = states[s].before
@@ -183,8 +190,9 @@ def choose_landmarks(marks, of_goal, seen, starts, behaviors, telling):
     but for changes of behavior (see `_bound_to_goal`); the bounds are summed over the points that the start sees,
     ``seen[:starts]``, each with its widest behavior.
 
-    marks: (states, l) cost between each state and each landmark. of_goal: (l,) the goal's. seen: records ROAD_WAY, the
-    first ``starts`` in use. behaviors: their number. telling: (k,) int64, filled with landmarks, the best one first.
+    marks: (states, l) cost between each state and each landmark. of_goal: (l,) cost between the goal and each landmark.
+    seen: records :data:`crowdsim.planning.roadmap.build_kernels.ROAD_WAY`, the first ``starts`` in use. behaviors: the
+    number of behaviors. telling: (k,) int64, k at most l, filled with landmarks, the best one first.
     """
     bounds = np.zeros(of_goal.size)
     for k in range(of_goal.size):
@@ -205,7 +213,8 @@ def choose_landmarks(marks, of_goal, seen, starts, behaviors, telling):
 def costs_from(points, ways, costs, turned, change, source, heap, out):
     """Fill ``out`` (states,) with the least cost from any state of point ``source`` (Dijkstra); return the heap.
 
-    points, ways, costs, turned, change: as of :class:`RoadGraph` and :class:`Prices`. heap: scratch, which may grow.
+    States that cannot be reached cost infinity. points, ways, costs, turned, change: as of :class:`RoadGraph` and
+    :class:`Prices`. heap: scratch, HEAP_ROW of :mod:`crowdsim.navmesh.mesh.heap_kernels`, which may grow.
     Sections that are too short cost nothing extra here, so that the costs bound those of a search from below.
     """
     n = costs.size
@@ -336,6 +345,7 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
             s = to * n + i
             after = 0.0 if turned[i] else since + way.length
             fresh = _reach(graph, goal, preferred, states, stamp, s, to, value, at, after, run + way.length)
+            # A state whose bound is no less than the cost of the way found cannot improve on it.
             if fresh and value + states[s].rest < best:
                 heap, count = push(heap, count, value + states[s].rest, s)
     return _road_to(states, last, n), best

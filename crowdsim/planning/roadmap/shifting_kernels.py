@@ -4,8 +4,9 @@ A taut path has one radius around each corner. But the cheapest path through a g
 outward and then goes around it as wide as the next behavior needs: it refracts where the cost per meter changes
 (Snell's law).
 
-``points`` (p, 2) is the polyline [m] and ``sections`` (k, 3) its sections; ``layers`` (m, 5, 2), ``radii`` (n, m) and
-``hints`` (m,) are those of :mod:`crowdsim.planning.roadmap.measuring_kernels`, ``costs`` (n,) those of a meter;
+``points`` (p, 2) is the polyline [m] and ``sections`` (k, 3) are its rows (behavior, start, end [m]); ``layers``
+(m, 5, 2), ``radii`` (n, m) and ``hints`` (m,) are those of :mod:`crowdsim.planning.roadmap.measuring_kernels`;
+``costs`` (n,) is the cost per meter of each behavior, the widest one last;
 ``spread`` is the largest shift [m]; ``stack`` is scratch of :mod:`crowdsim.navmesh.clearance.sweep_kernels`.
 """
 
@@ -56,11 +57,12 @@ number of the place chosen, SHIFTS // 2 for its own.
 
 @helper
 def place_stations(points, sections, costs, least, stations):
-    """Place ``stations`` along the polyline (p, 2) with sections (k, 3) as of `annotate`; return its length [m].
+    """Place ``stations``, PLACE[count], at equal steps along the polyline; return its length [m].
 
-    ``least`` is the least length of a section [m]. Stations within :data:`BESIDE` of a narrow section, their own or the
-    one before or behind it, may shift if that section is longer than this by :data:`_SPARE`; the two ends of the path
-    stay. The middle ``least`` meters of such a section cannot get shorter, so a wider behavior does not pay there.
+    ``least`` is the least length of a section [m]. A section can get shorter if it is narrow and longer than ``least``
+    by the share :data:`_SPARE`. Stations in such a section, or within :data:`BESIDE` of one next to theirs, may shift;
+    the two ends of the path stay. The middle ``least`` meters of the section stay narrow, so a wider behavior does not
+    pay there.
     """
     top = costs.size - 1
     count = stations.size
@@ -119,17 +121,17 @@ def place_stations(points, sections, costs, least, stations):
 
 @helper
 def price_places(layers, hints, radii, costs, stations, spread, prices):
-    """Fill ``prices`` (stations, SHIFTS) with the cost per meter at each place; infinite if no behavior fits.
+    """Fill ``prices`` (stations, SHIFTS) with the cost per meter at each place.
 
-    layers, hints: meshes as of `layers_of`, and the triangles found last in each, which change. radii (n, m) [m], costs
-    (n,) per meter: of the behaviors. stations, spread: as of :func:`choose_shifts`. Of a station that stays, only its
-    own place is priced; the other prices are left as they are, so they have to be infinite.
+    It is infinite at a shifted place that fits no behavior; at a station's own place it is then the narrowest
+    behavior's. Of a station that stays (``near`` is 0), only its own place is priced; its other prices are left as they
+    are, so they have to be infinite. ``hints`` are changed; ``stations`` are records :data:`PLACE`.
     """
     top = costs.size - 1
     for s in range(stations.size):
         station = stations[s]
-        # A station that stays has a single place. Its price only weighs the pieces to its neighbors; that of the widest
-        # behavior is taken, even in a narrow section that is too short to be shortened.
+        # A station that stays has a single place. Its price only weighs the pieces to its neighbors: take the widest
+        # behavior's, even in a narrow section that is too short to be shortened.
         if station.near == 0:
             prices[s, SHIFTS // 2] = costs[top]
             continue
@@ -161,7 +163,7 @@ def choose_shifts(stations, spread, prices, befores):
     """Choose the ``shift`` of each station with the least sum of length times mean price; return True if any shifts.
 
     stations: PLACE[n] along the path. spread: largest shift to either side [m]. prices: (n, SHIFTS) cost per meter at
-    each place of each station, infinite where no behavior fits. befores: scratch, (n, SHIFTS) int64.
+    each place of each station, as of :func:`price_places`. befores: scratch, (n, SHIFTS) int64.
     """
     count = stations.size
     totals = np.empty((2, SHIFTS))
@@ -210,8 +212,9 @@ def choose_shifts(stations, spread, prices, befores):
 def through_stations(points, stations, spread, line, owners):
     """Write the polyline through the shifted stations to ``line``; return its number of points.
 
-    Between two stations that do not shift it is the path itself. owners: filled with the station at or before each
-    point.
+    Between two stations that do not shift it is the path itself. points: (p, 2) the path [m]. spread: as of
+    :func:`choose_shifts`. line: (stations + p, 2) at least [m]. owners: as many int64, filled with the station at or
+    before each point.
     """
     middle = SHIFTS // 2
     filled = 0
@@ -239,10 +242,11 @@ def through_stations(points, stations, spread, line, owners):
 
 @helper
 def shifted_path(layers, hints, radii, costs, points, sections, section, spread, stack, least):
-    """Return the path (q, 2) with stations shifted aside by at most ``spread`` [m] where that is cheaper; else no rows.
+    """Return the path (q, 2) [m] with stations shifted aside by at most ``spread``; no rows if no shift is cheaper.
 
-    No rows either if its pieces still cut corners after _REPAIRS attempts. section: least length of a section [m].
-    least: clearance that the legs must keep [m]. hints: changed. Others as of `shift_path`.
+    No rows either if the path has less than three stations, or if its pieces still cut corners after _REPAIRS attempts.
+    section: least length of a section [m]. least: clearance that the legs must keep [m]. hints: changed. Others as of
+    `shift_path`.
     """
     length = sections[sections.shape[0] - 1, 2]
     count = math.ceil(length / STATION) + 1

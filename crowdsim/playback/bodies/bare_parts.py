@@ -1,7 +1,7 @@
 """Parts of a body beside its clothes: head, hands and shoes.
 
-Numbers in the code are lengths of an adult [m], times the body's ``scale``, and angles between directions. They give
-parts their shape and mean nothing else. X points ahead, Y to the left, Z up.
+Numbers in the code are lengths of an adult [m], times the body's ``scale`` (``k``), and components of directions. They
+give parts their shape and mean nothing else. X points ahead, Y to the left, Z up.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from crowdsim.playback.surfaces import COARSE, Floats, Surface, ellipsoid, limb,
 _LEG_LENGTH = 0.84
 """Distance from hip to ankle of the adult for whom the sizes below are given [m]; other bodies are scaled."""
 _OUTWARD, _AHEAD = 0.156, 0.03
-"""Parts of the direction of a hanging upper arm that point aside and ahead."""
+"""Components of the direction of a hanging upper arm, aside and ahead; the component downward is 1."""
 
 _HAIRLINE = (-1.0, -0.55, -0.2, 0.02, 0.16, 0.3, 0.6, 1.0), (-0.72, -0.66, -0.42, -0.36, 0.06, 0.32, 0.5, 0.64)
-"""Height of the hairline, by the place from the back of the skull to its front: nape, behind the ear, temple, forehead.
-Both in half axes of the skull."""
+"""Places along the skull, from its back to its front, and the height of the hairline at each: nape, behind the ear,
+temple, forehead. Both are in half axes of the skull, from its center."""
 _HAIR_SLOPE, _HAIR_THICK, _HAIR_DEEP = 0.05, 0.013, 0.005
-"""How much thicker hair is a half axis above the hairline, its thickness, and how deep it hides below the skin [m]."""
+"""How much thicker hair is a half axis above the hairline, its greatest thickness, and how deep it hides below the skin
+[m]."""
 
 X, Y, Z = np.eye(3)
 
@@ -50,6 +51,19 @@ class BodyParts:
 
     ``sides`` is the number of corners of cross-sections; bodies of up to COARSE are coarse. A role is the name of a
     joint that is the same in all skeletons, as ``left_wrist``.
+
+    Attributes
+    ----------
+    places, turns : (J, 3) and (J, 4) float64
+        Positions [m] and rotations of the joints in the modeled pose, see :func:`sculpted_pose`.
+    scale : float
+        Length of the legs, as a multiple of that of the adult for whom the sizes are given.
+    points, normals : list of (V, 3) float64
+        An entry for each surface added, of V vertices: their places [m] and unit normals in the modeled pose.
+    triangles : list of (F, 3) int64
+        Triangles of each surface; they number the vertices of all surfaces together.
+    tissue, joints, weights, fullness : list of (V,) int8, (V, 2) int32, (V, 2) float64 and (V,) float64
+        An entry for each surface, as in :class:`~crowdsim.playback.body_mesh.BodyMesh`.
     """
 
     def __init__(self, skeleton: Skeleton, sides: int) -> None:
@@ -71,7 +85,10 @@ class BodyParts:
         return place
 
     def end_of(self, role: str) -> Floats | None:
-        """Return the position (3,) [m] of the end site at the joint with ``role``, posed the same; None without one."""
+        """Return the position (3,) [m] of the end site at the joint with ``role`` in the modeled pose.
+
+        Return None if that joint has no end site.
+        """
         joint = self.skeleton.joint(role)
         rows = np.flatnonzero(self.skeleton.end_parents == joint)
         if not rows.size:
@@ -99,7 +116,7 @@ class BodyParts:
         joints : (V, 2) int32 or int
             The two joints that each vertex follows, or one that all follow.
         weights : (V, 2) float64, optional
-            Their weights; by default all is due to the first.
+            Weights of the two joints; by default 1 and 0.
         fullness : (V,) float64 or float
             Shares of a build's girth, see :class:`~crowdsim.playback.body_mesh.BodyMesh`.
         normals : (V, 3) float64, optional
@@ -118,6 +135,7 @@ class BodyParts:
         """Add neck, skull, hair down to the nape, and, unless the body is coarse, nose, ears, eyes and brows."""
         k = self.scale
         skull, neck = self.at("head"), self.at("neck")
+        # The head points to its end site; upward if it has none, or one at the joint.
         top = self.end_of("head")
         up = unit(top - skull) if top is not None and np.linalg.norm(top - skull) > 0.01 * k else Z
         head, base = self.skeleton.joint("head"), self.skeleton.joint("neck")
@@ -131,6 +149,7 @@ class BodyParts:
         center = skull + 0.085 * k * up + 0.018 * k * ahead
         axes = np.array([0.098 * k * ahead, 0.076 * k * left, 0.118 * k * up])
         surface = ellipsoid(center, axes, self.sides + 4)
+        # Places of the vertices ahead, to the left and up, in half axes of the skull.
         local = (surface.points - center) @ unit(axes).T / np.linalg.norm(axes, axis=1)
         # Chin and jaw are narrower than the brow, and the chin lies ahead of the neck.
         jaw = np.clip(-local[:, 2], 0.0, 1.0)[:, None]
@@ -159,8 +178,8 @@ class BodyParts:
     def hair(self, skull: Surface, local: Floats, head: int) -> None:
         """Add hair: the skull, thicker above the hairline and hidden below it, so that the hairline is smooth.
 
-        ``local`` (V, 3) are the places of its vertices ahead, to the left and up, in half axes of the skull. ``head``
-        is the number of the joint that it moves with.
+        ``local`` (V, 3) are the places of the skull's vertices ahead, to the left and up, in its half axes. ``head`` is
+        the number of the joint that the hair moves with.
         """
         above = local[:, 2] - np.interp(local[:, 0], *_HAIRLINE)
         thick = self.scale * np.clip(_HAIR_SLOPE * above, -_HAIR_DEEP, _HAIR_THICK)
@@ -181,7 +200,7 @@ class BodyParts:
         half : (2,) float64
             Half of its width and of its height [m].
         head : int
-            Number of the joint that it moves with.
+            Number of the joint that the part moves with.
         """
         lengths = np.linalg.norm(axes, axis=1)
         # `local` is the point on the unit sphere of the skull's half axes; `out` the normal of the ellipsoid there.

@@ -25,7 +25,10 @@ _BELOW_BALL = 0.028
 
 
 def builds_of(count: int, skeleton: Skeleton) -> NDArray[np.float32]:
-    """Return (count, 2) the stature, a multiple of the skeleton's, and the girth [m] of each agent."""
+    """Return (count, 2) the stature, a multiple of the skeleton's, and the girth [m] of each agent.
+
+    Statures are limited to heights from SHORTEST to TALLEST, unless the skeleton itself is outside of these.
+    """
     rest = skeleton.rest_positions()
     feet = min(float(rest[skeleton.joint(f"{side}_toe"), 2]) for side in ("left", "right"))
     height = float(rest[skeleton.joint("head"), 2]) + _ABOVE_HEAD - feet + _BELOW_BALL
@@ -33,6 +36,6 @@ def builds_of(count: int, skeleton: Skeleton) -> NDArray[np.float32]:
     if SHORTEST <= height <= TALLEST:
         statures = np.clip(statures, SHORTEST / height, TALLEST / height)
     agent = np.arange(count)
-    # The numbers of both have no common divisor, so that all combinations appear.
+    # The numbers of statures and girths have no common divisor, so that all combinations appear.
     builds = np.stack([statures[agent % len(STATURES)], np.array(GIRTHS)[agent % len(GIRTHS)]], axis=1)
     return builds.astype(np.float32)

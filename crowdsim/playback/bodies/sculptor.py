@@ -41,8 +41,9 @@ _SHIRT = np.array(
         [1.18, -0.120, 0.058, -0.010],
     ]
 )
-"""Rings of the shirt: share of the way from hips to shoulders, half breadth beyond that of the bones, half depth, and
-shift ahead [m]. The breadth of the bones goes over from that of the hips to that of the shoulders."""
+"""Rings of the shirt, from bottom to top: share of the way from hips to shoulders, half breadth beyond that of the
+bones, half depth, and shift ahead [m]. The breadth of the bones goes over from that of the hips to that of the
+shoulders."""
 _TROUSERS = np.array(
     [
         [-0.20, -0.055, 0.030, 0.0],
@@ -53,7 +54,7 @@ _TROUSERS = np.array(
         [0.20, 0.040, 0.080, -0.002],
     ]
 )
-"""Rings of the trousers above the legs, in the same way; they end inside the shirt."""
+"""Rings of the trousers above the legs, with the same columns; they end inside the shirt."""
 
 _BREADTHS = "hip", "shoulder"
 _GIRTH = (0.0, 0.24, 0.42, 0.76, 1.05, 1.18), (0.8, 1.0, 1.0, 0.8, 0.3, 0.0)
@@ -99,15 +100,16 @@ class _Sculptor(BodyParts):
         )
 
     def trunk(self, rings: Floats) -> tuple[Trunk, Surface]:
-        """Return ``rings`` (K, 4) around the spine, see _SHIRT, as a distance and as a surface [m].
+        """Return the trunk with ``rings`` (K, 4) around the spine, see _SHIRT: as a signed distance and a surface [m].
 
-        Both have sections of a superellipse of exponent 2.3, a little fuller than an ellipse.
+        The sections of both are superellipses of exponent 2.3, a little fuller than ellipses.
         """
         k = self.scale
         hips = (self.at("left_hip") + self.at("right_hip")) / 2.0
         height = (self.at("left_shoulder") + self.at("right_shoulder")) / 2.0 - hips
         halves = [0.5 * float(np.linalg.norm(self.at(f"left_{part}") - self.at(f"right_{part}"))) for part in _BREADTHS]
         bones = np.interp(rings[:, 0], [0.1, 0.8], halves)
+        # Never less than 4 cm in all, as the hips or shoulders of odd skeletons may be at one place.
         breadth = np.maximum(bones + rings[:, 1] * k, 0.02 * k)
         centers = hips + rings[:, :1] * height + rings[:, 3:] * k * X
         depth = rings[:, 2] * k
@@ -136,8 +138,9 @@ class _Sculptor(BodyParts):
         return loft(centers, width * u, width * np.cross(along, u), self.sides)
 
     def dress(self, trunk: tuple[Trunk, Surface], limbs: list[tuple[Floats, Floats]]) -> tuple[Skin, list[Surface]]:
-        """Return the skin over a trunk and limbs, and their surfaces, which are not moved to it yet: the trunk's first.
+        """Return the skin over a trunk and limbs, and the surfaces of all parts, the trunk's first.
 
+        :meth:`wear` moves the surfaces to the skin.
         Each of the ``limbs`` is given by points (K, 3) and radii (K,) [m].
         """
         tubes = [self.tube(points, radii) for points, radii in limbs]
@@ -197,6 +200,7 @@ class _Sculptor(BodyParts):
             # `of` and `by` are the joints and weights of the sleeve.
             first, share = self.along_spine(sleeve.points)
             of, by = _follow(first, share, upper, arm)
+            # `line` ends at the wrist.
             bent = smoothstep(-0.05 * k, 0.05 * k, (sleeve.points - elbow) @ unit(line[-1] - elbow))
             of, by = _follow(of, by, lower, bent)
             fuller = 0.75 - 0.3 * bent
@@ -206,9 +210,10 @@ class _Sculptor(BodyParts):
         self.wear(skin, body, Tissue.SHIRT, joints, weights, rings)
 
     def at_shoulder(self, trunk: Trunk, sleeve: Tube, points: Floats) -> Floats:
-        """Return by how much, 0 to 1, points near a shoulder follow the arm, the same on trunk and sleeve (V,).
+        """Return by how much, 0 to 1, points (V, 3) [m] near a shoulder follow the arm, as (V,).
 
-        It is more the deeper a point is in the sleeve than in the trunk.
+        The deeper a point is in the sleeve, compared with its depth in the trunk, the more it follows. So trunk and
+        sleeve move together at the shoulder.
         """
         return smoothstep(-0.05 * self.scale, 0.05 * self.scale, trunk(points) - sleeve(points))
 
@@ -235,15 +240,17 @@ class _Sculptor(BodyParts):
             # `of` and `by` are the joints and weights of the leg.
             of, by = self.along_spine(leg.points)
             of, by = _follow(of, by, upper, self.at_hip(side, leg.points))
+            # Below the knee, a vertex follows the shin; `line` ends at the ankle.
             bent = smoothstep(-0.06 * k, 0.06 * k, (leg.points - knee) @ unit(line[-1] - knee))
             of, by = _follow(of, by, lower, bent)
             self.wear(skin, leg, Tissue.TROUSERS, of, by, 0.8 - 0.5 * bent)
         self.wear(skin, body, Tissue.TROUSERS, joints, weights, np.full(len(body.points), 0.8))
 
     def at_hip(self, side: str, points: Floats) -> Floats:
-        """Return by how much points follow the thigh of ``side`` (V,): more below the hip joint, less in the middle.
+        """Return by how much, 0 to 1, points (V, 3) [m] follow the thigh of ``side``, as (V,).
 
-        Far below the joint all points of this leg follow it, also those up to 3 cm beyond the middle of the body.
+        It is more below the hip joint, and less near the middle of the body. Far below the joint all points of this leg
+        follow it, also those beyond the middle of the body by up to 3 cm times the scale.
         """
         k, hip = self.scale, self.at(f"{side}_hip")
         sign = 1.0 if hip[1] > 0.0 else -1.0
@@ -254,12 +261,14 @@ class _Sculptor(BodyParts):
         return thigh
 
     def along_spine(self, points: Floats) -> tuple[NDArray[np.int32], Floats]:
-        """Return joints (V, 2) and weights (V, 2) by which points bend with the bones between hips and neck.
+        """Return joints (V, 2) and weights (V, 2) by which points (V, 3) [m] bend with the bones from hips to neck.
 
-        A point follows the two bones whose middles are next to it in height, with linear weights. A bone moves with its
-        lower joint; those without height, as between joints at one place, are left out.
+        A point follows the two bones whose middles are next to it in height, with linear weights; above or below all
+        middles, it follows the nearest bone alone. A bone moves with its lower joint. Bones without height, as between
+        joints at one place, are left out.
         """
         chain = [self.skeleton.joint("neck")]
+        # From the neck down to the hips, or to the root (-1 is its parent) if the hips are not below the neck.
         while chain[-1] != self.skeleton.joint("hips") and chain[-1] >= 0:
             chain.append(int(self.skeleton.parents[chain[-1]]))
         heights = [(self.places[low, 2], self.places[high, 2], low) for high, low in pairwise(chain) if low >= 0]
@@ -268,6 +277,7 @@ class _Sculptor(BodyParts):
         ]
         middle = np.array([place for place, _ in bones])
         joint = np.array([joint for _, joint in bones], np.int32)
+        # With a single bone, all points follow it.
         if len(bones) == 1:
             return np.broadcast_to(joint, (len(points), 2)).astype(np.int32), np.tile([1.0, 0.0], (len(points), 1))
         below = np.clip(np.searchsorted(middle, points[:, 2]) - 1, 0, len(bones) - 2)
@@ -279,14 +289,15 @@ class _Sculptor(BodyParts):
 
 
 def _between(start: Floats, end: Floats, shares: tuple[float, ...]) -> list[Floats]:
+    """Return the points (3,) at ``shares``, from 0 to 1, of the way from ``start`` to ``end`` (3,)."""
     return [start + share * (end - start) for share in shares]
 
 
 def _follow(joints: NDArray[np.int32], weights: Floats, joint: int, share: Floats) -> tuple[NDArray[np.int32], Floats]:
-    """Return joints and weights (V, 2) of vertices that follow ``joint`` by ``share`` (V,), and else their first one.
+    """Return joints and weights (V, 2) of vertices that follow ``joint`` by ``share`` (V,), 0 to 1.
 
-    The second of their former joints gives way where the share is over 0.001; a lesser share counts as 0. The greater
-    weight comes first.
+    For the rest they follow the first of their former joints; the second gives way. A share of up to 0.001 counts as 0:
+    it changes neither joints nor weights. The greater weight comes first.
     """
     near = np.where(share > 0.5, joint, joints[:, 0])
     far = np.where(share > 0.5, joints[:, 0], joint)

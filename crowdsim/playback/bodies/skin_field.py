@@ -36,7 +36,7 @@ class Trunk:
     power: float
 
     def __call__(self, points: Floats) -> Floats:
-        """Return signed distances (V,) of ``points`` (V, 3) [m], negative inside; beyond an end, from the last ring."""
+        """Return signed distances (V,) of ``points`` (V, 3) [m], negative inside; beyond an end, from its ring."""
         z = np.clip(points[:, 2], self.heights[0], self.heights[-1])
         center, depth, breadth = (
             np.interp(z, self.heights, values) for values in (self.centers[:, 0], self.half_depths, self.half_breadths)
@@ -60,7 +60,7 @@ class Tube:
     radii: Floats
 
     def __call__(self, points: Floats) -> Floats:
-        """Return signed distances (V,) of ``points`` (V, 3) [m], negative inside."""
+        """Return signed distances (V,) of ``points`` (V, 3) [m], negative inside; radii go linearly from end to end."""
         nearest = np.full(len(points), np.inf)
         for a, b, first, last in zip(self.points, self.points[1:], self.radii, self.radii[1:], strict=False):
             along = b - a
@@ -72,7 +72,7 @@ class Tube:
 
 @dataclass(frozen=True)
 class Skin:
-    """The smooth union of ``parts``; the greater ``blend`` [m], the wider are the fillets between them."""
+    """The smooth union of ``parts``; a greater ``blend`` [m] makes wider fillets between them."""
 
     parts: Sequence[Distance]
     blend: float
@@ -86,16 +86,17 @@ class Skin:
         return smooth
 
     def normals(self, points: Floats) -> Floats:
-        """Return unit normals (V, 3) of the skin near ``points``."""
+        """Return unit normals (V, 3) at ``points`` (V, 3) [m] near the skin: the gradients of its distance."""
         ways = [self.distance(points + _STEP * axis) - self.distance(points - _STEP * axis) for axis in np.eye(3)]
         return unit(np.stack(ways, axis=1))
 
     def shrink(self, points: Floats, reach: float) -> tuple[Floats, Floats]:
         """Return points (V, 3) [m] moved towards the skin in _MOVES steps, and shares (V,), 0 to 1.
 
-        In each step, a point moves by its share of the way that is left. Points deeper than ``reach`` [m] below the
-        skin are inside another part: they stay there (0). Those down to half of that are moved all the way (1), and
-        shares in between fall with depth. ``points`` itself is not changed.
+        In each step, a point moves by its share of the distance that is left. Points deeper than ``reach`` [m] below
+        the skin are inside another part: they stay where they are (share 0). Points outside, and down to half of
+        ``reach`` below the skin, move all the way (share 1). In between, shares fall with depth. ``points`` itself is
+        not changed.
         """
         deep = -self.distance(points)
         share = np.clip(2.0 - deep / (0.5 * reach), 0.0, 1.0)

@@ -41,7 +41,8 @@ class Shooting:
 class Packet(NamedTuple):
     """A piece of an encoded film; times are numbers of pictures from the beginning of the film.
 
-    ``shown`` is when its picture is shown, ``decoded`` when it is decoded, and ``is_key`` whether it needs no others.
+    ``shown`` is when its picture is shown, ``decoded`` when it is decoded. ``is_key`` is True if its picture can be
+    decoded without others.
     """
 
     data: bytes
@@ -85,6 +86,7 @@ def encoded_pictures(recording: Recording, shooting: Shooting, pictures: range) 
             if shooting.view == "follow":
                 scene.look(shooting.view, time, shooting.agent)
             elif number == pictures.start:
+                # In all other views the camera stands still, so what stands still is drawn only once.
                 scene.keep_still()
             scene.show_time(time)
             picture = reduction.frame(scene.drawn_rows())
@@ -112,9 +114,9 @@ def _encoder(shooting: Shooting) -> Any:
 
 
 class _Reduction:
-    """Makes pictures of the film of drawn pixels: each of its pixels is the mean of those drawn for it.
+    """Scales drawn pictures down to the size of the film: each of its pixels is the mean of the pixels drawn for it.
 
-    The memory of what is drawn is used again: to get new pages for each picture takes as long as to copy it.
+    One buffer serves all pictures: to get new memory for each takes as long as to copy it.
     """
 
     def __init__(self, size: tuple[int, int]) -> None:
@@ -136,5 +138,5 @@ class _Reduction:
 
 
 def _packets(encoded: list[Any], first: int) -> list[Packet]:
-    """Return PyAV's packets of a part whose first picture has the number ``first`` in the film."""
+    """Return PyAV's packets, whose times count from the picture ``first`` of the film, with times of the whole film."""
     return [Packet(bytes(each), first + each.pts, first + each.dts, bool(each.is_keyframe)) for each in encoded]

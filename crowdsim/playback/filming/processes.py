@@ -17,13 +17,13 @@ from crowdsim.recording.reader import Recording
 
 _THREADS = "OPENBLAS_NUM_THREADS"
 _LOOK_SECONDS = 0.2
-"""Time after which the caller is heard again if no picture is done [s]."""
+"""Longest time between two calls of ``report`` [s], also if no picture is done."""
 
 
 def draw_in_processes(
-    recording: Path, shooting: Shooting, parts: Sequence[range], heard: Callable[[int], None]
+    recording: Path, shooting: Shooting, parts: Sequence[range], report: Callable[[int], None]
 ) -> Iterator[list[Packet]]:
-    """Draw each part of a film in a process of its own; yield what is encoded, in the order of the film.
+    """Draw each part of a film in a process of its own; yield lists of packets, some empty, in the order of the film.
 
     Parameters
     ----------
@@ -32,8 +32,8 @@ def draw_in_processes(
     shooting : Shooting
         What is filmed.
     parts : sequence of range
-        Numbers of pictures.
-    heard : callable
+        Numbers of the pictures of each part.
+    report : callable
         Called several times a second with the number of pictures that are done; what it raises ends all processes.
 
     Raises
@@ -60,7 +60,8 @@ def draw_in_processes(
                     held[part] += packets
                     done += 1
             working = {part for _, part in at_work.values()}
-            # What is encoded comes in the order of the film: other parts wait.
+            # Yield in the order of the film: of the first part still at work, what it has sent so far. Packets of later
+            # parts are held until it is done.
             while present < len(parts):
                 yield held[present]
                 held[present] = []
@@ -68,7 +69,7 @@ def draw_in_processes(
                     break
                 present += 1
             # Each part sends one message more than it has pictures, the rest of its encoder.
-            heard(min(done, sum(map(len, parts))))
+            report(min(done, sum(map(len, parts))))
     finally:
         for connection, (process, _) in at_work.items():
             process.kill()
@@ -76,7 +77,10 @@ def draw_in_processes(
 
 
 def _received(connection: Connection) -> list[Packet] | None:
-    """Return the next packets of a process, or None at the end of its part."""
+    """Return the next packets of a process, or None at the end of its part.
+
+    Raise the error that it sent, or CrowdSimError if it died.
+    """
     try:
         message = connection.recv()
     except (EOFError, OSError):
@@ -103,7 +107,7 @@ def _start(recording: Path, shooting: Shooting, pictures: range) -> tuple[SpawnP
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Let processes that are started now multiply matrices with one thread each: more would wait for each other."""
+    """Let processes that start inside the block multiply matrices with one thread: more threads would compete."""
     before = os.environ.get(_THREADS)
     os.environ[_THREADS] = "1"
     try:
@@ -122,7 +126,7 @@ def _end(process: SpawnProcess, connection: Connection) -> None:
 
 
 def _work(connection: Connection, path: Path, shooting: Shooting, pictures: range) -> None:
-    """Send what is encoded picture by picture, then None, or the error that ends it."""
+    """Send the packets of ``pictures``, picture by picture, then None; or the error that ends the drawing."""
     # Ctrl-C reaches all processes of a terminal; the one that started this one ends it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
@@ -130,7 +134,7 @@ def _work(connection: Connection, path: Path, shooting: Shooting, pictures: rang
             for packets in encoded_pictures(recording, shooting, pictures):
                 connection.send(packets)
         connection.send(None)
-    except (BrokenPipeError, ConnectionResetError):
+    except (BrokenPipeError, ConnectionResetError):  # the process that started this one has ended
         return
     except (CrowdSimError, OSError) as error:
         connection.send(error)

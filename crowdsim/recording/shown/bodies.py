@@ -28,13 +28,21 @@ if TYPE_CHECKING:
 Joints = NDArray[np.float32]
 
 
+def no_tracks_in(name: str) -> RecordingError:
+    """Return the error of a recording from which it does not follow where feet stand; messages call it ``name``."""
+    return RecordingError(
+        f"{name} has no tracks of nodes, so it is not known where feet stand: no agent is captured, or an older "
+        "version wrote it"
+    )
+
+
 class ShownBodies(ABC):
     """Recorded steps of all agents, and the poses of their bodies at any time.
 
     Attributes
     ----------
     name : str
-        What messages call it.
+        Name in messages.
     header : RecordingHeader
         The constant part.
     x, y, heading, node, previous, frame, behavior, state, phase : Column
@@ -99,8 +107,8 @@ class ShownBodies(ABC):
     def at_time(self, time: float) -> RecordedFrame:
         """Return the state of all agents at a time, also between steps.
 
-        Captured agents go along the tracks of their nodes, steered ones straight. (node, previous, frame) are those
-        that the simulation passed through, as :func:`~crowdsim.recording.between.frame_between` finds them.
+        Captured agents go along the tracks of their nodes, steered ones straight. The columns ``node``, ``previous``
+        and ``frame`` are found by :func:`~crowdsim.recording.between.frame_between`.
 
         Parameters
         ----------
@@ -117,7 +125,7 @@ class ShownBodies(ABC):
         RecordingError
             Outside of the recording.
         """
-        # Tolerances make up for rounding of times, here and of the share of a step.
+        # Tolerances make up for rounding: of times here, and of the share of a step below.
         if not -1e-9 <= time <= self.duration + 1e-9:
             raise RecordingError(f"{self.name} lasts from 0 to {self.duration:g} s; there is nothing at {time:g} s")
         step = self.shown_step(time)
@@ -129,7 +137,7 @@ class ShownBodies(ABC):
         return frame_between(now, then, share, self._node_tracks, self.steps_per_second, self.header.spans)
 
     def shown_step(self, time: float) -> int:
-        """Return the step that is shown from its time until the next one.
+        """Return the last step up to a time, limited to the recording.
 
         Parameters
         ----------
@@ -169,7 +177,7 @@ class ShownBodies(ABC):
         """Return the bodies of agents at a time.
 
         Captured agents play the frames of their nodes, and their planted feet keep their places; steered agents walk on
-        their smoothed tracks. Earlier calls do not matter.
+        their smoothed tracks. The result does not depend on earlier calls.
 
         Parameters
         ----------
@@ -178,8 +186,8 @@ class ShownBodies(ABC):
         agents : (A,) int or None
             Numbers of the agents; by default all.
         blended : bool
-            Whether switches between the levels are blended: bodies over 0.4 s, feet in their next swing; else the new
-            level is shown at once.
+            Whether switches between the levels are blended: bodies over 0.4 s, feet in their next swing. If not, the
+            new level is shown at once.
 
         Returns
         -------
@@ -203,7 +211,7 @@ class ShownBodies(ABC):
             changed = present.copy()
             changed[present], *joints = self._switch_blends.poses(time, step, frame, rows[present], on_tracks)
             positions[changed], rotations[changed] = joints
-            levels[changed] = Level.NOBODY  # done; the others are posed below
+            levels[changed] = Level.NOBODY  # these are posed; the others follow below
         captured, steered = levels == Level.CAPTURED, levels == Level.STEERED
         if captured.any():
             some = rows[captured]
@@ -250,7 +258,8 @@ class ShownBodies(ABC):
         agents : (A,) int64
             Numbers of the agents.
         node, previous : (A,) int32
-            What they play and what they played before, see :class:`~crowdsim.recording.header.RecordedFrame`.
+            Node that each agent plays, and the one before it, see
+            :class:`~crowdsim.recording.header.RecordedFrame`.
         at : (A,) float64
             Frames of the nodes.
         track : (A, 3) float64
@@ -288,7 +297,7 @@ class ShownBodies(ABC):
         agents : (A,) int64
             Numbers of the agents.
         node : (A,) int32
-            What they play.
+            Node that each agent plays.
         frame : (A,) float64
             Frames of the nodes.
 
@@ -307,18 +316,18 @@ class ShownBodies(ABC):
 
     @cached_property
     def foot_table(self) -> FootTable | None:
-        """Return places and stances of the feet in all nodes; None if the recording does not tell them."""
+        """Return places and stances of the feet in all nodes; None if the recording has no tracks of nodes."""
         from crowdsim.recording.shown.planted_feet import feet_of_nodes
 
         return feet_of_nodes(self.header, self.pose_table)
 
     @cached_property
     def planted_feet(self) -> PlantedFeet:
-        """Return all changes of the feet of captured bodies; RecordingError if the recording has no foot table."""
+        """Return all changes of the feet of captured bodies; raise RecordingError if there is no foot table."""
         from crowdsim.recording.shown.planted_feet import PlantedFeet
 
         if self.foot_table is None:
-            raise RecordingError(f"{self.name} was written by an older version and does not tell where feet stand")
+            raise no_tracks_in(self.name)
         return PlantedFeet(self, self.foot_table)
 
     @cached_property

@@ -13,7 +13,7 @@ from crowdsim.motion.graph.foot_contacts import extent, feet_of, standing_moves
 from crowdsim.motion.planted.planted_rows import PlantedRows, planted_rows
 from crowdsim.recording.header import Ends
 from crowdsim.recording.levels import Level
-from crowdsim.recording.shown.bodies import ShownBodies
+from crowdsim.recording.shown.bodies import ShownBodies, no_tracks_in
 
 RATE = 30
 """Number of poses per second that are compared."""
@@ -38,7 +38,10 @@ class Stances(NamedTuple):
 
 
 class _Moment(NamedTuple):
-    """Captured bodies at one time: agents, P points (n, 2, P, 3) of each foot [m]; node, frame, heading (n,) [rad]."""
+    """Captured bodies at one time: agents (n,), and P points of each foot (n, 2, P, 3) [m].
+
+    Also (n,) each: the node that they play, its frame ``at``, and their heading [rad].
+    """
 
     agents: Ints
     points: Floats
@@ -50,13 +53,15 @@ class _Moment(NamedTuple):
 def shown_stances(recording: ShownBodies, rate: int = RATE) -> Stances:
     """Return every stance of captured bodies in a recording, posed ``rate`` times a second.
 
-    The clips that are played tell which points of a foot stand; of these, the one that moves least counts. Raise
-    RecordingError if the recording does not tell where feet stand.
+    Which points of a foot stand follows from the clips that are played; of these, the one that moves least counts.
+    Raise RecordingError if the recording has no tracks of nodes.
     """
     motion = recording.header.motion
+    if not len(motion.pool_tracks):
+        raise no_tracks_in(recording.name)
     tracks = motion.pool_tracks.astype(np.float64)
     rows = planted_rows(recording.pose_table, motion.skeleton, tracks)
-    # Moves (shown, own) of each foot that stands, by agent and foot, and the time of the first; and the stances that
+    # Feet that stand, by agent and foot: when that began, and the moves (shown, own) since then. Then the stances that
     # have ended: agent and foot, begin, end, moves.
     standing: dict[tuple[int, int], tuple[float, list[tuple[Floats, Floats]]]] = {}
     found: list[tuple[tuple[int, int], float, float, list[tuple[Floats, Floats]]]] = []

@@ -38,13 +38,13 @@ def pose_table_of(motion: MotionRecord) -> PoseTable:
 
 
 def tracks_of(motion: MotionRecord) -> NodeTracks:
-    """Return the tracks of all nodes, without rows if a recording is too old to tell them."""
+    """Return the tracks of all nodes; without rows if a recording is too old to have them."""
     first, frames = (np.ascontiguousarray(values, np.int32) for values in (motion.node_first, motion.node_frames))
     return NodeTracks(first, frames, np.ascontiguousarray(motion.pool_tracks, np.float64))
 
 
 def feet_of_nodes(header: RecordingHeader, table: PoseTable) -> FootTable | None:
-    """Return places and stances of the feet in all nodes; None if there are none, or a recording is too old to tell."""
+    """Return places and stances of the feet in all nodes; None without tracks of nodes, as in older recordings."""
     motion = header.motion
     if not len(motion.pool_tracks):
         return None
@@ -52,7 +52,7 @@ def feet_of_nodes(header: RecordingHeader, table: PoseTable) -> FootTable | None
 
 
 def played_in(frame: RecordedFrame) -> Played:
-    """Return what the bodies of one step play; only captured bodies play nodes."""
+    """Return what the bodies of one step play; the node is -1 for bodies that are not captured."""
     captured = levels_of(frame.state, frame.node, frame.phase) == Level.CAPTURED
     return Played(
         np.where(captured, frame.node, -1).astype(np.int32),
@@ -65,7 +65,7 @@ def played_in(frame: RecordedFrame) -> Played:
 class PlantedFeet:
     """All changes of the feet of a recording, by foot and time.
 
-    Each step is followed once, from the first on: where a foot stands may have begun long before a time asked for.
+    All steps are followed once, from the first on, because a foot may have stood long before a requested time.
     """
 
     def __init__(self, recording: RecordedPoses, feet: FootTable) -> None:
@@ -90,8 +90,8 @@ class PlantedFeet:
     def states_at(self, time: float, agents: Ints, node: NDArray[np.int32], frame: Floats) -> Floats:
         """Return the states (n, 2, COLUMNS) of the feet of ``agents`` (n,), which play ``frame`` of ``node`` (n,).
 
-        Zeros, for a foot that nothing corrects, if no change holds in this frame. ``time`` is that in the recording
-        [s].
+        ``time`` is the time in the recording [s]. The state is zeros, for a foot that is not corrected, if no change
+        holds in its frame.
         """
         states = np.zeros((len(agents), 2, COLUMNS))
         if not len(self._keys):
@@ -113,6 +113,7 @@ class PlantedFeet:
 
 
 def _ticks(times: Floats | float) -> Ints:
+    """Return times [s] in whole units of 1 / _TICKS s."""
     ticks: Ints = np.rint(np.asarray(times) * _TICKS).astype(np.int64)
     return ticks
 

@@ -19,7 +19,7 @@ BLEND_SECONDS = 0.3
 """Duration of the change from one behavior to another [s], centered on the step in which the behavior changes."""
 
 _BLOCKS_KEPT = 2
-"""Blocks whose plans stay in memory: switches near the border of two ask for both in turn."""
+"""Number of blocks whose plans stay in memory: switches near the border of two blocks need both in turn."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,7 +33,7 @@ def gait_clip(motion: MotionRecord, behavior: int) -> DeformedClip:
 
 
 class GaitClips:
-    """The clips that steered agents are posed from, each prepared when it is needed first."""
+    """The clips that steered agents are posed from, each prepared at its first use."""
 
     def __init__(self, motion: MotionRecord) -> None:
         self._motion = motion
@@ -41,7 +41,7 @@ class GaitClips:
 
     @cached_property
     def walk(self) -> DeformedClip:
-        """Return the clip of the preferred behavior, which is the last one, and whose legs all behaviors use."""
+        """Return the clip of the preferred behavior, the last one; all behaviors use its legs."""
         return gait_clip(self._motion, -1)
 
     def of(self, behavior: int) -> DeformedClip:
@@ -77,7 +77,10 @@ class SteeredPoses:
         return self._blended(block, bodies, time)
 
     def _blended(self, block: _PlannedBlock, bodies: Ints, time: float) -> tuple[Floats, Floats]:
-        """Return root positions (n, 3) and local rotations (n, J, 4) of bodies, blended over their behaviors."""
+        """Return root positions (n, 3) [m] and rotations (n, J, 4) relative to the parent, blended over behaviors.
+
+        ``bodies`` (n,) are tracks of the block; ``time`` is in [s].
+        """
         weights = block.behavior_weights(bodies, time)
         joints = self._recording.header.motion.skeleton.joint_count
         roots, rotations = np.empty((len(bodies), 3)), np.empty((len(bodies), joints, 4))
@@ -138,7 +141,7 @@ class _PlannedBlock:
         reached = _eased(((steps[1:] / self._rate - time) / half + 1.0) / 2.0)
         shares = np.diff(np.concatenate([[0.0], reached, [1.0]]))
         for step, share in zip(steps, shares, strict=True):
-            # Beyond the steps in which a body is shown as steered, its first or last behavior counts.
+            # Before and after the steps in which a body is shown as steered, its first or last behavior counts.
             rows = np.clip(step, self.tracks.firsts[bodies], ends) - self._first
             weights[np.arange(len(bodies)), self._behavior[np.maximum(rows, 0), agents]] += share
         weights /= weights.sum(axis=1, keepdims=True)

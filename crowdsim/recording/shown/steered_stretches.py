@@ -39,7 +39,7 @@ class Stretches(NamedTuple):
     columns : (S,) int64
         Column of the agent in the part.
     firsts, ends : (S,) int64
-        Rows in which the agent is shown as steered, with captured ones at either end, to before ``ends``.
+        Rows in which the agent is shown as steered, to before ``ends``; some at either end may be captured.
     begins, stops : (S,) int64
         Rows for which track and phase are known, to before ``stops``.
     starts : (S,) int64
@@ -68,9 +68,10 @@ class Stretches(NamedTuple):
 
 
 def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some: Ints) -> Stretches:
-    """Return all stretches of the agents ``some`` (n,) in ``rows``: indices into the range ``columns`` of agents.
+    """Return all stretches of some agents in ``rows``, the steps to read.
 
-    In the result, rows count from the first of ``rows``, and columns are places in ``some``.
+    ``columns`` is a range of agents, of which ``some`` (n,) are taken, as indices from the start of the range. In the
+    result, rows count from the first of ``rows``, and columns are indices into ``some``.
     """
     phase = recording.phase[rows, columns][:, some].astype(np.float64)
     state = recording.state[rows, columns][:, some]
@@ -78,7 +79,8 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
     levels = levels_of(state, node, phase)
     steered = levels == Level.STEERED
     here, firsts, ends = _runs(steered)
-    # Without nodes, or stretches, there is nothing to extend: they are the runs of steered rows themselves.
+    # If no agent can be captured, or none is steered, there is nothing to extend: the stretches are the runs of steered
+    # rows.
     if not recording.header.motion.mixed or not len(here):
         counts = ends - firsts
         starts = np.cumsum(counts) - counts
@@ -105,11 +107,12 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
     # Steered rows keep their recorded phase; extended rows add up the advances of the nodes.
     own = steered[rows_of, of] & (rows_of >= at_first) & (rows_of < np.repeat(ends, counts))
     phases = np.where(own, phase[rows_of, of], phases)
-    # For now from the last captured row before to the first one after: there the phases meet those of the nodes.
+    # For now, stretches are shown from the last captured row before to the first one after, in which the phases must
+    # meet those of the nodes.
     stretches = Stretches(here, np.maximum(firsts - 1, begins), ends, begins, stops, starts, phases)
     stretches = _in_step(stretches, played, rows_of - at_first, np.repeat(ends, counts) - rows_of, rate)
-    # Switches are shown at moments of their own.
-    # NONE, for an edge without a switch, finds the 0 at the end, which is not used.
+    # Then they are shown from switch to switch, as playback shows switches. NONE, for an edge without a switch, finds
+    # the 0 at the end, which is not used.
     shown = np.append(recording.switches.shown, 0) - rows.start
     agents = columns.start + some[here]
     first, end = (recording.switches.at(agents, edges + rows.start) for edges in (firsts, ends))

@@ -43,7 +43,7 @@ class SwingTimes(NamedTuple):
     end : (n, 2) float64
         Time at which the offset has vanished [s].
     forced : (n, 2) bool
-        Whether it vanishes in a small step of its own, because the foot is not seen to lift before.
+        Whether it vanishes in a small step that is added, because the recorded foot does not lift before.
     cut : (n,) float64
         Time at which the agent disappears [s]; infinite if it stays.
     """
@@ -55,9 +55,10 @@ class SwingTimes(NamedTuple):
 
 
 def swing_times_after(recording: RecordedTracks, switches: Switches, some: Ints) -> SwingTimes:
-    """Return the times of the feet after the switches ``some`` (n,), at least one."""
+    """Return the times of the feet after the switches ``some`` (n,) of ``switches``, at least one."""
     rate = recording.steps_per_second
-    # Follow each foot through its states, row by row; rows are steps from the switch on.
+    # Follow each foot through its states, row by row; rows are steps from the switch on. At first, all feet are held
+    # until they take a small step.
     shares, same, gone = _foot_phases(recording, switches, some)
     times = switches.shown[some] / rate
     standing = shares < STANCE
@@ -80,13 +81,13 @@ def swing_times_after(recording: RecordedTracks, switches: Switches, some: Ints)
         in_time = lands & (state == _LATE) & (at - times[:, None] >= _SHORTEST_SWING)
         hold = np.where(in_time, times[:, None], hold)
         end = np.where(in_time, np.minimum(at, times[:, None] + FADE), end)
-        # Its swing ends; a phase that jumps must not end it at once.
+        # The swing ends in which an offset vanishes; a phase that jumps must not end it at once.
         landed = lands & (state == _SWINGING)
         end = np.where(landed, np.maximum(at, hold + _SHORTEST_SWING), end)
         state = np.where(begins, _SWINGING, np.where(in_time | landed, _RIGHT, state))
-        # Else it lands with its offset and waits for the next swing.
+        # A late foot that lands too soon keeps its offset and waits for the next swing.
         state = np.where(lands & (state == _LATE), _STANDING, state)
-    # Feet that swing at the switch and are not seen to land lose their offset with the rest of the body.
+    # Feet that swing at the switch, and whose landing is not recorded, lose their offset with the rest of the body.
     late = state == _LATE
     hold, end = np.where(late, times[:, None], hold), np.where(late, times[:, None] + FADE, end)
     cut = np.where(gone.any(axis=0), times + np.argmax(gone, axis=0) / rate, np.inf)
@@ -98,8 +99,9 @@ def _foot_phases(
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the phase (T, n, 2) of each foot in its own cycle, 0 when it lands, in the T steps from each switch on.
 
-    The switches are ``some`` (n,). Once the level has changed again, 0 (left) and 0.5 (right) stand for the phases.
-    Also return (T, n) bool: whether the agent has stayed on the new level until then, and whether it is absent.
+    Phases are in [0, 1) cycles. The switches are ``some`` (n,). Once the level has changed again, phases are 0 (left)
+    and 0.5 (right). Also return (T, n) bool: whether the agent has stayed on the new level until then, and whether it
+    is absent.
     """
     rate = recording.steps_per_second
     shown, agents, steered = switches.shown[some], switches.agents[some], switches.steered[some]
@@ -119,7 +121,8 @@ def _foot_phases(
     inside = at < len(played)
     at, column = np.minimum(at, len(played) - 1), agents - columns.start
     level, own = levels[at, column], played[at, column]
-    # For steered agents take the phases that are shown, which were adapted to the nodes before.
+    # For steered agents take the phases that are shown, which were adapted to the nodes before: those of the stretch
+    # that is shown from the step of the switch on.
     key = stretches.columns * len(played) + stretches.firsts
     found = np.searchsorted(key, column[steered] * len(played) + at[0, steered])
     own[:, steered] = stretches.phases_at(found, np.minimum(at[:, steered], stretches.stops[found] - 1))

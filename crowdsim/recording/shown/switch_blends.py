@@ -18,7 +18,7 @@ from crowdsim.recording.shown.switches import Switches
 from crowdsim.recording.shown.track_blocks import BLOCK_TICKS, TICKS_PER_SECOND
 
 _BLOCKS_KEPT = 16
-"""Blocks whose switches stay in memory."""
+"""Number of blocks whose switches stay in memory."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -59,7 +59,7 @@ class SwitchBlends:
     def poses(
         self, time: float, step: int, frame: RecordedFrame, agents: Ints, steered: NDArray[np.bool_]
     ) -> tuple[NDArray[np.bool_], Floats, Floats]:
-        """Pose those of ``agents`` (n,), all present, whose last switch is not over yet.
+        """Pose those of ``agents`` (n,), all present, that still show an offset of their last switch.
 
         Parameters
         ----------
@@ -145,7 +145,7 @@ class SwitchBlends:
         for step in np.unique(shown[rows[~block.measured[rows]]]).tolist():
             same = np.flatnonzero(shown == step)
             again = self._before(block.numbers[same]) & (self._switches.shown[block.numbers[same] - 1] == step)
-            # In order of time: the rest of the switch before is part of an offset.
+            # In order of time: if two switches of an agent are shown in one step, the second offset contains the first.
             for some in (same[~again], same[again]):
                 if len(some):
                     self._fill(block, some, step)
@@ -187,9 +187,9 @@ class SwitchBlends:
             values[rows] = more
 
     def _leave_rest(self, numbers: Ints, time: float, lapses: Floats, body: Body, later: Body) -> None:
-        """Add the rest of the switches before ``numbers`` (n,) to old motions, which are changed in place.
+        """Add what is left of earlier switches to the old motions of the switches ``numbers`` (n,), in place.
 
-        They are those at ``time`` [s], ``body``, and ``lapses`` (n,) seconds later, ``later``.
+        The old motions are ``body`` at ``time`` [s], and ``later``, ``lapses`` (n,) seconds after it.
         """
         earlier = self._before(numbers) & (time - self._times(numbers - 1) < LONGEST)
         earlier[earlier] = self._left(numbers[earlier] - 1, time)
@@ -199,11 +199,11 @@ class SwitchBlends:
             _put(later, earlier, faded(self._skeleton, later.chosen(earlier), offsets, time + lapses[earlier]))
 
     def _played_at(self, step: int, agents: Ints, before: NDArray[np.bool_]) -> tuple[Body, Body, Floats]:
-        """Return captured bodies at ``step`` and, for their velocities, a frame earlier if ``before`` (n,), else later.
+        """Return captured bodies at ``step`` and at a second time, and the times (n,) from first to second [s].
 
-        If an agent was not captured in the step before, the frame is later; in the last step it is earlier, or the
-        same if there is no other. Also return the times (n,) from the first bodies to the second [s]; a frame for the
-        same bodies, so that their velocities are 0.
+        The second time gives their velocities. It is one frame earlier if ``before`` (n,), else one frame later. But an
+        agent that was not captured in the step before has only later frames, and in the last step there are only
+        earlier ones. If there is neither, both bodies are the same, and the time is one frame: their velocities are 0.
         """
         recording, rate = self._recording, self._recording.steps_per_second
         captured, is_last = np.zeros(len(agents), bool), step + 1 == recording.steps

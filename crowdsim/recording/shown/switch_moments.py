@@ -1,8 +1,8 @@
 """Moments at which playback changes from one level to the other: as both feet stand, so that each has a whole swing.
 
-A foot that swings at a switch has only the rest of its swing to come where the new motion has it, and that is far away,
-as people brake when they begin to steer. But a body can be steered along any captured track: it is shown so somewhat
-earlier than it was recorded, or for somewhat longer.
+A foot that swings at a switch has only the rest of its swing to reach its place in the new motion. That place is far
+away, as people brake when they begin to steer. But a body can be shown as steered along any captured track. So it is
+shown as steered somewhat earlier than it was recorded, or for somewhat longer.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ Ints = NDArray[np.int64]
 
 
 def choose_moments(recording: RecordedTracks, switches: Switches) -> Switches:
-    """Return the switches with the moments at which they are shown: the captured step in which both feet stand best.
+    """Return the switches with better steps at which they are shown.
 
-    A switch to steered is shown less than _EARLY before the last captured step only if no earlier step can be taken.
-    Switches around short steered times, and those without such a step, stay as they are shown.
+    Each is shown in the captured step whose phase is nearest to the middle of a double support. A switch to steered is
+    shown less than _EARLY before the last captured step only if no earlier step can be taken. Switches around short
+    steered times, and switches without a captured step to choose, keep their ``shown``.
     """
     count = len(switches.steps)
     if not count:
@@ -81,9 +82,9 @@ def choose_moments(recording: RecordedTracks, switches: Switches) -> Switches:
 def _keep_their_step(switches: Switches, follows: NDArray[np.bool_], rate: int) -> NDArray[np.bool_]:
     """Return (S,) which switches are not moved: those around a steered time that is too short to come in step.
 
-    follows: (S,) whether a switch is of the same agent as the one before it. rate: steps per second. To come in step
-    takes IN_STEP after its beginning and before its end. If one of the two switches around a short captured time is not
-    moved, neither is the other, as both would be shown at one moment.
+    follows: (S,) whether a switch is of the same agent as the one before it. rate: steps per second [1/s]. A gait comes
+    in step during IN_STEP after a steered time begins, and before it ends. If one of the two switches around a short
+    captured time is not moved, neither is the other, as both would be shown at one moment.
     """
     steps, steered = switches.steps, switches.steered
     close = np.flatnonzero(follows[1:] & steered[:-1] & (np.diff(steps) < round(2.0 * IN_STEP * rate)))
@@ -95,9 +96,10 @@ def _keep_their_step(switches: Switches, follows: NDArray[np.bool_], rate: int) 
 
 
 def _played_from(recording: RecordedTracks, agents: Ints, low: Ints, first: int) -> tuple[Ints, Floats]:
-    """Return the steps (n, K) from ``low`` (n,) on, and the phases that ``agents`` (n,) play in them, nan if none.
+    """Return the steps (n, K) from ``low`` (n,) on, and the phases of ``agents`` (n,) in them [cycles].
 
-    All of ``low`` lie in the STEPS_AT_ONCE steps from ``first`` on. K is as many steps as there may be to choose from.
+    Phases are nan for agents that are not captured, and beyond the recording. All of ``low`` lie in the STEPS_AT_ONCE
+    steps from ``first`` on. K is the largest number of steps to choose from.
     """
     count = round(max(_SHORT, _EARLIEST, _LATEST) * recording.steps_per_second) + 1
     rows = slice(first, min(first + STEPS_AT_ONCE + count, recording.steps))

@@ -107,7 +107,7 @@ class Offsets(NamedTuple):
 def offsets_between(
     skeleton: Skeleton, times: Floats, old: tuple[Body, Body], new: tuple[Body, Body], lapse: tuple[Floats, Floats]
 ) -> Offsets:
-    """Return the differences of old motions to new ones; :func:`with_feet` adds the times of the feet.
+    """Return the differences of old motions to new ones, without times of feet, which :func:`with_feet` adds.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def feet_of_body(skeleton: Skeleton, body: Body) -> Feet:
 
 
 def faded(skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats) -> Body:
-    """Return bodies of new motions at ``time`` [s], with the rest of the old ones added."""
+    """Return the bodies ``new`` of new motions at ``time`` [s] with what is left of their ``offsets`` added."""
     since = np.maximum(time - offsets.times, 0.0)
     keep, drift = _weights(since, np.full(len(since), FADE))
     roots = new.roots + keep[:, None] * offsets.roots + drift[:, None] * offsets.root_speeds
@@ -194,13 +194,14 @@ def faded(skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats)
 def _foot_targets(
     skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats, keep: Floats
 ) -> tuple[Feet, Floats]:
-    """Return where the feet of ``new`` are to be at ``time`` [s], and positions of their ankles (n, 2, 3) [m].
+    """Return the feet of ``new`` with their offsets at ``time`` [s] added, and their ankles (n, 2, 3) [m].
 
     ``keep`` (n,) is the share of the offsets of whole bodies that is left.
     """
     places, _ = forward_kinematics(skeleton, new.roots, new.rotations)
     ankles = [skeleton.joint(f"{side}_ankle") for side in ("left", "right")]
     feet = feet_of_body(skeleton, new)
+    # Offsets of feet last longer than those of bodies: they are kept until ``hold``, and have vanished at ``end``.
     now = np.broadcast_to(np.asarray(time, np.float64), offsets.times.shape)[:, None]
     share, drift = _weights(np.maximum(now - offsets.hold, 0.0), offsets.end - offsets.hold)
     u = np.clip((now - offsets.hold) / (offsets.end - offsets.hold), 0.0, 1.0)
@@ -218,13 +219,14 @@ def _foot_targets(
 
 
 def _on_feet(skeleton: Skeleton, new: Body, body: Body, feet: Feet, targets: Floats) -> Body:
-    """Return ``body`` with ankles at ``targets`` (n, 2, 3) [m] and on ``feet``, if needed on raised heels and lowered.
+    """Return ``body`` with legs that bring the ankles to ``targets`` (n, 2, 3) [m] and the feet to ``feet``.
 
-    ``new`` is the body of the new motion alone.
+    If a leg is too short, its heel is raised; if that is not enough, the pelvis is lowered. ``new`` is the body of the
+    new motion alone.
     """
     places, world = forward_kinematics(skeleton, body.roots, body.rotations)
     new_places, _ = forward_kinematics(skeleton, new.roots, new.rotations)
-    # To the left of the pelvis: knees bend about this axis if a leg is too straight to tell.
+    # Left of the pelvis: knees bend about this axis if a leg is so straight that it has no plane of its own.
     left = rotate(world[:, 0], np.array([0.0, 1.0, 0.0]))
     joints = [[skeleton.joint(f"{side}_{part}") for part in ("hip", "knee", "ankle")] for side in ("left", "right")]
     legs, most = [], []
@@ -249,16 +251,17 @@ def _on_feet(skeleton: Skeleton, new: Body, body: Body, feet: Feet, targets: Flo
         rotations[:, ankle] = multiply(conjugate(shank), turn)
         toe = skeleton.roles.get(f"{('left', 'right')[k]}_toe")
         if toe is not None and int(skeleton.parents[toe]) == ankle:
-            # Toes stay as they are.
+            # Toes keep their direction in the world as the heel rises.
             rotations[:, toe] = multiply(multiply(conjugate(turn), feet.turns[:, k]), rotations[:, toe])
     return Body(body.roots - down, rotations)
 
 
 def _weights(since: Floats, whole: Floats) -> tuple[Floats, Floats]:
-    """Return what is left of a difference after ``since`` of ``whole`` seconds: ``keep`` and ``drift``.
+    """Return the weights ``keep`` and ``drift`` of a difference and its velocity after ``since`` of ``whole`` seconds.
 
-    It is keep * difference + drift * velocity: ``keep`` is a share, 1 at first, ``drift`` a time [s], 0 at first. Both
-    are quintic polynomials that begin with the difference, its velocity and no acceleration, and end at rest.
+    What is left of the difference is keep * difference + drift * velocity: ``keep`` is a share, 1 at first, ``drift`` a
+    time [s], 0 at first. Both are quintic polynomials: their sum begins with the difference, its velocity and no
+    acceleration, and ends at 0 and at rest.
     """
     u = np.clip(since / whole, 0.0, 1.0)
     keep = 1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0))
@@ -267,13 +270,13 @@ def _weights(since: Floats, whole: Floats) -> tuple[Floats, Floats]:
 
 
 def _bounded(vectors: Floats, most: float) -> Floats:
-    """Return vectors (..., 3), shortened to length ``most``."""
+    """Return vectors (..., 3); those that are longer than ``most`` are shortened to it."""
     length = np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True))
     bounded: Floats = vectors * np.minimum(1.0, most / np.maximum(length, 1e-12))
     return bounded
 
 
 def _yaw_turns(yaws: Floats) -> Floats:
-    """Return quaternions (..., 4) of rotations about the vertical."""
+    """Return quaternions (..., 4) of rotations by ``yaws`` (...) about the vertical [rad]."""
     zero = np.zeros_like(yaws)
     return np.stack([cos(0.5 * yaws), zero, zero, sin(0.5 * yaws)], axis=-1)

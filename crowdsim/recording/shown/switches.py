@@ -22,8 +22,8 @@ class Switches(NamedTuple):
     steps : (S,) int64
         First step on the new level.
     shown : (S,) int64
-        Step at which playback changes to the new level, as a body can be steered along the track of any captured step:
-        at a switch to steered some steps before, at a switch to captured some steps after ``steps``.
+        Step at which playback changes to the new level: some steps before ``steps`` if that is steered, some steps
+        after, or in ``steps`` itself, if it is captured. In between a body walks as steered on its captured track.
     steered : (S,) bool
         Whether the new level is the steered one.
     """
@@ -35,8 +35,8 @@ class Switches(NamedTuple):
 
     def last(self, agents: Ints, step: int | Ints) -> Ints:
         """Return (n,) the row of the latest switch of each of ``agents`` shown by ``step``; NONE if there is none."""
-        # Agent and step in one sorted number (most: more than any step shown), the step limited to stay within its
-        # agent; NONE in front is found if nothing else is.
+        # Agent and step in one sorted number: agent * most + step, with ``most`` above all steps shown. Later steps are
+        # limited, so that their numbers are those of no other agent. NONE in front is found if nothing else is.
         most = int(self.shown.max(initial=0)) + 1
         numbers = np.append(NONE, self.agents * most + self.shown)
         found = np.searchsorted(numbers, agents * most + np.minimum(step, most - 1), side="right") - 1
@@ -44,8 +44,8 @@ class Switches(NamedTuple):
         return last
 
     def at(self, agents: Ints, steps: Ints) -> Ints:
-        """Return (n,) the row of the switch of each of ``agents`` in ``steps`` (n,), NONE if there is none."""
-        # As in last(); the -1 at the end is what is compared if nothing is found.
+        """Return (n,) the row of the switch that each of ``agents`` makes in ``steps`` (n,); NONE if it makes none."""
+        # Numbers as in last(). Beyond all numbers, the -1 at the end is found, which equals none.
         most = int(max(self.steps.max(initial=0), np.max(steps, initial=0))) + 1
         numbers = np.append(self.agents * most + self.steps, -1)
         wanted = agents * most + steps
@@ -56,7 +56,7 @@ class Switches(NamedTuple):
     def steer_in_playback(self, step: int) -> Ints:
         """Return the agents (k,), captured at ``step``, that playback shows as steered.
 
-        They are between the step at which a switch is shown and that in which it happens, whichever comes first.
+        For these, ``step`` is between the step in which a switch happens and the one at which it is shown.
         """
         first, end = np.minimum(self.steps, self.shown), np.maximum(self.steps, self.shown)
         agents: Ints = self.agents[(first <= step) & (step < end)]

@@ -48,13 +48,13 @@ class TrackBlock(NamedTuple):
     agents : (A,) int64
         Agent of each body, ascending.
     firsts, ends : (A,) int64
-        Steps of the recording in which each is shown as steered, with captured ones at either end, to before ``ends``,
-        as far as the block knows.
+        Steps of the recording in which each is shown as steered, to before ``ends``, as far as the block has read them.
+        They may include captured steps at either end.
     tracks : JoinedTracks
         Samples at ticks.
     zeros : (A,) float64
-        Time of the first sample if all are taken as one tick apart, back from the last one [s]: in stands before the
-        block, samples are left out.
+        Time of the first sample if samples are counted back from the last one, one tick apart [s]. It is later than
+        recorded if samples of stands are left out.
     """
 
     agents: Ints
@@ -72,6 +72,7 @@ class TrackBlock(NamedTuple):
     def kept(self, bodies: NDArray[np.bool_]) -> TrackBlock:
         """Return the block with the bodies that the mask ``bodies`` (A,) selects."""
         tracks = self.tracks.kept(bodies[self.tracks.bodies])
+        # The tracks of other bodies are empty now, so their starts can be left out.
         starts = np.append(tracks.starts[:-1][bodies], tracks.starts[-1])
         rest = JoinedTracks(tracks.samples, starts)
         return TrackBlock(self.agents[bodies], self.firsts[bodies], self.ends[bodies], rest, self.zeros[bodies])
@@ -94,7 +95,7 @@ def read_block(recording: RecordedTracks, block: int) -> TrackBlock:
     for first in range(0, recording.agent_count, _AGENTS_AT_ONCE):
         agents = np.arange(first, min(first + _AGENTS_AT_ONCE, recording.agent_count))
         before = _BEFORE
-        # The last steps of standing bodies lie far back: read twice as far for these until they are found.
+        # Footsteps of standing bodies lie far back: read twice as far for these until the samples suffice.
         while len(agents):
             part, lacking = _read_part(recording, agents, block, before)
             if before >= _FARTHEST:
@@ -106,7 +107,7 @@ def read_block(recording: RecordedTracks, block: int) -> TrackBlock:
 
 
 def _joined(parts: list[TrackBlock]) -> TrackBlock:
-    """Return all bodies of some parts, sorted by agent and time."""
+    """Return the bodies of all ``parts`` as one block, sorted by agent and time."""
     agents, firsts, ends = (np.concatenate([part[k] for part in parts]) for k in range(3))
     samples = np.concatenate([part.tracks.samples for part in parts])
     lengths = np.concatenate([part.tracks.lengths for part in parts])
@@ -130,6 +131,7 @@ def _read_part(
     columns = slice(int(agents[0]), int(agents[-1]) + 1)
     some = agents - agents[0]
     stretches = read_stretches(recording, rows, columns, some)
+    # Only bodies that are shown as steered in the block.
     block_first, block_end = block_steps(block, rate)
     began, left = stretches.firsts + rows.start, stretches.ends + rows.start
     inside = (began < block_end) & (left > block_first)
@@ -144,6 +146,7 @@ def _read_part(
     ticks = np.arange(starts[-1]) - starts[body] + first_ticks[body]
     row, rest = np.divmod(ticks * rate - rows.start * TICKS_PER_SECOND, TICKS_PER_SECOND)
     share = rest / TICKS_PER_SECOND
+    # Interpolate between the rows before and after each tick.
     now, then = (np.clip(row + k, begins[body], stops[body] - 1) for k in (0, 1))
     samples = np.empty((len(ticks), 4))
     ends = recording.header.ends
@@ -163,7 +166,7 @@ def _read_part(
     tracks = smooth_joined(unwrapped(JoinedTracks(samples, starts)))
     keep, lacking = _needed(tracks, ticks, first_ticks, block, cut_before, cut_after)
     kept = tracks.kept(keep)
-    # Samples that are left out lie in stands: the kept ones count as one tick apart, back from the last one.
+    # Kept samples count as one tick apart, back from the last one: see TrackBlock.zeros.
     zeros = (np.append(ticks, 0)[_last(keep, tracks)] - kept.lengths + 1) / TICKS_PER_SECOND
     return TrackBlock(agents[here], began, left, kept, zeros), lacking
 
@@ -193,7 +196,8 @@ def _needed(
     """Return which samples the poses of a block depend on (N,), and which bodies need more samples before (A,).
 
     ``ticks`` (N,) are those of all samples, ``first_ticks`` (A,) those of the first samples. ``cut_before`` and
-    ``cut_after`` (A,) tell whether a body was steered before its track begins, and after it ends.
+    ``cut_after`` (A,) are True if the track begins with the first row read, or ends with the last one, and the
+    recording goes on beyond that row.
     """
     body, place, lengths, starts = tracks.bodies, tracks.places, tracks.lengths, tracks.starts
     phase = tracks.samples[:, 3]
@@ -219,7 +223,10 @@ def _needed(
 
 
 def _last(keep: NDArray[np.bool_], tracks: JoinedTracks) -> Ints:
-    """Return (A,) the last kept sample of each track; the number of all samples if none is kept."""
+    """Return (A,) the last kept sample of each track.
+
+    For a track that keeps none, it is the last kept one of the tracks before, or the number of all samples without any.
+    """
     kept = np.flatnonzero(keep)
     ends = np.searchsorted(kept, tracks.starts[1:])
     last: Ints = np.append(kept, len(keep))[ends - 1]

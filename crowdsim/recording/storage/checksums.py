@@ -54,7 +54,7 @@ class _Bytes(Protocol):
 def checked_chunks(file: h5py.File) -> Ranges:
     """Return (n, 2) the ranges of bytes, first and end, that HDF5 checks itself, in order; adjacent ones are merged.
 
-    Flush the file before.
+    The file has to be flushed before.
     """
     found: list[tuple[int, int]] = []
 
@@ -109,7 +109,7 @@ def require_unchanged(path: Path) -> bool:
 
 
 def _kept_frame(stream: _Bytes, size: int) -> bytes | None:
-    """Return the content of the frame at the end of the file; None if there is no sound one."""
+    """Return the content of the frame at the end of a file of ``size`` bytes; None if there is no undamaged one."""
     tail = _read(stream, max(size - _TAIL.size, 0), size)
     length = _TAIL.unpack(tail)[0] if len(tail) == _TAIL.size else 0
     if not FRAME_HEAD + _HEAD.size + _TAIL.size <= length <= size:
@@ -118,9 +118,9 @@ def _kept_frame(stream: _Bytes, size: int) -> bytes | None:
 
 
 def _hdf5_size(stream: _Bytes, size: int) -> int:
-    """Return the size of HDF5 that its superblock holds, right or damaged; ``size`` if h5py did not write the file.
+    """Return the size of HDF5 that its superblock holds, which may be damaged [bytes].
 
-    h5py never writes a size of 0.
+    Return ``size`` if h5py did not write the file, or if the superblock holds 0, which h5py never writes.
     """
     head = _read(stream, 0, min(_END_AT + 8, size))
     if not head.startswith(_SIGNATURE) or len(head) < _END_AT + 8:
@@ -131,7 +131,7 @@ def _hdf5_size(stream: _Bytes, size: int) -> int:
 def _checksum_outside(stream: _Bytes, size: int, chunks: Ranges) -> int:
     """Return the checksum of the bytes up to ``size`` outside of ``chunks`` (n, 2), first and end, in order."""
     checksum, place = 0, 0
-    # An empty range at the end: what lies behind the last chunk counts, too.
+    # The empty range at the end makes the bytes behind the last chunk count, too.
     for first, end in [*chunks.tolist(), (size, size)]:
         for begin in range(place, first, _PART):
             checksum = zlib.crc32(_read(stream, begin, min(begin + _PART, first)), checksum)

@@ -49,7 +49,7 @@ def frame(kind: int, content: bytes) -> bytes:
 
 
 def framed(kind: int, given: bytes) -> bytes | None:
-    """Return the content of ``given``, a frame of this kind; None if it is none, or damaged."""
+    """Return the content of ``given``, if that is an undamaged frame of this kind, else None."""
     if len(given) < _HEAD.size:
         return None
     mark, found, check, length = _HEAD.unpack_from(given)
@@ -107,7 +107,7 @@ class PartFile(io.RawIOBase):
     def truncate(self, size: int | None = None) -> int:
         """Set the size of HDF5 and return it; the disk follows at the next commit."""
         self._size = self._place if size is None else size
-        # If HDF5 grows again before that, zeros follow, not what was there.
+        # If HDF5 grows again before the next commit, zeros follow, not what was there.
         self._committed = min(self._committed, self._size)
         self._blocks = {number: block for number, block in self._blocks.items() if number * _BLOCK < self._size}
         last, inside = divmod(self._size, _BLOCK)
@@ -158,7 +158,7 @@ class PartFile(io.RawIOBase):
         for number, block in changed:
             parts += [number.to_bytes(8, "little"), bytes(block)]
         # The frame goes behind the new end of HDF5, so that writing the blocks cannot overwrite it: after a kill in the
-        # middle of that, the blocks are written again from the frame.
+        # middle of writing, the blocks are written again from the frame.
         self._end = max(self._end, self._size)
         self.add_frame(BLOCKS, b"".join(parts))
         _put_blocks(self._handle, self._size, changed)
@@ -179,7 +179,10 @@ class PartFile(io.RawIOBase):
 
 
 def is_held(path: Path) -> bool:
-    """Return whether a process is writing the part file ``path``: then it is locked, and a shared lock is refused."""
+    """Return whether a process is writing the part file ``path``: then it is locked, and a shared lock is refused.
+
+    False also if the file system has no locks.
+    """
     with path.open("rb") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -250,7 +253,7 @@ def _locked(path: Path) -> int:
 
 
 def _frames(given: bytes) -> Iterator[tuple[int, memoryview]]:
-    """Yield all complete frames (kind, content) of a file, in their order."""
+    """Yield all complete frames (kind, content) of a file, ``given`` as bytes, in their order."""
     content = memoryview(given)
     # Go from mark to mark. A mark without a complete frame is chance, or a frame that a kill cut off: go on behind it.
     place = given.find(_MARK)
@@ -266,14 +269,17 @@ def _frames(given: bytes) -> Iterator[tuple[int, memoryview]]:
 
 
 def put_frames(given: bytes, target: Path) -> list[tuple[int, memoryview]]:
-    """Write the HDF5 of a part file, ``given`` as bytes, to ``target``; return the frames after the last commit."""
+    """Write the HDF5 of a part file, ``given`` as bytes, to ``target``; return the frames after the last commit.
+
+    The frames are pairs (kind, content).
+    """
     content = memoryview(given)
     found = list(_frames(given))
-    # The last commit may not have reached its places, so its blocks are written again; earlier ones have.
+    # The last commit may not have reached its places, so its blocks are written again. Earlier commits have.
     last = max((k for k, (kind, _) in enumerate(found) if kind == BLOCKS), default=-1)
     with target.open("wb") as stream:
         stream.write(content)
-        # Without such a frame HDF5 is as of the last commit; h5py ignores what is left behind it.
+        # Without a frame of blocks, HDF5 is as of the last commit; h5py ignores the bytes behind its end.
         if last >= 0:
             size, count = _LENGTH.unpack_from(found[last][1])
             rows = found[last][1][_LENGTH.size :]

@@ -13,7 +13,7 @@ _LEAST = 4096
 """Bytes of the smallest collection."""
 
 _OBJECT = struct.Struct("<HH4xQ")
-"""Head of an object: its number, 0 for the free rest; how often it is named; its size (the rest's: with head)."""
+"""Head of an object: number, 0 for the free rest; reference count; size [bytes], with the head for the free rest."""
 
 _PART = 1 << 22
 """Bytes that are searched at once."""
@@ -22,7 +22,7 @@ _PART = 1 << 22
 def require_sound_heaps(path: Path) -> None:
     """Raise ValueError if a collection of strings ("global heap") of the file is damaged.
 
-    The library goes from object to object by their sizes, and never ends if the free rest claims to have none.
+    HDF5 goes from object to object by their sizes, and never ends if the free rest claims a size of 0.
     """
     with path.open("rb") as file:
         for place in _places(path):
@@ -54,7 +54,7 @@ def _places(path: Path) -> Iterator[int]:
 
 
 def _is_sound(heap: bytes) -> bool:
-    """Return True if the objects of a collection lie one behind the other up to its end.
+    """Return whether the objects of a collection, ``heap`` as bytes, lie one behind the other up to its end.
 
     HDF5 file format specification, "Global Heap": signature and size of the collection, 8 bytes each, then the objects.
     """

@@ -1,4 +1,4 @@
-"""Read whole datasets, and name those that are damaged; the packing that lets HDF5 notice damage."""
+"""Read whole datasets, and name those that are damaged; packings of datasets, with checksums if HDF5 has them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ docs/recordings.md."""
 
 
 def values_of(group: h5py.Group, name: str) -> Any:
-    """Return all values of a dataset, strings as str; raise RecordingError that names it if they cannot be read."""
+    """Return all values of a dataset, texts as str; raise RecordingError with its name if they cannot be read."""
     dataset = group[name]
     try:
         return dataset.asstr()[()] if h5py.check_string_dtype(dataset.dtype) else dataset[()]
-    except (OSError, RuntimeError, MemoryError) as error:
+    # h5py raises OSError for a chunk that cannot be read or whose checksum is wrong, RuntimeError for other errors of
+    # HDF5, MemoryError for a damaged size, and ValueError for text that is not UTF-8.
+    except (OSError, RuntimeError, MemoryError, ValueError) as error:
         raise RecordingError(f"{group.name.strip('/')}/{name}: {error}") from None

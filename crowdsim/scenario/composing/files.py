@@ -33,13 +33,13 @@ def named_from(keys: Any, files: Files, folder: Path, renamed: Mapping[str, str]
     Parameters
     ----------
     keys : mapping
-        Plain keys of the scenario.
+        Plain keys of the scenario, which are not changed.
     files : Files
         Files that the keys name.
     folder : Path
         Folder that the new names start from.
     renamed : mapping of str to str
-        New names of the files that exist in memory only.
+        New names of the files that exist in memory only, by their names so far.
     """
 
     def seen(name: str) -> str:
@@ -48,25 +48,26 @@ def named_from(keys: Any, files: Files, folder: Path, renamed: Mapping[str, str]
             return renamed[name]
         return name if Path(name).is_absolute() else Path(os.path.relpath(files.folder / name, folder)).as_posix()
 
+    # A key may be present and null, which counts as absent.
     floor = {**keys["floor"]}
-    if "file" in floor:
+    if floor.get("file") is not None:
         floor["file"] = seen(floor["file"])
     obstacles = [
         {
-            key: {**value, "file": seen(value["file"])} if key in ("mesh", "plan") else value
+            key: {**value, "file": seen(value["file"])} if key in ("mesh", "plan") and value is not None else value
             for key, value in each.items()
         }
         for each in keys.get("obstacles", ())
     ]
     motion = {**keys.get("motion", {})}
-    if "captures" in motion:
+    if motion.get("captures") is not None:
         motion["captures"] = seen(motion["captures"])
     given: dict[str, Any] = {"floor": floor, "obstacles": obstacles, "motion": motion}
     if "behaviors" in keys:
         # Imported only here, as it loads the modules of clips.
         from crowdsim.behaviors.behavior import is_own
 
-        # ``./`` tells the path of a folder from a name in the library.
+        # A new path without a slash would read as a name in the library: put ``./`` before it.
         paths = [seen(each) if is_own(each) else each for each in keys["behaviors"]]
         pairs = zip(keys["behaviors"], paths, strict=True)
         given["behaviors"] = [path if is_own(each) == is_own(path) else f"./{path}" for each, path in pairs]

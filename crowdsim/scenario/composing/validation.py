@@ -36,12 +36,21 @@ def validated(
     problems : sequence of Problem
         Problems found so far; they are reported with the others.
     progress : callable or None
-        Called as ``progress(done, all)`` with parts of files of triangles, if they are many.
+        Passed on to :func:`~crowdsim.environment.layers.clearance_layers`.
+
+    Returns
+    -------
+    keys : ScenarioFields
+        The validated keys.
+    environment : Environment
+        Their environment.
 
     Raises
     ------
     ScenarioError
-        With every problem.
+        With ``problems`` and every key whose value the schema refuses; if there are none of these, with everything else
+        that is wrong. If the environment cannot be built, neither places of agents nor commands about agents are
+        checked.
     """
     try:
         keys = ScenarioFields.model_validate(document.value)
@@ -75,5 +84,7 @@ def _command_complaints(keys: ScenarioFields, environment: Environment) -> list[
 
 
 def refuse(problems: Iterable[Problem]) -> NoReturn:
-    """Raise ScenarioError with ``problems`` in the order of the file; those without a line go first."""
-    raise ScenarioError(sorted(problems, key=lambda p: (p.line is not None, p.line or 0, p.column or 0)))
+    """Raise ScenarioError with ``problems`` in the order of the file, each once; those without a line go first."""
+    # Several groups may find the same problem, in an exit or a route that they share.
+    once = dict.fromkeys(problems)
+    raise ScenarioError(sorted(once, key=lambda p: (p.line is not None, p.line or 0, p.column or 0)))

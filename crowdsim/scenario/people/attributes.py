@@ -14,6 +14,7 @@ from crowdsim.scenario.schema.attributes import Attribute
 from crowdsim.scenario.schema.schema import ScenarioFields
 
 _ATTRIBUTE_STREAM = 8
+"""Number of the random streams of a group's attributes; each quantity of a group has its own."""
 
 Values = NDArray[np.float64] | NDArray[np.str_]
 
@@ -21,8 +22,8 @@ Values = NDArray[np.float64] | NDArray[np.str_]
 def draw_attributes(keys: ScenarioFields) -> dict[str, Values]:
     """Return the attributes of all agents by name: arrays (n,) of numbers or of words, in the order of the groups.
 
-    Agents of a group that lacks an attribute get nan or an empty word. Each attribute of each group is drawn from
-    its own stream of the scenario's seed, so that adding one changes no other.
+    Agents of a group that lacks an attribute get nan, or an empty word if other groups have words. Each attribute of
+    each group is drawn from its own stream of the scenario's seed, so that adding one changes no other.
     """
     counts = [len(start_times(keys, number)) for number in range(len(keys.agents))]
     names = sorted({name for group in keys.agents for name in group.attributes})

@@ -13,7 +13,7 @@ from crowdsim.yamlfile.document import Complaint
 
 
 class Called:
-    """The agents on call, and which of them earlier commands have added, or removed for good.
+    """The agents on call of a scenario, and which of them commands have added, or removed for good, so far.
 
     Attributes
     ----------
@@ -51,11 +51,12 @@ class Called:
 def command_complaint(
     keys: ScenarioFields, environment: Environment, command: Command, called: Called
 ) -> Complaint | None:
-    """Return what is wrong with a command about agents, by its key, or None.
+    """Return what is wrong with a command about agents, with the key in the command; None if nothing is.
 
-    ``called`` has taken in the commands before it.
+    Also return None for a command that is not about agents. ``called`` has taken in the commands before this one.
     """
     asked = command.commanded
+    # A command about a door or an obstacle: the timetable checks it.
     if asked is None:
         return None
     agents = (command.action, "agents")
@@ -65,6 +66,7 @@ def command_complaint(
     if isinstance(asked, NewGoal):
         wrong = new_goal_complaint(keys, environment, asked)
         return None if wrong is None else (("set_goal", "goal"), wrong)
+    # Any agent can be removed, or get another speed, at any time.
     if not isinstance(asked, Added):
         return None
     busy = [agent for agent in asked.agents if not called.awaits(agent)]

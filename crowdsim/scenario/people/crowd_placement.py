@@ -1,4 +1,7 @@
-"""Place agents that may be steered, as arrays: there may be a hundred thousand of them."""
+"""Place agents that may be steered, as arrays: there may be a hundred thousand of them.
+
+``number`` is the index of a group in the scenario, ``walkers`` are the properties of its agents.
+"""
 
 from __future__ import annotations
 
@@ -41,9 +44,11 @@ SPARE = 0.02
 """Least gap between two agents that start in one step, and between them and walls [m]."""
 
 CAPTURED_APART = 0.9
-"""Distance between the centers of two that start in one step if there is room, so that both can begin captured [m]."""
+"""Distance between the centers of agents that start in one step, if there is room, so that all can begin captured
+[m]."""
 
 _START_STREAM, _GOAL_STREAM, _EXIT_STREAM = 0, 1, 7
+"""Numbers of random streams of a group; each quantity has its own."""
 
 Floats = NDArray[np.float64]
 
@@ -108,16 +113,19 @@ class CrowdPlacement(NamedTuple):
 def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple[CrowdPlacement, list[Complaint]]:
     """Draw when and where each agent starts, and where it goes.
 
-    Agents that start in the same step get places beside each other: at random if there is room (parties together),
-    else in rows that face their first goal; but without room, those of a source or on call get places that overlap, and
-    wait until theirs is free. Each group draws from its own streams of the scenario's seed.
+    Agents that start in the same step get places that do not overlap: at random if there is room, else in rows that
+    face their first goal. Random places are CAPTURED_APART from each other if the agents may begin captured and there
+    is room for it; else they are only as far apart as bodies need, with parties together. If there is no room, agents
+    of a source or on call get no rows, but random places that may overlap, and wait until their place is free. Each
+    group draws from its own streams of the scenario's seed.
 
     Returns
     -------
     placement : CrowdPlacement
         Without the groups that found no place.
     complaints : list of Complaint
-        Every region that is off the floor, blocked, or too full.
+        Every region that is off the floor, blocked, or too full; every source with no agent or too many; or that the
+        floor is too large for steered agents, in which case nothing is drawn.
     """
     # Steering sorts agents into a grid of at most MOST_CELLS cells.
     left, bottom, right, top = environment.floor.bounds
@@ -141,6 +149,8 @@ class _Drawing:
     def __init__(self, keys: ScenarioFields, environment: Environment) -> None:
         self.keys, self.environment = keys, environment
         self.complaints: list[Complaint] = []
+        # Rooms by the free floor around [m]; places (k, 2) [m] taken so far by the agents that start, by step, and by
+        # the agents that stay at a goal.
         self._rooms: dict[float, list[MultiPolygon]] = {}
         self._starting: defaultdict[int, list[Floats]] = defaultdict(list)
         self._standing: list[Floats] = []
@@ -211,7 +221,9 @@ class _Drawing:
     ) -> tuple[Floats | None, Floats]:
         """Return start positions (n, 2) [m] and headings (n,) [rad], nan for the direction of the path.
 
-        Without room, record a complaint and return None for the positions.
+        ``steps`` (n,) are the steps in which the n agents of the group, which has the index ``number``, start; agents
+        on call all have the step NEVER. If the start region is unusable or too full, record a complaint and return None
+        for the positions.
         """
         count = len(steps)
         region = group.start.shape()
@@ -226,7 +238,8 @@ class _Drawing:
         for step, rows in _rows_by_step(steps):
             taken = np.concatenate([np.empty((0, 2)), *self._starting[step]])
             spots = np.empty((0, 2))
-            # First far enough apart to begin captured, if they may; then only as far apart as bodies need.
+            # First far enough apart to begin captured, if they may (on a periodic floor none may); then only as far
+            # apart as bodies need.
             if group.level != "steered" and self.keys.floor.periodic is None:
                 spots = scatter_spots(region, room, len(rows), CAPTURED_APART, taken, generator)
             if len(spots) < len(rows):
@@ -256,11 +269,13 @@ class _Drawing:
     def _draw_spots(self, number: int, group: AgentGroup, count: int, walkers: Walkers) -> Floats | None:
         """Return places (n, k, 2) in the k goals [m], nan if an agent needs none.
 
-        Without room, record a complaint and return None. All exits of a group count as one goal, the last, in which no
-        agent needs a place.
+        ``number`` is the index of the group, n = ``count`` its number of agents. If a goal or an exit is unusable, or a
+        goal to stay at is too full, record a complaint and return None. All exits of a group count as one goal, the
+        last, in which no agent needs a place.
         """
         regions = self.keys.regions(number)
         spots = np.full((count, len(regions) + (group.exits is not None), 2), np.nan)
+        # Each exit has to be open to some agent; it needs no room for a body, see ``Destinations.exit_region``.
         for exit_number in self.keys.exits_of(group):
             if not meets(self._destinations.exit_region(exit_number), self.environment.fixed_layers[0].free):
                 message = "lies off the floor, or inside of an obstacle"
@@ -301,10 +316,11 @@ class _Drawing:
     def _room(
         self, number: int, path: tuple[str | int, ...], region: Polygon | Point, radius: float
     ) -> tuple[MultiPolygon, float] | None:
-        """Return the floor with ``radius`` of free floor around it, if ``region`` meets it; else complain, return None.
+        """Return the places with enough free floor around them, and how much that is [m].
 
-        Captured agents need NOMINAL_RADIUS at least; ``auto`` ones get it if there is room. The second value is the
-        free floor around [m].
+        Steered agents of group ``number`` need ``radius`` [m]. Captured ones need NOMINAL_RADIUS at least; ``auto``
+        ones get it if ``region`` has such a place, else ``radius``. If ``region`` has no place, record a complaint with
+        its key ``path``, and return None.
         """
         radii = {"steered": [radius], "captured": [max(radius, NOMINAL_RADIUS)], "auto": [NOMINAL_RADIUS, radius]}
         for least in radii[self.keys.agents[number].level]:
@@ -317,11 +333,12 @@ class _Drawing:
         return None
 
     def _generator(self, number: int, *stream: int) -> np.random.Generator:
+        """Return a generator of group ``number`` that depends on the scenario's seed and on ``stream`` alone."""
         return np.random.default_rng(np.random.SeedSequence(self.keys.seed, spawn_key=(number, *stream)))
 
 
 def _rows_by_step(steps: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]]]:
-    """Return each step in which agents start, ascending, with the rows of those agents."""
+    """Return each of the ``steps`` (n,) in which agents start, ascending, with the rows (k,) of its agents."""
     order = np.argsort(steps, kind="stable")
     distinct, firsts = np.unique(steps[order], return_index=True)
     return list(zip(distinct.tolist(), np.split(order, firsts[1:]), strict=True))
@@ -330,7 +347,8 @@ def _rows_by_step(steps: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]
 def captured_placement(cast: CrowdPlacement) -> Placement:
     """Return the placement of the same agents for captured motion; each goes to its own places in its goals.
 
-    It shares ``starts`` and ``start_steps`` with ``cast``: those who come, and commands, change both for both levels.
+    It shares the arrays ``starts`` and ``start_steps`` with ``cast``: if an agent comes elsewhere or later, or a
+    command adds or removes it, the change counts on both levels.
     """
     # Groups that are never steered walk at the speed of their clips, unless the file gives a speed.
     own = np.array(cast.paced) | (np.array(cast.locomotions) != "captured")

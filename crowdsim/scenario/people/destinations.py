@@ -73,7 +73,7 @@ class Itinerary(NamedTuple):
 
 
 class Destinations:
-    """Numbers the regions that groups go to, without duplicates.
+    """Numbers the regions that groups go to; equal regions get one number.
 
     Attributes
     ----------
@@ -94,7 +94,10 @@ class Destinations:
         return tuple(region for _, region in self._numbers.values())
 
     def itinerary(self, number: int) -> Itinerary:
-        """Return the itinerary of group ``number``, with the places of its route first."""
+        """Return the itinerary of group ``number``, with the places of its route first.
+
+        Its regions are numbered among :attr:`goals` if they are new, and its exits are entered in :attr:`exits`.
+        """
         goals, headings = [], []
         group = self._keys.agents[number]
         for _, goal in self._keys.regions(number):
@@ -125,13 +128,16 @@ class Destinations:
     def _number_of(self, region: Polygon, exit_name: str = "") -> int:
         """Return the index of a region among the goals; add it if it is new.
 
-        Exits are never merged with other regions.
+        An exit has its name as ``exit_name``, so that it is never merged with another region that is equal.
         """
         key = exit_name, shapely.to_wkb(shapely.normalize(region))
         return self._numbers.setdefault(key, (len(self._numbers), region))[0]
 
     def _end_of(self, along: str) -> Polygon:
-        """Return the far end of an endless way: the last END_DEPTH of a second copy of the floor behind the first."""
+        """Return the far end of an endless way: the last END_DEPTH of a copy of the floor that joins its end.
+
+        ``along`` is the direction of the way: +x, -x, +y or -y.
+        """
         xmin, ymin, xmax, ymax = self._keys.floor.bounds
         end = {
             "+x": (2.0 * xmax - xmin - END_DEPTH, ymin, 2.0 * xmax - xmin, ymax),
@@ -148,6 +154,7 @@ class Destinations:
         free = self._environment.fixed_layers[0].free
         if meets(region, room_in(free, EXIT_ROOM)):
             return region
+        # A polygon grows to one polygon, which the type of ``buffered`` does not say.
         grown = buffered(region, EXIT_REACH)
         return grown if isinstance(grown, Polygon) else region
 
@@ -156,19 +163,20 @@ class Destinations:
     ) -> NDArray[np.int32]:
         """Return the goal index (count,) of each agent's exit if exits are assigned by shares, else NONE.
 
-        The order is random; all members of a party get the same exit.
+        The numbers of parties by exit follow from the shares; which parties these are is random, by ``generator``. All
+        members of a party get the same exit. ``itinerary`` is that of the group.
         """
         if not isinstance(group.exits, dict) or not len(itinerary.exits):
             return np.full(count, NONE, np.int32)
         shares = np.array([group.exits[self._keys.exits[number].name] for number in self._keys.exits_of(group)])
-        # The number of parties of each exit is its share of all, rounded.
+        # The number of parties of each exit is its share of all, rounded so that the sum is right.
         parties = -(-count // group.together)
         ends = np.rint(np.cumsum(shares) / shares.sum() * parties).astype(np.int64)
         which = np.searchsorted(ends, np.arange(parties), side="right")
         return itinerary.exits[which[generator.permutation(parties)]].repeat(group.together)[:count]
 
     def regions_of(self, number: int) -> list[BaseGeometry]:
-        """Return the regions that group ``number`` goes to; the union of its exits counts as one region."""
+        """Return the regions that group ``number`` goes to, its route first; if it has exits, their union is last."""
         if self._keys.agents[number].exits is not None:
             return [shape for _, shape in self._keys.destinations(number)]
         goals = [goal for _, goal in self._keys.regions(number)]

@@ -21,8 +21,7 @@ _LEAST = 2.0**-53
 """Least distance of a probability from 0 and from 1; it keeps quantiles finite."""
 
 _NODES, _DEEPEST = 4000, 36.0
-"""Integration of a tail: number of nodes, and the exponent of the last. The share of the tail beyond a node is exp(0)
-to exp(-_DEEPEST)."""
+"""Integration of a tail: number of nodes, and greatest depth. At depth d, the share exp(-d) of the tail lies beyond."""
 
 Floats = NDArray[np.float64]
 
@@ -50,29 +49,33 @@ def probabilities_of(spread: Spread, count: int, generator: np.random.Generator)
     They are independent, or if the spread is stratified, one from each of ``count`` equal intervals in random order.
     """
     if spread.stratified:
+        # The maximum is for no values at all: there is nothing to divide, but no division by 0 either.
         return (generator.permutation(count) + generator.random(count)) / max(count, 1)
     return generator.random(count)
 
 
 def _ends(spread: Spread, count: int) -> tuple[float, float]:
-    """Return values for the first and the last stratum: off the mean by the root mean square deviation in the stratum.
+    """Return values for the first and the last of ``count`` strata, at least two.
 
-    A long tail has most of its variance in the last stratum, which a single random draw represents badly.
+    Each is as far from the mean of the spread as the values of its stratum are in the root mean square. A long tail has
+    most of its variance in the last stratum, which a single random draw represents badly.
     """
-    # Means over a stratum, as sums over equal steps of depth, where its share beyond a value is exp(-depth): so
-    # values far out in a long tail count by their small shares.
+    # The mean over a stratum is the integral of the values over the share s of the stratum beyond them, 0 to 1. With
+    # s = exp(-depth) it is a sum over equal steps of depth, weighted by s, which resolves the far tail.
     depths = (np.arange(_NODES) + 0.5) * (_DEEPEST / _NODES)
     shares = exp(-depths)
     whole = math.fsum(shares.tolist())
 
     def mean(values: Floats) -> float:
+        """Return the mean of values (_NODES,) at the depths."""
         return math.fsum((values * shares).tolist()) / whole
 
+    # The mean of the spread: that of its lower half and that of its upper half, half each.
     middle = 0.5 * (mean(quantiles(spread, 0.5 * shares)) + mean(quantiles(spread, 1.0 - 0.5 * shares)))
-    # Values in the first and the last stratum, each a share 1 / count of all, off the mean.
+    # Deviations from the mean in the first and the last stratum, each with the share 1 / count of all values.
     far = [quantiles(spread, inside) - middle for inside in (shares / count, 1.0 - shares / count)]
     low, high = (math.sqrt(mean(off * off)) for off in far)
-    # Neither leaves its stratum inwards, nor the range of the spread.
+    # Keep each value in its stratum: neither beyond its inner bound, nor outside of the range of the spread.
     inner = quantiles(spread, np.array([1.0 / count, 1.0 - 1.0 / count]))
     least, most = quantiles(spread, np.array([0.0, 1.0])).tolist()
     return max(min(middle - low, float(inner[0])), least), min(max(middle + high, float(inner[1])), most)
@@ -81,8 +84,8 @@ def _ends(spread: Spread, count: int) -> tuple[float, float]:
 def quantiles(spread: Spread, probabilities: Floats) -> Floats:
     """Return the quantiles of ``spread``, truncated to its bounds, at ``probabilities`` (k,) in [0, 1].
 
-    Of a mix or table, ``probabilities`` are divided among its parts in their order, which keep their shares and are
-    truncated one by one: uniform ones give its distribution, but in general the values do not ascend.
+    In a mix or table, [0, 1] is divided among the parts in their order, by their shares; each part is truncated by
+    itself and keeps its share. Uniform probabilities thus give its distribution, but the values need not ascend.
     """
     low = -math.inf if spread.min is None else spread.min
     high = math.inf if spread.max is None else spread.max
@@ -101,6 +104,7 @@ def quantiles(spread: Spread, probabilities: Floats) -> Floats:
             within = part.model_copy(update={"min": least, "max": most})
             values[mine] = quantiles(within, np.clip(inside, 0.0, 1.0))
         return values
+    # Probabilities between the shares below the two bounds; the clamp is for rounding alone.
     first, last = _share_below(spread, low), _share_below(spread, high)
     inside = first + (last - first) * probabilities
     return np.minimum(np.maximum(_unbounded(spread, inside), low), high)
@@ -116,15 +120,17 @@ def is_cut_off(spread: Spread, low: float = -math.inf, high: float = math.inf) -
     parts = spread.parts()
     if parts:
         return all(is_cut_off(part, low, high) for part in parts)
+    # Exact, as a uniform range that only touches a bound still has that value.
     if spread.uniform is not None:
         return spread.uniform[1] < low or spread.uniform[0] > high
-    if spread.mean is not None and low <= spread.mean <= high:  # without a deviation, this may be all of it
+    # A normal distribution without deviation is its mean alone.
+    if spread.mean is not None and low <= spread.mean <= high:
         return False
     return _share_below(spread, low) == 1.0 or _share_below(spread, high) == 0.0
 
 
 def _unbounded(spread: Spread, probabilities: Floats) -> Floats:
-    """Return quantiles of a spread without truncation."""
+    """Return the quantiles (k,) of one distribution, no mix or table, at ``probabilities`` (k,), without truncation."""
     probabilities = np.clip(probabilities, _LEAST, 1.0 - _LEAST)
     if spread.uniform is not None:
         least, most = spread.uniform
@@ -140,13 +146,17 @@ def _unbounded(spread: Spread, probabilities: Floats) -> Floats:
 
 
 def _share_below(spread: Spread, bound: float) -> float:
-    """Return the distribution function of an untruncated spread at ``bound``; by bisection of quantiles if need be."""
+    """Return the share of one untruncated distribution, no mix or table, that lies below ``bound``.
+
+    For a gamma distribution there is a function; for others, the quantiles are bisected.
+    """
     low, high = 0.0, 1.0
     if math.isinf(bound):
         return low if bound < 0.0 else high
     if spread.gamma is not None:
         return float(gamma_share(np.array([bound / spread.gamma.scale]), spread.gamma.shape)[0]) if bound > 0.0 else 0.0
-    # 60 halvings reach the last bit. A bound above all quantiles leaves ``high`` at 1, which is then exact.
+    # 60 halvings reach the last bit. A bound above all quantiles leaves ``high`` at 1, and one below all of them leaves
+    # ``low`` at 0: these shares are exact.
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _unbounded(spread, np.array([middle]))[0] < bound else (low, middle)

@@ -43,15 +43,17 @@ class GoalPlaces(NamedTuple):
 def places_in(environment: Environment, region: Region, count: int) -> GoalPlaces:
     """Return the polygon of a region, and ``count`` places to stand at in it, or as many as have room.
 
-    The places are points of a square lattice around the middle of the goal which have free floor around them and a free
-    straight line to the middle. An agent must be able to stand in the region (:func:`region_complaint`).
+    The places are points of a square lattice around the middle of the goal. Each has free floor around it, and a free
+    straight line to the middle. The region must have a place to stand (:func:`region_complaint`). If it is a point, the
+    places lie around it.
     """
     shape = region.shape()
     room = room_in(environment.fixed_layers[0].free, NOMINAL_RADIUS)
     shapely.prepare(room)
     inside = room if isinstance(shape, Point) else room.intersection(shape)
     middle = shapely.get_coordinates(shape if isinstance(shape, Point) else inside.representative_point())[0]
-    # The lattice covers the bounds of the room, but holds no more than about 16 times as many places as are needed.
+    # The lattice covers the bounds of the room (+ 1 rounds up), but is limited: of many places, it holds about 16 times
+    # as many as are needed.
     left, bottom, right, top = inside.bounds
     reach = max(right - left, top - bottom) / SPACING
     rows = int(min(reach, 2.0 * np.sqrt(count) + 8.0, MOST_ROWS)) + 1
@@ -66,7 +68,7 @@ def places_in(environment: Environment, region: Region, count: int) -> GoalPlace
 
 
 def region_complaint(environment: Environment, region: Region) -> str | None:
-    """Return why no agent can stand in a region, or None."""
+    """Return why no agent with NOMINAL_RADIUS of free floor around it can stand in a region; None if one can."""
     shape = region.shape()
     if room_in(environment.fixed_layers[0].free, NOMINAL_RADIUS).intersects(shape):
         return None
@@ -74,12 +76,13 @@ def region_complaint(environment: Environment, region: Region) -> str | None:
 
 
 def new_goal_complaint(keys: ScenarioFields, environment: Environment, asked: NewGoal) -> str | None:
-    """Return what is wrong with a new goal, or None."""
+    """Return what is wrong with a new goal, or None: it is unusable, or has no place for each agent that stays."""
     if keys.floor.periodic is not None:
         return "on a periodic floor goals cannot change during the run"
     wrong = region_complaint(environment, asked.goal)
     if wrong is not None or asked.on_arrival == "leave":
         return wrong
+    # Agents that stay need a place each.
     wanted = len(set(asked.agents))
     found = len(places_in(environment, asked.goal, wanted).places)
     if found < wanted:

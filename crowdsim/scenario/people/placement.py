@@ -1,4 +1,7 @@
-"""Place captured agents: where and when each starts, and where it goes."""
+"""Place captured agents: where and when each starts, and where it goes.
+
+``keys`` are the keys of the scenario.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +34,7 @@ STAND_ROOM = 0.4
 it."""
 
 _START_STREAM, _GOAL_STREAM = 0, 1
+"""Numbers of random streams of a group; each quantity has its own."""
 
 
 class Placement(NamedTuple):
@@ -90,7 +94,8 @@ class Placement(NamedTuple):
         return None if math.isnan(heading) else heading
 
     def is_last(self, agent: int, reached: int) -> bool:
-        """Return whether the place after ``reached`` others is the agent's last."""
+        """Return whether the place after ``reached`` others is the agent's last; never if its rounds have no end."""
+        # Without end, rounds are NONE, which is negative.
         return bool(reached + 1 == self.rounds[agent] * len(self.goals[agent]))
 
     def stands(self, agent: int, reached: int) -> bool:
@@ -101,16 +106,16 @@ class Placement(NamedTuple):
 def try_placement(keys: ScenarioFields, environment: Environment, radius: float) -> tuple[Placement, list[Complaint]]:
     """Draw start and goals of every agent, with ``radius`` meters of free floor around each.
 
-    Agents that start in the same step, of any group, start at least two radii apart; the goals of those that stay
-    are STAND_ROOM farther apart. Each group draws from its own streams of the scenario's seed, so that a change to one
-    group leaves the draws of the others alone.
+    Agents that start in the same step, of any group, start at least two radii apart, unless they are on call. The goals
+    of agents that stay are STAND_ROOM farther apart; other goals may overlap. Each group draws from its own streams of
+    the scenario's seed, so that a change to one group leaves the draws of the others alone.
 
     Returns
     -------
     placement : Placement
         To be used only without complaints: else starts are missing, and goals without a place are nan.
     complaints : list of Complaint
-        Every region that is off the floor, blocked, or too full.
+        Every region that is off the floor, blocked, or too full, and every source with no agent or too many.
     """
     rooms = rooms_around(keys, environment, radius)
     starts_by_step: defaultdict[int, Spots] = defaultdict(lambda: Spots(2.0 * radius))
@@ -132,7 +137,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
         regions = keys.regions(number)
         places = np.full((count, len(regions), 2), np.nan)
         start = ("agents", number, "start")
-        # Agents on call come one by one, so that their starts may lie beside each other.
+        # Agents on call come one by one, so that their starts may overlap.
         beside = [None if group.on_call else starts_by_step[step] for step in group_steps]
         wanted: list[_Wanted] = [(start, group.start.shape(), (_START_STREAM,), beside)]
         for k, (path, region) in enumerate(regions):
@@ -147,6 +152,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
             else:
                 placed = draw_spots(shape, room, crowds, generator)
                 complaint = None if len(placed) == count else too_full(path[2:], shape, len(placed), count, radius)
+                # The first entry is the start, the others are the goals.
                 if k == 0:
                     starts += placed
                 else:
@@ -182,7 +188,10 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
 
 
 def _speeds(keys: ScenarioFields, counts: list[int]) -> list[NDArray[np.float64]]:
-    """Return the walking speeds of each group [m/s]; nan, for that of the clips, if the file gives none."""
+    """Return the walking speeds (n,) of each group [m/s]; nan, for the speed of the clips, if the file gives none.
+
+    ``counts`` are the numbers of agents of the groups.
+    """
     return [
         draw_walkers(keys, number, count).speeds if "speed" in group.model_fields_set else np.full(count, np.nan)
         for number, (group, count) in enumerate(zip(keys.agents, counts, strict=False))
@@ -207,13 +216,15 @@ def head_count_complaint(count: int) -> str | None:
 
 
 def rooms_around(keys: ScenarioFields, environment: Environment, radius: float) -> list[MultiPolygon]:
-    """Return the floor that always has ``radius`` of free floor around it; then the floor that has it at some time.
+    """Return the area of places with ``radius`` [m] of free floor around them at all times, and that at some time.
 
-    The second is missing if no movable is ever in a layer. It serves only regions that meet none of the first.
+    For the first area, movables take floor away at all places that they ever have; for the second one, they count as
+    absent. There is only the first one if no movable is ever in a layer. Callers use the second one only for regions
+    that do not meet the first one.
     """
     timetable = environment.timetable
     bands = [layer.band() for layer in keys.bands]
-    # Footprints of all places that a movable ever has, unless all of its solids are in no layer (above or below all).
+    # Footprints of movables at all places that they ever have, unless all solids lie above or below all layers.
     taken = [
         movable.footprint(placing)
         for movable, placing in [
@@ -229,7 +240,7 @@ def rooms_around(keys: ScenarioFields, environment: Environment, radius: float) 
 
 
 def unusable(environment: Environment, region: Polygon | Point, radius: float) -> str:
-    """Return why no agent can ever stand in ``region``."""
+    """Return why no agent with ``radius`` [m] of free floor around it can ever stand in ``region``."""
     if not meets(region, environment.floor):
         return "lies off the floor"
     if not meets(region, environment.fixed_layers[0].free):

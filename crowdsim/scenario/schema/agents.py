@@ -36,7 +36,7 @@ class Motion(Part):
     ] = CAPTURE_PATTERNS
     unit: Annotated[
         Literal["m", "cm", "mm", "ft", "inch", "CMU unit"] | None,
-        Field(description="unit of length of the captures, where they do not tell"),
+        Field(description="unit of length of the captures, if the files do not name it"),
     ] = None
     joints: Annotated[
         dict[str, str] | None, Field(description="names of joints in the files by their roles, such as left_hip")
@@ -54,6 +54,7 @@ class Motion(Part):
 
 
 def _checked_repeat(value: Any) -> Any:
+    """Return a number of rounds or ``forever``; raise ValueError for anything else."""
     whole = isinstance(value, int) and not isinstance(value, bool)
     if value != "forever" and not (whole and 1 <= value <= MAX_COUNT):
         raise ValueError(f"expected a whole number from 1 to {MAX_COUNT}, or forever")
@@ -68,6 +69,7 @@ Repeat = Annotated[
 
 
 def _one_goal_and_some_agents(schema: dict[str, Any]) -> None:
+    """Require in the JSON schema of a group exactly one kind of goal, and a count, a rate or both."""
     schema["oneOf"] = [{"required": [key]} for key in ("goal", "goals", "exits")]
     schema["anyOf"] = [{"required": ["count"]}, {"required": ["rate"]}]
 
@@ -96,6 +98,7 @@ class Goal(Region):
     ] = None
 
     def _kinds(self) -> tuple[str, ...]:
+        """Return the keys of which exactly one gives the goal: those of a region, and ``along``."""
         return (*super()._kinds(), "along")
 
 
@@ -217,7 +220,10 @@ class AgentGroup(Part):
         return self
 
     def _check_exits(self) -> None:
-        """Refuse what does not go with exits; without exits, what goes with them only, and misplaced endless ways."""
+        """Refuse keys that do not go with ``exits``.
+
+        Without exits, refuse ``choice``, an endless way among several goals, and an endless way of captured agents.
+        """
         if self.exits is None:
             if "choice" in self.model_fields_set:
                 raise ValueError("'choice' is among exits; give 'exits' with it, or drop it")
@@ -233,7 +239,7 @@ class AgentGroup(Part):
                 raise ValueError(f"agents that go to an exit leave there; drop '{key}', or give a 'goal'")
 
     def _check_route(self) -> None:
-        """Refuse what does not go with a route."""
+        """Refuse keys that do not go with a ``route``: several goals, an endless way, and ``wait``."""
         if self.route is None:
             return
         if self.goals is not None:
@@ -248,6 +254,7 @@ class AgentGroup(Part):
     def _check_stands(self) -> None:
         """Refuse headings, ``stand_within`` and ``wait`` for goals at which no agent stands."""
         regions = self.regions()
+        # Agents that go to exits have no goal to stand at; ``wait`` is refused with ``exits``.
         if not regions:
             return
         # At the last goal, agents stay, or wait for the next round.
@@ -261,6 +268,7 @@ class AgentGroup(Part):
                 name = ".".join(str(part) for part in key)
                 needed = "'on_arrival: stay'" if key == regions[-1][0] else "'wait'"
                 raise ValueError(f"no agent stands at {name} to face its 'heading'; give {needed}, or drop it")
+        # An endless way with ``wait`` is refused with other keys of standing, in the checks across keys.
         if self.wait > 0.0 and len(regions) == 1 and regions[0][1].along is None:
             raise ValueError("agents 'wait' between goals; give 'goals' with at least two, or drop it")
 

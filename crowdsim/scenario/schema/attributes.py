@@ -25,24 +25,26 @@ class Attribute(Spread):
     ] = None
 
     def _kinds(self) -> tuple[str, ...]:
+        """Return the keys of which exactly one gives the values: those of a distribution, and ``words``."""
         return (*super()._kinds(), "words")
 
     @model_validator(mode="after")
     def _check_words(self) -> Attribute:
+        """Refuse bounds of words."""
         if self.words is not None and (self.min is not None or self.max is not None):
             raise ValueError("words have no bounds; drop 'min' and 'max'")
         return self
 
 
 def _short(value: Any) -> Any:
-    """Return the mapping that a plain number or word stands for."""
+    """Return the mapping that a plain number or word stands for; any other value as it is."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return {"mean": value}
     return {"words": {value: 1.0}} if isinstance(value, str) else value
 
 
 def _named(attributes: dict[str, Attribute]) -> dict[str, Attribute]:
-    """Refuse names that are not valid, or that playback colors use for something else."""
+    """Return the attributes; raise ValueError for names that are not valid, or that playback colors use otherwise."""
     for name in attributes:
         if not _NAME.fullmatch(name):
             raise ValueError(

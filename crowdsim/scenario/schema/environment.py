@@ -35,7 +35,10 @@ MAX_DENSITY = 0.4
 
 
 def _as_share(value: Any) -> Any:
-    """Replace the name of a density by its share of the floor."""
+    """Return the share of the floor that the name of a density stands for; any other value as it is.
+
+    Raise ValueError for a name that is unknown.
+    """
     if isinstance(value, str):
         if value not in DENSITIES:
             raise ValueError(f"expected {' or '.join(DENSITIES)}, or the share of the floor to cover, got '{value}'")
@@ -79,7 +82,7 @@ class Floor(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Floor:
-        """Refuse a period that is short or of a floor that is not drawn, and keys of a file without one."""
+        """Refuse a period on a floor that is short or not drawn, and keys about a file without ``file``."""
         if self.periodic is not None and self.rectangle is None and self.polygon is None:
             raise ValueError(
                 "'periodic' is of a floor that the scenario draws; give 'rectangle' or 'polygon', or drop it"
@@ -103,7 +106,7 @@ class Floor(Part):
 
     @property
     def bounds(self) -> Rectangle:
-        """Return least x, least y, greatest x and greatest y of a floor that is drawn [m]."""
+        """Return least x, least y, greatest x and greatest y of a floor given by ``rectangle`` or ``polygon`` [m]."""
         if self.rectangle is not None:
             return self.rectangle
         xs, ys = zip(*(self.polygon or ()), strict=True)
@@ -122,7 +125,7 @@ class Box(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Box:
-        """Refuse a box that is given by anything else than two corners, or center and size."""
+        """Refuse a box that is not given by two corners, or by center and size; and corners out of order."""
         corners, centered = (self.min, self.max), (self.center, self.size)
         given = sum(value is not None for value in (*corners, *centered))
         if given != 2 or not (None not in corners or None not in centered):
@@ -151,6 +154,7 @@ class Opening(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Opening:
+        """Refuse heights out of order."""
         if self.top <= self.bottom:
             raise ValueError(f"'top' ({self.top}) must lie above 'bottom' ({self.bottom})")
         return self
@@ -203,6 +207,7 @@ class Clutter(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Clutter:
+        """Refuse sizes out of order."""
         if self.sizes[0] > self.sizes[1]:
             raise ValueError("'sizes' are the least and the greatest extent of an obstacle, in this order")
         return self
@@ -251,7 +256,7 @@ class Obstacle(Part):
         return self
 
     def solids(self) -> tuple[Solid, ...]:
-        """Return the solids of a drawn obstacle, several for a wall with openings; none for a file."""
+        """Return the solids of a drawn obstacle, several for a wall with openings; none for a file (mesh or plan)."""
         if self.top is None or self.plan is not None:
             return ()
         name, bottom, top = self.name, self.bottom, self.top

@@ -13,10 +13,11 @@ ACTIONS = ("open", "close", "insert", "move", "remove")
 
 
 def _require_shape(obstacle: Obstacle, what: str) -> None:
+    """Raise ValueError if a door or an inserted obstacle is a file, or has ``movable``; messages name it ``what``."""
     if obstacle.mesh is not None or obstacle.plan is not None:
         raise ValueError(f"{what} is a box, cylinder, polygon or wall; files are read before the run")
     if "movable" in obstacle.model_fields_set:
-        raise ValueError(f"'movable' is of obstacles that are there from the start; {what} always is; drop it")
+        raise ValueError(f"'movable' is for obstacles that are there from the start; drop it: {what} is movable anyway")
 
 
 class Door(Obstacle):
@@ -26,6 +27,7 @@ class Door(Obstacle):
 
     @model_validator(mode="after")
     def _check_kind(self) -> Door:
+        """Refuse a door that is a file, or has ``movable``."""
         _require_shape(self, "a door")
         return self
 
@@ -62,6 +64,7 @@ class Event(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Event:
+        """Refuse several actions or none, and an inserted obstacle that is a file, or has ``movable``."""
         self.only(*self.actions())
         if self.insert is not None:
             _require_shape(self.insert, "what is inserted")

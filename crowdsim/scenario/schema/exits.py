@@ -19,6 +19,7 @@ class Exit(Region):
 
     @model_validator(mode="after")
     def _check_extent(self) -> Exit:
+        """Refuse an exit that is a point."""
         if self.point is not None:
             raise ValueError("an exit needs an extent; give rectangle, circle or polygon")
         return self

@@ -13,6 +13,7 @@ from crowdsim.scenario.schema.values import Name, Pair, Part, Region, Seconds, o
 
 
 def _check_times(start_time: float, until: float | None) -> None:
+    """Raise ValueError if a measurement ends before or when it starts [s]; ``until`` is None for the end of the run."""
     if until is not None and until <= start_time:
         raise ValueError(f"'until' ({until:g} s) must lie after 'start_time' ({start_time:g} s)")
 
@@ -30,6 +31,7 @@ class Area(Region):
 
     @model_validator(mode="after")
     def _check_extent(self) -> Area:
+        """Refuse an area that is a point, and times out of order."""
         if self.point is not None:
             raise ValueError("an area needs an extent; give rectangle, circle or polygon")
         _check_times(self.start_time, self.until)
@@ -37,6 +39,7 @@ class Area(Region):
 
 
 def _checked_points(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """Return the points of a line [m]; raise ValueError if two successive ones are less than MIN_EXTENT apart."""
     for first, second in itertools.pairwise(points):
         if max(abs(first[0] - second[0]), abs(first[1] - second[1])) < MIN_EXTENT:
             raise ValueError(f"two points of a line lie on each other: [{first[0]:g}, {first[1]:g}]")
@@ -57,9 +60,10 @@ class Line(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Line:
+        """Refuse times out of order."""
         _check_times(self.start_time, self.until)
         return self
 
     def shape(self) -> LineString:
-        """Return the line on the floor."""
+        """Return the line on the floor [m]."""
         return LineString(self.points)

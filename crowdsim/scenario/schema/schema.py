@@ -94,7 +94,10 @@ class ScenarioFields(Part):
     @model_validator(mode="before")
     @classmethod
     def _take_their_rate(cls, keys: Any) -> Any:
-        """Default to CAPTURED_RATE steps per second if all agents are captured."""
+        """Default to CAPTURED_RATE steps per second if all agents are captured.
+
+        The keys are not validated yet: those of wrong types are left to validation.
+        """
         if not isinstance(keys, dict) or "steps_per_second" in keys:
             return keys
         groups = keys.get("agents")
@@ -106,6 +109,7 @@ class ScenarioFields(Part):
     @field_validator("crowdsim")
     @classmethod
     def _check_version(cls, value: int) -> int:
+        """Refuse versions of the format other than FORMAT_VERSION."""
         if value != FORMAT_VERSION:
             raise ValueError(f"format version {value} is unknown here; this crowdsim reads version {FORMAT_VERSION}")
         return value
@@ -195,7 +199,7 @@ class ScenarioFields(Part):
     def destinations(self, number: int) -> list[tuple[tuple[str | int, ...], Polygon | MultiPolygon | Point]]:
         """Return the shapes that a group goes to in turn.
 
-        The union of all exits counts as one place; endless ways are left out.
+        The union of the group's exits is one shape, the last. Endless ways are left out.
 
         Parameters
         ----------
@@ -228,7 +232,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def json_schema_text() -> str:
-    """:func:`json_schema` as the text of a file."""
+    """Return :func:`json_schema` as the text of a file."""
     return json.dumps(json_schema(), indent=1) + "\n"
 
 

@@ -91,6 +91,7 @@ class Spread(Part):
         return self.only(*self._kinds())
 
     def _kinds(self) -> tuple[str, ...]:
+        """Return the keys of which exactly one gives the distribution; models with more kinds add theirs."""
         return KINDS
 
     def parts(self) -> tuple[Share, ...]:
@@ -110,19 +111,24 @@ Spread.model_rebuild()
 
 
 def _as_mean(value: Any) -> Any:
-    """Return the distribution that a plain number stands for."""
+    """Return the distribution that a plain number stands for; any other value as it is."""
     return {"mean": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 def _within(least: float, most: float) -> Any:
-    """Return a validator: all values lie within these bounds, which become the bounds of a spread that has none."""
+    """Return a validator that keeps a spread within ``least`` to ``most``, which are its bounds if it has none."""
 
     def check(name: str, value: float) -> None:
+        """Raise ValueError if a value is out of bounds; ``name`` is its key."""
         if not least <= value <= most:
             raise ValueError(f"'{name}' must be from {least:g} to {most:g}, got {value:g}")
 
     def bounded(spread: Spread) -> Spread:
-        """Return the spread, and those that it mixes, cut off at ``least`` and ``most``; check all of its values."""
+        """Return the spread, and those that it mixes, with ``least`` and ``most`` as bounds, unless it has its own.
+
+        Raise ValueError if its mean, its uniform range or its own bounds lie outside of ``least`` to ``most``. Draws of
+        other distributions are truncated to the bounds.
+        """
         low = least if spread.min is None else spread.min
         high = most if spread.max is None else spread.max
         if spread.mean is not None:
@@ -140,11 +146,15 @@ def _within(least: float, most: float) -> Any:
 def spread_schema(number: dict[str, Any], model: type[Spread] = Spread, **more: dict[str, Any]) -> dict[str, Any]:
     """Return the JSON schema of a distribution of numbers, each with the JSON schema ``number``.
 
-    ``more`` adds kinds that ``model`` has, by their keys.
+    ``more`` holds JSON schemas of further kinds that ``model`` has, by their keys.
     """
     positive = {"type": "number", "exclusiveMinimum": 0.0}
 
     def mapping(model: type[Part], required: tuple[str, ...], **keys: Any) -> dict[str, Any]:
+        """Return the JSON schema of a mapping with the ``required`` keys.
+
+        ``keys`` are the schemas of its keys, to which their descriptions in ``model`` are added.
+        """
         described = {key: {**value, "description": model.model_fields[key].description} for key, value in keys.items()}
         return {"type": "object", "properties": described, "required": list(required), "additionalProperties": False}
 
@@ -167,7 +177,7 @@ def spread_schema(number: dict[str, Any], model: type[Spread] = Spread, **more: 
 
 
 def _number_or_spread(least: float, most: float) -> Any:
-    """Return the JSON schema of a number within bounds, or a distribution of such numbers."""
+    """Return the JSON schema of a number from ``least`` to ``most``, or a distribution of such numbers."""
     number = {"type": "number", "minimum": least, "maximum": most}
     return WithJsonSchema({"anyOf": [number, spread_schema(number)]})
 

@@ -29,6 +29,7 @@ SizePair = Annotated[tuple[Extent, Extent], Field(strict=False)]
 
 
 def _checked_rectangle(rectangle: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Return the rectangle if it has an extent along both axes; else raise ValueError."""
     xmin, ymin, xmax, ymax = rectangle
     if xmax - xmin < MIN_EXTENT or ymax - ymin < MIN_EXTENT:
         raise ValueError("a rectangle is [xmin, ymin, xmax, ymax] with xmin below xmax and ymin below ymax")
@@ -36,7 +37,7 @@ def _checked_rectangle(rectangle: tuple[float, float, float, float]) -> tuple[fl
 
 
 def _checked_ring(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Return the corners if they go around a valid polygon."""
+    """Return the corners [m] if they go around a valid polygon; else raise ValueError."""
     try:
         polygon_from_points(points, "polygon")
     except GeometryError as error:
@@ -52,6 +53,7 @@ def one_of(*groups: tuple[str, ...]) -> Any:
     """Return a JSON schema extension that requires exactly one of several groups of keys."""
 
     def extend(schema: dict[str, Any]) -> None:
+        """Add the requirement to the JSON schema of a mapping."""
         schema["oneOf"] = [{"required": list(group)} for group in groups]
 
     return extend
@@ -105,14 +107,16 @@ class Region(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Region:
+        """Refuse several shapes, and none."""
         self.only(*self._kinds())
         return self
 
     def _kinds(self) -> tuple[str, ...]:
+        """Return the keys of which exactly one gives the shape; models with more kinds add theirs."""
         return ("rectangle", "point", "circle", "polygon")
 
     def shape(self) -> Polygon | Point:
-        """Return the region as a polygon, or as a point."""
+        """Return the region as a polygon, or as a point [m]; a circle as a polygon around it."""
         if self.rectangle is not None:
             return rectangle_polygon(*self.rectangle)
         if self.circle is not None:

@@ -31,7 +31,7 @@ OFF = 0.3
 def _off_the_wall(ground, box, x, y):
     """Return the unit vector from the nearest wall to a position (x, y) [m].
 
-    box: number of the square of the grid that contains the position; ``ground.lists`` names the walls near each. The
+    ``box`` is the number of the box that contains the position; ``ground.lists`` names the walls near each box. The
     result is (0, 0) if no wall is near or the position is on one.
     """
     nearest = math.inf
@@ -59,8 +59,9 @@ def _off_the_wall(ground, box, x, y):
 def _passage(ground, x, y, dx, dy):
     """Return the widest behavior that fits at the position (x, y) [m] or beside it.
 
-    If none fits, return the widest of all, which prescribes nothing. Beside it means across the path, whose unit vector
-    is (dx, dy), and off the nearest wall: an agent at a wall need not be so near to it.
+    If none fits, return the widest of all, which prescribes nothing. Positions beside it are those at the offsets ASIDE
+    across the path, whose unit vector is (dx, dy), and one at OFF from it away from the nearest wall: an agent at a
+    wall need not be so near to it.
     """
     top = len(ground.costs) - 1
     widest = -1
@@ -90,16 +91,16 @@ def ask(ground, points, field, state, asks, slots):
     Parameters
     ----------
     ground, points, field : Ground, (k, 2) float64, Field
-        The place, with clearances from which on behaviors are prescribed as ``radii``; points of the goal [m]; and the
-        solved field.
+        The place, whose ``radii`` are the clearances from which on behaviors are prescribed; points of the goal [m];
+        and the solved field.
     state : (boxes,) uint8
         States of the boxes after :func:`solve`.
     asks : (boxes,) int8
         Gets the narrowest behavior needed on the next BEFORE meters, -1 without a path.
     slots : (boxes,) int32
-        Gets -1 for boxes from all of which agents may head straight for the anchor: the boxes on both sides across the
-        path see the same anchor (or an adjacent pin in the goal), all with the widest behavior. Gets consecutive
-        numbers for all others.
+        Gets -1 for boxes in which agents at any position may head straight for the anchor: the boxes on both sides
+        across the path see the same anchor (or an adjacent pin in the goal), all with the widest behavior. Gets
+        consecutive numbers, from 0 on, for all others.
 
     Returns
     -------
@@ -130,7 +131,7 @@ def ask(ground, points, field, state, asks, slots):
             if not around:
                 break
             k = (first + n) % 8
-            # The line to each of them must be free, and theirs to the same anchor.
+            # The line from this box to each of them must be free, and so must their lines to the same anchor.
             around = (ground.pure[box] >> k & 1) != 0
             if around:
                 other = (row + STEPS[k, 1]) * ground.columns + column + STEPS[k, 0]
@@ -138,7 +139,8 @@ def ask(ground, points, field, state, asks, slots):
         if around:
             numbered -= 1
             slots[box] = -1
-        # Behavior: sample the next BEFORE meters of the path, from anchor to anchor. Far from walls the widest fits.
+        # Behavior: take the narrowest at five points of the next BEFORE meters of the path, from anchor to anchor. Far
+        # from walls the widest fits.
         asks[box] = top
         if ground.far[row, column] * FAR_UNIT > ground.reach + BEFORE + BOX:
             continue
@@ -151,7 +153,8 @@ def ask(ground, points, field, state, asks, slots):
             if length == 0.0:
                 break
             asks[box] = min(asks[box], _passage(ground, x, y, dx / length, dy / length))
-            # Advance by one pace, around as many anchors as lie within it.
+            # Advance by one pace, past as many anchors as lie within it. The path ends at a point of the goal, or at a
+            # pin that is its own anchor.
             rest = pace
             while n + 1 < paces and length <= rest and anchor < boxes and field.anchor[anchor] != anchor:
                 rest -= length

@@ -92,7 +92,10 @@ def set_load(weights, gain, free, load, quiet):
 
 @helper
 def nearest_way(ground, field, x, y):
-    """Return the box at a position, or the nearest of the eight around it, that has a path; -1 if there is none."""
+    """Return the box at a position [m] if it has a path, else that of the eight around it with the nearest pin.
+
+    Return -1 if none of them has a path, or the position is outside of the boxes.
+    """
     box = box_at(ground, x, y)
     if box < 0 or field.asks[box] >= 0:
         return box
@@ -153,8 +156,8 @@ def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, c
 
     Both paths are priced in the present crowd: the old path as it leads, the new one as its field has it. An agent
     changes if the new path costs less than ``weighing.share`` of the old one; or less than ``weighing.around`` of it,
-    if the crowd's part of its cost is below ``weighing.jam`` of that of the old one; or if only the new field has a
-    path.
+    if the crowd's part of the new cost is below ``weighing.jam`` of the crowd's part of the old cost; or if only the
+    new field has a path. Narrow places count to the crowd's part.
 
     Parameters
     ----------

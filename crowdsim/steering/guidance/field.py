@@ -51,12 +51,12 @@ class Field(NamedTuple):
     slots: NDArray[np.int32]
     """int32[boxes]: row of ``heads`` and ``costs``; -1 if all agents in the box may head straight for its anchor."""
     heads: NDArray[np.int32]
-    """int32[j, 16]: target of each part of a box (a box or a point of the goal), -1 if no line is free; UNKNOWN until
-    the first agent is there."""
+    """int32[j, 16]: target of each part of a box with a slot, numbered like anchors; -1 if no line is free, UNKNOWN
+    until the first agent is there."""
     costs: NDArray[np.float32]
-    """float32[j, 16]: cost from the middle of the part over that target."""
+    """float32[j, 16]: cost from the middle of the part to the goal over that target; infinite if it has none."""
     points: NDArray[np.float64]
-    """float64[k, 2]: points of the goal beside the pins in it [m]."""
+    """float64[k, 2]: points of the goal that are anchors, in addition to the pins in it [m]."""
 
 
 class Ways(NamedTuple):
@@ -164,13 +164,16 @@ def guide(
 ) -> int:
     """Write gx, gy, togo, turn and held, as a field gives them, to the rows ``agents`` (k,) of ``state`` (ROW[n]).
 
-    ``asked`` is that of :func:`asked_of`. Return the number of these agents that have no path.
+    ``asked`` is the array that :func:`asked_of` returns. Return the number of these agents that have no path.
     """
     return int(sample(ground, NOBODY, field, asked, agents, state))
 
 
 def _goal_of(ground: Ground, goal: BaseGeometry | ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the points (k, 2) of a goal, and the boxes whose pins are in it."""
+    """Return the points (k, 2) of a goal [m], and the boxes whose pins are in it.
+
+    A region has points only if it contains less than FEW pins; a goal of points contains no pins.
+    """
     none = np.zeros(0, np.int64)
     if not isinstance(goal, BaseGeometry):
         points = np.ascontiguousarray(goal, np.float64).reshape(-1, 2)

@@ -8,8 +8,7 @@ narrow behaviors, or through a crowd, costs more than its length, and paths go a
 
 Arguments of all helpers are those of :func:`solve`; ``box`` is the number of a box, row by row, and an anchor is the
 number of a box, or of a point of the goal plus the number of boxes. ``ground`` is the Ground of the place, ``points``
-(k, 2) are those of the goal [m]; p is the pin of a box, s the position of an anchor, d a direction and q a point
-relative to the pin [m].
+(k, 2) are those of the goal [m]; p = (px, py) is the pin of a box and s = (sx, sy) the position of an anchor [m].
 """
 
 import math
@@ -91,7 +90,8 @@ def leads_alike(ground, field, anchor, other, sx, sy):
 def _wrong_side(dx, dy, qx, qy, n):
     """Return True if q lies to the left of the direction d for ``n`` = 0, to its right for ``n`` = 1.
 
-    Neighbor 0 should lie to the right, neighbor 1 to the left; on the line itself (1e-9 m2, for rounding) either may.
+    d = (dx, dy) and q = (qx, qy) are relative to the pin of a box [m]. Neighbor 0 should lie to the right, neighbor 1
+    to the left; both may lie on the line itself (within 1e-9 m2, for rounding).
     """
     cross = dx * qy - dy * qx
     return cross > 1e-9 if n == 0 else cross < -1e-9
@@ -101,11 +101,12 @@ def _wrong_side(dx, dy, qx, qy, n):
 def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
     """Return True if a box sees an anchor because the two boxes beside the line to it see the anchor.
 
-    An obstacle that blocks bodies is broader than the space between the lines of these two boxes, so the line in
-    between need not be tested. All must be free for the widest behavior. In a goal, the two boxes may see an adjacent
-    pin of the goal instead, on their own side.
+    The box has the pin (px, py), the anchor is at (sx, sy). An obstacle that blocks bodies is broader than the space
+    between the lines of these two boxes, so the line in between need not be tested. All lines must be free for the
+    widest behavior. In a goal, the two boxes may see an adjacent pin of the goal instead, on their own side.
     """
-    # The two boxes next to the box in the directions k and k + 1 on both sides of the line.
+    # One of the two boxes lies in the direction ``first``, to the right of the line, the other one in the next
+    # direction, to its left.
     dx = sx - px
     dy = sy - py
     first = eighth_of(dx, dy)
@@ -187,7 +188,7 @@ def _test_box(ground, crowding, points, field, state, box):
         if value < best:
             best = value
             anchor = tried
-            # Dearer than its length by more than rounding: a narrower behavior or a crowd is on the line.
+            # If it is dearer than its length by more than rounding, a narrower behavior or a crowd is on the line.
             is_pure = value <= paid + top * length * (1.0 + 1e-9) + 1e-12
         else:
             dropped = tried
@@ -272,7 +273,7 @@ def solve(ground, crowding, points, inside, field, state):
     ground, crowding : Ground, Crowding
         The place and its crowd.
     points : (k, 2) float64
-        Points of the goal beside the pins in it [m].
+        Points of the goal that are anchors, in addition to the pins in it [m].
     inside : (j,) int64
         Boxes whose pins are in the goal.
     field : Field
@@ -288,7 +289,8 @@ def solve(ground, crowding, points, inside, field, state):
     top = ground.costs[-1]
     heap = np.empty(1024, HEAP_ROW)
     heap, count = _seed(ground, crowding, points, inside, field, state, heap, np.int64(0))
-    # What seeding tested, as guesses replace it. No neighbor may lead to the point of a box's own line.
+    # Keep what seeding tested, as guesses overwrite it: no neighbor may have the point of the goal as its anchor to
+    # which a box's own line was tested.
     seed_cost = field.cost.copy()
     seed_anchor = field.anchor.copy()
     seed_state = state.copy()

@@ -37,7 +37,7 @@ class Crowding(NamedTuple):
     load: NDArray[np.float32]
     """float32[rows, columns]: the factor, 1 without a crowd."""
     quiet: NDArray[np.uint8]
-    """uint8[rows, columns]: number of cells to the next one with a factor above 1, in the maximum norm."""
+    """uint8[rows, columns]: number of cells to the next one with a factor above 1, in the maximum norm; 255 at most."""
     left: float
     """Left edge of the grid [m]."""
     bottom: float
@@ -70,9 +70,9 @@ class Ground(NamedTuple):
     change: float
     """Cost of a change of behavior, in the unit of costs: that of SWITCH_COST meters with the widest one."""
     reach: float
-    """Largest clearance of all behaviors [m]."""
+    """Largest clearance of all behaviors, as prescribed [m]."""
     least: float
-    """Smallest clearance of all behaviors [m]."""
+    """Smallest clearance that a behavior needs [m]."""
     left: float
     """Left edge of the boxes [m]."""
     bottom: float
@@ -135,8 +135,8 @@ def build_ground(
     Raises
     ------
     GeometryError
-        If there are not as many layers as behaviors were measured on, if there are neither walls nor bounds, or if
-        coordinates are not finite.
+        If the number of layers is not that on which behaviors were measured, if there are neither walls nor bounds, or
+        if coordinates are not finite.
     """
     every, layers, kinds = _merged(segments, need)
     asked = need.radii if prescribed is None else prescribed
@@ -169,8 +169,8 @@ def build_ground(
 def squeezed_ground(ground: Ground, clearance: float) -> Ground:
     """Return a ground on which the narrowest behavior needs no more than ``clearance`` [m], from walls of any class.
 
-    Its ways lead through gaps, and out of pockets, that no behavior is planned for, but people are pushed into. Walls
-    and boxes are shared with the ground given.
+    Its ways lead through gaps and out of pockets for which no behavior is planned, but into which agents are pushed.
+    Walls and boxes are shared with the ground given.
     """
     boxes = ground.columns * ground.rows
     radii, prescribed = ground.radii.copy(), ground.prescribed.copy()
@@ -286,7 +286,10 @@ def _of_classes(clearances: NDArray[np.float64], kinds: NDArray[np.bool_], wider
 
 
 def _frame_of(segments: NDArray[np.float64], bounds: tuple[float, float, float, float] | None) -> Frame:
-    """Return the frame of boxes that covers ``bounds``, or the walls; all places share one lattice."""
+    """Return the frame of boxes that covers ``bounds``, or the walls if None, with a rim of EDGE meters.
+
+    The edges of boxes are multiples of BOX in all places.
+    """
     if bounds is None:
         if not len(segments):
             raise GeometryError("a place without walls needs bounds")
@@ -304,8 +307,11 @@ def _frame_of(segments: NDArray[np.float64], bounds: tuple[float, float, float, 
 def _near(
     segments: NDArray[np.float64], reach: float, frame: Frame
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint8]]:
-    """Return the lists of segments near boxes (starts, lists), and lower bounds of distances."""
-    # Near enough for any point of the box, and for margins of up to SPARE.
+    """Return the lists of segments near boxes (``starts``, ``lists``), and ``far``, as :class:`Ground` has them.
+
+    ``reach`` is the largest clearance of all behaviors [m].
+    """
+    # List all segments that are within a clearance, and a margin of up to SPARE, of any point of the box.
     listed = reach + CORNER + SPARE
     starts = np.zeros(frame[2] * frame[3] + 1, np.int32)
     count = list_segments(segments, listed, frame, starts, np.zeros(0, np.int32))

@@ -21,8 +21,8 @@ from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 
 BOX = 0.25
-"""Side of a box [m]. Clearances are 0.2 m and more, so a box never holds free points on both sides of a thin wall; a
-larger box would, and so does a squeezed ground at an oblique wall less than 6 cm thick."""
+"""Side of a box [m]. Clearances are 0.2 m and more, so a box never holds free points on both sides of a thin wall. A
+larger box would, and so may one of a squeezed ground (``squeezed_ground``) at an oblique wall less than 6 cm thick."""
 
 CORNER = BOX * math.sqrt(0.5)
 """Distance from the center of a box to its corners [m]."""
@@ -137,8 +137,8 @@ def bound_distances(segments, starts, lists, reach, frame, far):
             box = row * columns + column
             known = bound[row, column]
             # A box without listed segments is at least ``reach`` away. Let c be the center of the box in which the
-            # nearest point of a wall is, at most CORNER from it. From there, at most the distance of both centers plus
-            # CORNER was handed on; the wall is at least that distance less CORNER away. 1 cm is for rounding.
+            # nearest point of a wall is, at most CORNER from c, and d the distance from c to the center of this box. At
+            # most d plus CORNER was handed on; the wall is at least d less CORNER away. 1 cm is for rounding.
             if starts[box] == starts[box + 1]:
                 known = max(known - 2.0 * CORNER - 0.01, reach)
             far[row, column] = min(int(known / FAR_UNIT), 255)
@@ -146,7 +146,7 @@ def bound_distances(segments, starts, lists, reach, frame, far):
 
 @helper
 def box_at(ground, x, y):
-    """Return the number of the box that contains a position, -1 outside."""
+    """Return the number of the box that contains a position [m], -1 outside of the boxes."""
     column = math.floor((x - ground.left) / BOX)
     row = math.floor((y - ground.bottom) / BOX)
     if not (0 <= column < ground.columns and 0 <= row < ground.rows):
@@ -165,9 +165,9 @@ def pin_of(ground, box):
 
 @helper
 def margin_at(ground, box, x, y, behavior):
-    """Return the smallest distance to a wall less the clearance that ``behavior`` needs there, at most SPARE [m].
+    """Return the smallest distance to a wall less the clearance that ``behavior`` needs from it, at most SPARE [m].
 
-    The position is in ``box``. A negative margin means that the behavior does not fit.
+    The position (x, y) [m] is in ``box``. A negative margin means that the behavior does not fit.
     """
     least = SPARE
     for entry in range(ground.starts[box], ground.starts[box + 1]):
@@ -175,8 +175,8 @@ def margin_at(ground, box, x, y, behavior):
         needed = ground.radii[behavior, ground.layers[number]]
         ax, ay, bx, by = ground.segments[number]
         square = point_segment_distance2(x, y, ax, ay, bx, by)
-        # Take the root only if this segment leaves less than the ones before. None does below a bound of 0, but the
-        # square of a negative bound would let it.
+        # Take the root only if this segment leaves less than the ones before: if its distance is below ``bound``. None
+        # is below a negative bound, whose square would not show that.
         bound = needed + least
         if bound > 0.0 and square < bound * bound:
             least = math.sqrt(square) - needed
@@ -185,7 +185,7 @@ def margin_at(ground, box, x, y, behavior):
 
 @helper
 def widest_at(ground, box, x, y):
-    """Return the widest behavior that fits at a position in ``box``, -1 for none."""
+    """Return the widest behavior that fits at a position (x, y) [m] in ``box``, -1 for none."""
     fits = len(ground.costs) - 1
     for entry in range(ground.starts[box], ground.starts[box + 1]):
         number = ground.lists[entry]
@@ -204,8 +204,8 @@ def widest_at(ground, box, x, y):
 def load_at(crowding, x, y):
     """Return the factor of the crowd on the cost of a meter, and the distance after which to look again [m].
 
-    The factor is 1 without a crowd. ``crowding.quiet`` counts the cells, in the larger of both directions, to the
-    nearest crowded one: on the way there it stays 1. In and beside a crowd it is looked up once a cell.
+    The factor is 1 without a crowd. ``crowding.quiet`` counts the cells to the nearest crowded one (in the maximum
+    norm): on the way there the factor stays 1. In and beside a crowd it is looked up once a cell.
     """
     column = math.floor((x - crowding.left) / crowding.cell)
     row = math.floor((y - crowding.bottom) / crowding.cell)
@@ -243,7 +243,7 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
         box = box_at(ground, x, y)
         if box < 0:
             return math.inf
-        # On the next ``room`` meters, no wall can come within the largest clearance.
+        # On the next ``room`` meters, no wall can come within the largest clearance; below 0 if one may be there now.
         row = box // ground.columns
         column = box - row * ground.columns
         off_x = x - (ground.left + (column + 0.5) * BOX)
@@ -267,7 +267,7 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
         cost += step * load * ground.costs[label]
         if before >= 0 and label != before:
             cost += ground.change
-        # The caller has a cheaper line already.
+        # The caller needs no line that costs more.
         if cost > most:
             return math.inf
         before = label

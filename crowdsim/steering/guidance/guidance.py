@@ -51,11 +51,13 @@ class Weighing(NamedTuple):
     around: float = 0.8
     """The same for a path out of the crowd, which may save less: around an open corner, agents use the free width."""
     late: float = 0.5
-    """By how much more an agent of another goal counts for each second that it has been stuck beyond ``late_after``."""
+    """By how much more an agent of another goal counts for each second that it has been stuck beyond ``late_after``
+    [1/s]."""
     late_after: float = 5.0
     """Time stuck from which on agents of other goals count more, so that those who face each other go around [s]."""
     jam: float = 0.2
-    """A path leads out of the crowd if the crowd's part of its cost is below this share of that of the present path."""
+    """A path leads out of the crowd if the crowd's part of its cost is below this share of the crowd's part of the cost
+    of the present path."""
     kept: int = 3
     """Number of fields per goal that are kept, including that of the empty place. Agents whose field is dropped follow
     the newest."""
@@ -162,7 +164,7 @@ class Guidance:
     def lengths(self, goal: int, places: ArrayLike) -> NDArray[np.float64]:
         """Return the lengths (k,) of the paths from positions, float64[k, 2], to a goal by its first field [m].
 
-        That is the field of the empty place, unless :meth:`rebuild` got a crowd. They are infinite without a path.
+        That is the field of the empty place, unless :meth:`rebuild` got a crowd. Lengths are infinite without a path.
         """
         fields = self._fields[goal]
         return ways(self.ground, fields[min(fields)], places).length
@@ -208,8 +210,8 @@ class Guidance:
     def refresh(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
         """Solve a field of one goal in the present crowd, and let agents change to it.
 
-        Call this every few simulated seconds for each goal, in turn. Without a crowd none is solved, and all follow the
-        first field again.
+        Call this every few simulated seconds for each goal, in turn. Without a crowd no field is solved, and all agents
+        of the goal follow its first field again.
 
         Parameters
         ----------
@@ -264,8 +266,8 @@ class Guidance:
     def write(self, state: NDArray[Any], following: NDArray[np.int32], *, lead_out: bool = True) -> int:
         """Write gx, gy, togo, turn and held of all agents with a goal to their rows; return how many have no path.
 
-        Agents without a path, such as those who were pushed into a gap between chairs, squeeze through gaps in which
-        bodies just fit, unless ``lead_out`` is False.
+        Agents without a path, such as those who were pushed into a gap between chairs, are led through gaps in which
+        bodies just fit, unless ``lead_out`` is False; they count only if such a way does not exist either.
 
         ``state`` (ROW[n]) are the agents. ``following`` (int32[n]) holds the numbers of the fields that they follow;
         PLAIN and those of dropped fields are replaced.
@@ -305,7 +307,10 @@ class Guidance:
         following[mine & ~np.isin(following, list(fields))] = max(fields)
 
     def _drop(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Drop fields that no agent follows, and the oldest if there are too many; never the first and the newest."""
+        """Drop fields of a goal that no agent follows, and the oldest if there are more than ``weighing.kept``.
+
+        The first and the newest field stay.
+        """
         fields = self._fields[goal]
         used = set(following[state["goal"] == goal].tolist())
         for number in sorted(fields)[1:-1]:

@@ -1,8 +1,8 @@
 """Pins, the points that represent boxes, and the straight lines between pins of adjacent boxes.
 
-Arguments of all helpers: ``ground`` (Ground), ``crowding`` (Crowding) or ``nobody``, that of an empty place; a window
-of boxes from ``first_row`` to before ``last_row``, and likewise the columns. ``first_column`` and ``last_column`` bound
-the window as the rows do; ``row`` and ``column`` are those of a box.
+Arguments of all helpers: ``ground`` (Ground); ``crowding`` (Crowding), or ``nobody``, that of an empty place; a window
+of boxes, from ``first_row`` to ``last_row`` (exclusive) and from ``first_column`` to ``last_column`` (exclusive);
+``row`` and ``column`` of one box.
 """
 
 import math
@@ -22,34 +22,34 @@ from crowdsim.steering.guidance.ground_kernels import (
 )
 
 _ROUNDS = 12
-"""Rounds of the pattern search for a pin; the first has steps of 6 cm, each other two thirds of those before."""
+"""Rounds of the pattern search for a pin; the first has steps of 6 cm, each further one two thirds of those before."""
 
 GRID = 0.04
-"""Clearance that a behavior may lack at the best grid point of a box, for the pattern search to be tried [m]."""
+"""Clearance that a behavior may lack at the best grid point of a box so that the pattern search is still tried [m]."""
 
 _TRIED = 3
 """Number of positions tried on each side of the center, in both directions, to move a pin."""
 
 
 @helper
-def _better_pin(ground, box, behavior, x, y, low_x, low_y):
+def _better_pin(ground, box, behavior, x, y, cx, cy):
     """Find a position in a box at which ``behavior`` has more room, by a pattern search from (x, y).
 
-    ``(low_x, low_y)`` is the center of the box. Return the margin and the position [m]. Hooke and Jeeves, Direct
-    search, Journal of the ACM 8 (1961).
+    ``(cx, cy)`` is the center of the box. Return the margin (:func:`margin_at`) and the position [m]. Hooke and Jeeves,
+    Direct search, Journal of the ACM 8 (1961).
     """
     best = margin_at(ground, box, x, y, behavior)
     step = 0.06
     inner = 0.49 * BOX
     for _ in range(_ROUNDS):
         moved = True
-        # Move while one of eight steps gains room (over 10 micrometers), and stop at the margin that counts at most.
+        # Move while one of eight steps gains room (over 10 micrometers), until the margin is as large as counts.
         while moved and best < SPARE:
             moved = False
             for k in range(8):
                 # Stay inside of the box.
-                u = min(max(x + step * STEPS[k, 0], low_x - inner), low_x + inner)
-                v = min(max(y + step * STEPS[k, 1], low_y - inner), low_y + inner)
+                u = min(max(x + step * STEPS[k, 0], cx - inner), cx + inner)
+                v = min(max(y + step * STEPS[k, 1], cy - inner), cy + inner)
                 margin = margin_at(ground, box, u, v, behavior)
                 if margin > best + 1e-5:
                     best, x, y = margin, u, v
@@ -77,8 +77,8 @@ def set_pins(ground, first_row, last_row, first_column, last_column):
             ground.widest[box] = fits
             if fits == top:
                 continue
-            # No behavior fits anywhere in the box if a wall is so near that even the far corner lacks clearance. Below
-            # 0.23 m, so for any ``least`` up to 0.4 m, ``far`` is the distance itself, rounded down.
+            # No behavior fits anywhere in the box if a wall is so near that even the far corner lacks clearance. Values
+            # of ``far`` below 0.23 m are exact but for rounding down: enough for any ``least`` of up to 0.4 m.
             if (ground.far[row, column] + 1) * FAR_UNIT + CORNER < ground.least:
                 continue
             # Try a grid of 5 x 5 points.
@@ -113,11 +113,11 @@ def set_pins(ground, first_row, last_row, first_column, last_column):
 
 @helper
 def _count_ways(ground, nobody, row, column, x, y, raw, labels, narrower):
-    """Return to how many pins around a box a straight line leads from (x, y).
+    """Return to how many of the pins around a box a free straight line leads from (x, y) [m].
 
     ``raw`` (int8[boxes, 2], offsets in PIN_UNIT) and ``labels`` (int8[boxes], -1 if none fits) are the pins and their
-    widest behaviors. With ``narrower``, return instead how many pins of narrower boxes (or as narrow ones with a higher
-    number) no line leads to.
+    widest behaviors. With ``narrower``, only boxes with a lower label count, or with the same label and a higher
+    number; return then to how many of their pins no line leads.
     """
     box = row * ground.columns + column
     count = 0
@@ -129,7 +129,7 @@ def _count_ways(ground, nobody, row, column, x, y, raw, labels, narrower):
         other = v * ground.columns + u
         if labels[other] < 0:
             continue
-        # Each pair of boxes has one that moves, the wider one; ties by number.
+        # Of each pair of boxes only one moves its pin: the one with the wider behavior, of equal ones the lower number.
         if narrower and (labels[other] > labels[box] or (labels[other] == labels[box] and other < box)):
             continue
         qx = ground.left + (u + 0.5) * BOX + PIN_UNIT * raw[other, 0]
@@ -142,11 +142,12 @@ def _count_ways(ground, nobody, row, column, x, y, raw, labels, narrower):
 
 @kernel
 def mend_pins(ground, nobody, raw, labels, first_row, last_row, first_column, last_column):
-    """Move pins from which no line leads into an adjacent gap, as the point with most room is beside its mouth.
+    """Move pins from which no line leads into an adjacent gap, because the point with most room is beside its mouth.
 
     ``raw`` (int8[boxes, 2]) and ``labels`` (int8[boxes]) are the pins and their widest behaviors as :func:`set_pins`
-    left them. The ground gets these, moved if more lines lead on from another point of the box. Of two boxes the wider
-    one moves. All pins read ``raw`` only, so the order of boxes does not matter.
+    left them. ``ground.pins`` and ``ground.widest`` get these, moved if more lines lead on from another point of the
+    box. Of two boxes, the pin of that with the wider behavior moves. Lines are tested to ``raw`` pins only, so the
+    order of boxes does not matter.
     """
     for row in range(first_row, last_row):
         for column in range(first_column, last_column):
@@ -154,12 +155,12 @@ def mend_pins(ground, nobody, raw, labels, first_row, last_row, first_column, la
             ground.pins[box, 0] = raw[box, 0]
             ground.pins[box, 1] = raw[box, 1]
             ground.widest[box] = labels[box]
-            # No behavior fits, or no wall can block a line to the adjacent pins, at most 3 CORNER from the center; one
-            # CORNER more is spare.
+            # Keep the pin if no behavior fits, or if no wall can block a line to the adjacent pins, which are at most 3
+            # CORNER from the center; one CORNER more is spare.
             if labels[box] < 0 or ground.far[row, column] * FAR_UNIT > ground.reach + 4.0 * CORNER:
                 continue
             px, py = pin_of(ground, box)
-            # Only pins that miss a narrower box are moved.
+            # Move only a pin from which no line leads to some narrower box.
             if _count_ways(ground, nobody, row, column, px, py, raw, labels, True) == 0:
                 continue
             most = _count_ways(ground, nobody, row, column, px, py, raw, labels, False)

@@ -24,7 +24,8 @@ Bounds = tuple[float, float, float, float]
 """Left, bottom, right and top [m]."""
 
 Outlines = Sequence[BaseGeometry | None]
-"""Area of a movable on each layer, None if it has none there; what ``Place.footprints`` returns."""
+"""Area of a movable on each layer, None if it has none there, as ``footprints_of`` of the crowd's environment returns
+it."""
 
 
 def outline_segments(area: BaseGeometry | None) -> Floats:
@@ -58,8 +59,8 @@ class LayerSegments(NamedTuple):
 class PlaceWalls:
     """Walls of a place, kept up to date while movables appear, move and disappear.
 
-    A movable adds its outline to the walls of its layers. Walls inside of other obstacles do no harm, as no agent
-    gets there.
+    ``legs`` and ``torso`` are the walls that steering takes, ``bounds`` is the extent of the areas [m]. A movable adds
+    its outline to the walls of its layers. Walls inside of other obstacles do no harm, as no agent gets there.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ class PlaceWalls:
     Raises
     ------
     GeometryError
-        If there are no areas, or all are empty.
+        If there are no areas, all are empty, or outlines are not given for as many layers.
     """
 
     def __init__(self, areas: Sequence[BaseGeometry], things: Mapping[int, Outlines] | None = None) -> None:
@@ -106,6 +107,11 @@ class PlaceWalls:
         -------
         Bounds or None
             Bounds of the old and the new outlines together [m]; None if both are empty.
+
+        Raises
+        ------
+        GeometryError
+            If outlines are not given for as many layers as the place has.
         """
         after = () if outlines is None else self._of(outlines)
         before = self._things.pop(thing, ())
@@ -130,7 +136,7 @@ class PlaceWalls:
 
 
 def update_walls(walls: Walls, segments: Floats, window: Bounds) -> Walls:
-    """Return the walls of ``segments`` on the grid of ``walls``; equal to :func:`build_walls` if that makes this grid.
+    """Return the walls of ``segments`` on the grid of ``walls``; as :func:`build_walls` if that makes the same grid.
 
     Only distances that can have changed are measured anew. If segments reach beyond the grid of the old walls, or there
     are none before or after, all is built anew.
@@ -149,7 +155,7 @@ def update_walls(walls: Walls, segments: Floats, window: Bounds) -> Walls:
         return build_walls(segments)
     starts, lists = _lists(segments, walls.left, walls.bottom, walls.columns, walls.rows)
     distances = walls.distances.copy()
-    # Distances change in the inner cells; they are handed on from segments in the outer ones.
+    # Distances change in the inner cells only; they come from segments in the outer cells at most.
     inner = _cells(walls, window, FARTHEST + SPACING)
     outer = _cells(walls, window, 2.0 * FARTHEST + 2.0 * SPACING)
     left = walls.left + outer[0] * WALL_CELL

@@ -134,8 +134,8 @@ def cost_to(ground, nobody, px, py, qx, qy, meter, reached):
     """Return the cost of the line from p to q at ``meter`` per meter, infinite if it is blocked.
 
     The caller takes ``meter`` from the line of an adjacent pin to q, so that an agent a little off the middle of a gap
-    need not go back to the pin. If that pin is ``reached``, only the first LOOK meters are tested, and it does not
-    matter which behavior fits there.
+    need not go back to the pin. If that pin is ``reached``, only walls on the first LOOK meters block the line, and it
+    costs no more if no behavior fits there. Else some behavior must fit everywhere beyond the first LOOK meters.
     """
     near, tested = near_length(ground, px, py, qx, qy)
     length = math.sqrt((qx - px) * (qx - px) + (qy - py) * (qy - py))
@@ -218,7 +218,10 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
 
 @helper
 def look_around(ground, nobody, field, box, x, y):
-    """Find the target to head for from (x, y), and its cost; reached pins count only if all other lines lead back."""
+    """Find the target to head for from (x, y) in ``box``, and the cost over it, in the form of :func:`cheapest_around`.
+
+    A reached pin is the target only if no other one is free and nearer to the goal than that pin, by cost.
+    """
     head, cost = cheapest_around(ground, nobody, field, box, x, y, True)
     pin, pin_cost = cheapest_around(ground, nobody, field, box, x, y, False)
     boxes = len(ground.widest)
@@ -257,9 +260,10 @@ def head_for(ground, nobody, field, box, x, y):
 
 @helper
 def first_head(ground, nobody, field, box, x, y):
-    """Return the anchor to head for from (x, y) in ``box``, its cost, and x, y of where the cost holds; -1 if no path.
+    """Return the target to head for from (x, y) in ``box``, the cost to the goal over it, and where that cost holds.
 
-    The cost holds at the pin of the box, in the middle of its part, or at (x, y).
+    The target is -1 without a path. The cost holds at the position (mx, my) [m]: the pin of the box, the middle of its
+    part, or (x, y).
     """
     # Boxes without a slot: all agents in the box head for its anchor.
     if field.slots[box] < 0:
@@ -294,7 +298,7 @@ def way_at(ground, nobody, field, x, y):
         return 0.0, 0.0, math.inf, math.inf, top
     sx, sy = anchor_place(ground, field.points, head)
     length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
-    # Scale the cost from the middle (of the box or part) to the distance from the position.
+    # Scale the cost of the line, which holds at (mx, my), to the distance from the position.
     middle = math.sqrt((sx - mx) * (sx - mx) + (sy - my) * (sy - my))
     to_go = length + (float(field.length[head]) if head < boxes else 0.0)
     paid = anchor_cost(field, boxes, head)

@@ -41,7 +41,7 @@ def test_a_run_that_is_terminated_ends_after_its_step():
             os.kill(os.getpid(), signal.SIGTERM)
             with pytest.raises(Terminated):
                 progress.step(2, 10, None)
-        assert progress.steps_done == 1
+        assert progress.steps_done == 2
     finally:
         signal.signal(signal.SIGTERM, usual)
 

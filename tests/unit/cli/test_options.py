@@ -3,7 +3,7 @@
 import pytest
 import typer
 
-from crowdsim.cli.options import read_point, read_size
+from crowdsim.cli.options import read_map_depth, read_point, read_size
 
 
 def test_a_point_is_two_numbers():
@@ -26,3 +26,9 @@ def test_a_size_is_width_by_height():
 def test_anything_else_is_no_size(text):
     with pytest.raises(typer.BadParameter):
         read_size(text)
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "1000", "1000m", "nan m", "nanm", "3.5", "deep"])
+def test_a_depth_of_maps_is_bounded(text):
+    with pytest.raises(typer.BadParameter, match="above 0 and below 1000"):
+        read_map_depth(text)

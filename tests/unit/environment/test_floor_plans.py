@@ -91,6 +91,13 @@ def test_a_byte_order_mark_is_no_text(tmp_path):
     assert read_floor_plan(wkt(tmp_path, "\ufeffPOLYGON((0 0,4 0,4 4,0 4,0 0))")).floor.area == pytest.approx(16.0)
 
 
+def test_content_in_memory_is_read_whatever_has_its_name_on_disk(tmp_path):
+    folder = tmp_path / "floor.wkt"
+    folder.mkdir()
+    plan = read_floor_plan(folder, content=b"POLYGON((0 0,10 0,10 8,0 8,0 0))")
+    assert plan.floor.area == pytest.approx(80.0)
+
+
 @pytest.mark.parametrize("name", ["a.pdf", "a"])
 def test_other_files_are_refused(tmp_path, name):
     with pytest.raises(PlaceError, match=r"known are \.wkt, \.dxf"):

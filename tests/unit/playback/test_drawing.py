@@ -168,9 +168,17 @@ def test_impossible_films_and_pictures_are_refused(recording, tmp_path):
             make(recording, tmp_path / name)
     with pytest.raises(CrowdSimError, match="colored by 'mood'"):
         shot(recording, tmp_path / "out.png", color_by="mood")
-    with pytest.raises(CrowdSimError, match="choose sides"):
+    with pytest.raises(CrowdSimError, match="choose sides of 16 to 8192 pixels"):
         shot(recording, tmp_path / "out.png", size=(2, 2))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("supersample", "most"), [(1, 16384), (1.5, 10922), (2, 8192)])
+def test_sides_are_limited_by_what_is_drawn(recording, supersample, most):
+    with pytest.raises(CrowdSimError, match=f"choose sides of 16 to {most} pixels"):
+        Scene(recording, (64, most + 1), supersample=supersample)
+    with pytest.raises(CrowdSimError, match=f"choose sides of 16 to {most} pixels"):
+        Scene(recording, (15, most), supersample=supersample)
 
 
 @pytest.mark.usefixtures("can_draw")

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from crowdsim.errors import RecordingError
 from crowdsim.motion.graph.foot_contacts import Feet
 from crowdsim.motion.graph.pose_table import PoseTable
 from crowdsim.motion.planted.planted_rows import PlantedRows
 from crowdsim.recording.header import Ends
+from crowdsim.recording.reader import Recording
 from crowdsim.recording.shown import foot_drift
+from crowdsim.recording.writer import RecordingWriter
+from tests.support.small_recording import write_small_recording
+from tests.unit.recording.test_steered_columns import steered_frame, steered_header
 
 FRAMES = np.array([5, 8], np.int32)
 """Two nodes. In the first all points of the feet go 1 cm ahead a frame, in the second 2 cm to the left."""
@@ -78,3 +84,23 @@ def test_a_stance_that_lasts_to_the_end_ends_with_the_last_pose(monkeypatch: pyt
     stances = foot_drift.shown_stances(recording, rate=10)  # type: ignore[arg-type]
     assert stances.begins.tolist() == [0.0, 0.0]
     assert stances.ends.tolist() == [0.2, 0.2]
+
+
+def write_steered(path: Path) -> Path:
+    header = steered_header()
+    with RecordingWriter(path, header) as writer:
+        for step in range(5):
+            writer.append(steered_frame(header, step), step)
+        writer.finish({})
+    return path
+
+
+@pytest.mark.parametrize("write", [write_small_recording, write_steered])
+def test_without_tracks_of_nodes_nothing_is_measured(tmp_path: Path, write) -> None:
+    """Neither in older recordings, nor if all agents are steered."""
+    with Recording.open(write(tmp_path / "run.h5")) as recording:
+        assert recording.foot_table is None
+        with pytest.raises(RecordingError, match="no tracks of nodes"):
+            foot_drift.shown_stances(recording)
+        with pytest.raises(RecordingError, match="no tracks of nodes"):
+            _ = recording.planted_feet

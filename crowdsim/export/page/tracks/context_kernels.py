@@ -10,22 +10,25 @@ from crowdsim.jit import helper
 PLACE_BITS, TURN_BITS, NEAR_BITS, PHASE_BITS = 6, 7, 6, 6
 """Decisions for an integer near 0 of steered people: places, turns, turns near the expected one, phases."""
 OFF_BITS, ORIGIN_BITS, FRAME_BITS, CHANGE_BITS = 7, 8, 6, 8
-"""The same of captured people: what a track is off from its node, where a node begins, frames within a node, and
-frames across a change of nodes."""
+"""The same of captured people: by how much a track is off from its node, where a node begins, frames within a node,
+and frames across a change of nodes."""
 
 CLASSES = 9
 """Classes of the size of a difference, :func:`size_class`, and of a difference with its sign, :func:`coarse_class`."""
 SIGNED = 2 * CLASSES
+"""Classes of a difference with its sign, :func:`signed_class`."""
 MOST_ACROSS = 29
 """Difference on the first axis beyond which contexts of the second one no longer differ."""
 PACES, WAYS = 16, 16
 """Classes of speeds, and of directions, as contexts of places."""
 SPEEDS, TURNS, WANTED, NEARS = 24, 21, 49, 8
-"""Contexts of headings and phases: classes of speeds (1/16 m/s), turns, wanted turns; what the last 3 turns were."""
+"""Contexts of headings and phases: classes of speeds (1/16 m/s wide), of turns, and of turns towards the direction of
+motion; and which of the last 3 turns were coded from none, as bits."""
 KINDS, AWAYS = 7, 16
-"""Classes of phases: which rule applies, and how far the rear foot is left behind (2 cm)."""
+"""Contexts of phases: rule of the expected phase, and classes of the distance to the rear foot (2 cm wide)."""
 
-# Where the models of each kind begin. Those of integers of any size: escapes, then what begins a run of steps.
+# Where the models of each kind begin. The first ones are those of integers of any size: WHOLE for escapes, then for
+# what begins a run of steps; twice WHOLE if its first two steps are coded in this way.
 FIRST_X, FIRST_Y, FIRST_TURN, FIRST_FRAME, FIRST_PHASE = WHOLE, 3 * WHOLE, 5 * WHOLE, 7 * WHOLE, 8 * WHOLE
 IS_OFF = 9 * WHOLE
 OFF = IS_OFF + 4
@@ -37,7 +40,8 @@ STAYS = FOLLOWS + 2 * KINDS
 MODELS = STAYS + KINDS
 """Number of models of a chunk."""
 
-# The same of models that are mixed: three contexts of each kind.
+# The same of models that are mixed. Each kind has three contexts, whose models begin one behind the other: as many as
+# the context has classes, times two to the number of decisions.
 X_MODELS = (0, SIGNED * CLASSES << PLACE_BITS, SIGNED * CLASSES + CLASSES**4 << PLACE_BITS)
 _Y0 = X_MODELS[2] + (PACES * WAYS * 3 << PLACE_BITS)
 _Y1 = _Y0 + (3 * 10 * (MOST_ACROSS + 1) << PLACE_BITS)
@@ -57,7 +61,8 @@ PHASE_MODELS = (_PHASE0, _PHASE1, _PHASE1 + (KINDS * TURNS * SIGNED << PHASE_BIT
 MIXED = PHASE_MODELS[2] + (KINDS * AWAYS * SPEEDS << PHASE_BITS)
 """Number of models of a chunk that are mixed."""
 
-# Where the weights of each kind begin.
+# Where the weights of each kind begin: as many rows as the classes by which they are chosen, if any, times two to the
+# number of decisions.
 X_ROW, Y_ROW = 0, CLASSES << PLACE_BITS
 IS_NEAR_ROW = 2 * Y_ROW
 NEAR_ROW = IS_NEAR_ROW + (NEARS << 1)
@@ -69,7 +74,7 @@ ROWS = PHASE_ROW + (KINDS << PHASE_BITS)
 
 @helper
 def size_class(size):
-    """Return the class, 0 to 8, of the size of a difference: classes of small sizes are narrow."""
+    """Return the class, 0 to 8, of the size >= 0 of a difference: classes of small sizes are narrow."""
     if size <= 2:
         return size
     if size <= 4:
@@ -101,5 +106,5 @@ def coarse_class(value):
 
 @helper
 def turn_class(turn, most):
-    """Return the class, 0 to 20, of a turn; ``most`` is the largest one of a steered agent in a step."""
+    """Return the class, 0 to 20, of a turn; ``most`` is the largest turn of a steered agent in a step."""
     return min(max(10 * turn // most, -10), 10) + 10

@@ -1,4 +1,4 @@
-"""What a page expects of steered people: turns towards their direction, and phases that follow the track.
+"""What a page expects of steered people: turns towards their direction of motion, and phases that follow the track.
 
 Arguments of all helpers: ``x``, ``y`` and ``heading`` (T,) integers, the track of one person in the units of a page,
 or single numbers in :func:`direction` and :func:`expected_turn`; ``t`` a step; ``phase`` an integer, with ``cycle``
@@ -7,7 +7,8 @@ units to a cycle; ``units`` (UNITS,) int64:
 - PLACE, TURN, RATE, CYCLE: units of places per meter, of headings per turn, steps per second, and of phases per cycle;
 - MOST: the largest turn of a steered agent in a step, in units of turn;
 - NATURAL: by how much frames usually go on in a step;
-- PHASE_STEP, TURN_STEP: units by which a phase and a turn may differ from the expected one;
+- PHASE_STEP, TURN_STEP: differences from an expected phase or turn are coded as multiples of these (steps), in units
+  of phase and of turn;
 - PLAYED_TURN_STEP: the same for turns of captured people.
 """
 
@@ -23,18 +24,22 @@ UNITS = 9
 """Number of units."""
 
 REST = 5
-"""Units of phase within which a phase is that of a body at rest: recordings round phases."""
+"""Distance from the phase of a body at rest within which a phase counts as that [units of phase]: recordings round
+phases."""
 
 _NEAREST, _FARTHEST = 2, 31
-"""Bounds of the number of steps within which a turn counts as near the expected one: as many as 7 / 1024 turn (0.043
-rad) has, but no fewer and no more. 31 is the most that NEAR_BITS of the coder hold."""
+"""Least and greatest number of steps by which a turn near the expected one may be off. Between these bounds, it is the
+number of steps in 7 / 1024 of a turn (0.043 rad). 31 is the most that NEAR_BITS of the coder hold."""
 _MADE_UP = 0.7
-"""Share of the sum of errors that the next heading makes up for."""
+"""Share of the sum of errors so far that the next turn compensates."""
 
 
 @helper
 def direction(x, y):
-    """Return the angle of the vector (x, y) [rad], within 1e-5 (Abramowitz and Stegun 4.4.49); 0 for the vector 0."""
+    """Return the angle of the vector (x, y) [rad], within 1e-5 (Abramowitz and Stegun 4.4.49); 0 for the vector 0.
+
+    A polynomial, because the functions of libraries differ between machines, and the viewer must find the same.
+    """
     a = abs(x)
     b = abs(y)
     if a == 0.0 and b == 0.0:
@@ -58,17 +63,18 @@ def wrapped(value, turn):
 
 @helper
 def way_of(dx, dy, units):
-    """Return the speed [m/s] and the direction [units of turn] of a step by (dx, dy)."""
+    """Return the speed [m/s] and the direction [units of turn] of a step by (dx, dy) [units of place]."""
     speed = math.sqrt(float(dx * dx + dy * dy)) * units[RATE] / units[PLACE]
     return speed, math.floor(direction(float(dx), float(dy)) * units[TURN] / (2.0 * math.pi) + 0.5)
 
 
 @helper
 def expected_turn(ahead, heading, units):
-    """Return the turn from ``heading`` to the direction ``ahead``, the expected turn, and the steps ``near`` it.
+    """Return the wanted turn, from ``heading`` to the direction ``ahead``, the expected turn, and the range ``near``.
 
-    The expected turn is the first one, limited to MOST. A turn that is off from it by at most ``near`` steps is coded
-    by these steps. ``near`` is 0 for a limited turn, which is met exactly or not at all.
+    Angles are in units of turn. The expected turn is the wanted one, limited to MOST. A turn that is off from the
+    expected one by at most ``near`` steps is coded by these steps. ``near`` is 0 if the expected turn is limited:
+    people meet a limited turn exactly or not at all.
     """
     turn = units[TURN]
     most = units[MOST]
@@ -78,36 +84,37 @@ def expected_turn(ahead, heading, units):
 
 
 @helper
-def choose_turn(asked, expected, near, last, total, units, slack):
-    """Return how a turn near the one ``asked`` is coded: counted from which turn (0 or 1), and how many steps off.
+def choose_turn(exact_turn, expected, near, last, total, units, slack):
+    """Return by which number ``exact_turn`` is coded: (0, steps off the ``expected`` turn) or (1, steps off no turn).
 
-    It is counted from the ``expected`` one (0) if it is off by at most ``near`` steps, or from none (1). Bodies are
-    shown with headings smoothed over some 0.85 s, in which errors cancel whose sum, so far ``total``, stays small.
-    ``slack`` (2,) limits each error, and their sum; 0, 0 to round. Turns, ``total`` and ``slack`` are in units of turn;
-    a step is TURN_STEP of them. ``last`` are the steps of the turn before, 0 if it was counted from its expected one.
+    The first is chosen for at most ``near`` steps. The coded turn may be inexact within ``slack`` (2,): the largest
+    error, and the largest sum of errors, of which ``total`` is that so far; 0, 0 to round. Errors may be large if their
+    sum stays small, because bodies are shown with headings smoothed over some 0.85 s. Turns, ``total`` and ``slack``
+    are in units of turn; a step is TURN_STEP of them. ``last`` is the number of steps of the turn before, 0 if that was
+    counted from its expected turn.
     """
     step = units[TURN_STEP]
     if slack[0] > 0.0:
         # Within the slack, choose what is coded shortest: the expected turn, none, or as many steps as last time.
         for way in range(3):
             likely = expected if way == 0 else 0 if way == 1 else last * step
-            if abs(likely - asked) <= slack[0] and abs(total + likely - asked) <= slack[1]:
+            if abs(likely - exact_turn) <= slack[0] and abs(total + likely - exact_turn) <= slack[1]:
                 return (0, 0) if way == 0 else (1, 0) if way == 1 else (1, last)
-        # Else aim beside the turn, to make up for the errors so far.
-        asked -= _MADE_UP * total
-    steps = math.floor((asked - expected) / step + 0.5)
+        # Else aim beside the turn, to compensate the errors so far.
+        exact_turn -= _MADE_UP * total
+    steps = math.floor((exact_turn - expected) / step + 0.5)
     if abs(steps) <= near:
         return 0, steps
-    return 1, math.floor(asked / step + 0.5)
+    return 1, math.floor(exact_turn / step + 0.5)
 
 
 @helper
 def cadence(speed, angle, turn):
     """Return the cadence [cycles/s] of a steady walk, and what gives it: 0 the walk, 1 side steps, 2 the turn.
 
-    At a speed [m/s], ``angle`` [rad] off the heading, turning by ``turn`` [rad/s]. The rate is that of
-    :func:`crowdsim.motion.deformed.phase_kernels.phase_rate` for the motion relative to the hips. The numbers are those
-    of that module, or made of them.
+    The body moves with ``speed`` [m/s] in a direction at ``angle`` to its heading [rad], and turns by ``turn`` [rad/s].
+    The rate is that of :func:`crowdsim.motion.deformed.phase_kernels.phase_rate` for the motion relative to the hips.
+    The numbers are the constants of that module, or computed from them.
     """
     off = abs(angle)
     # The hips turn fully along with a motion up to 0.7 rad aside, then less, and not at all from 1.4 rad on; below
@@ -115,7 +122,8 @@ def cadence(speed, angle, turn):
     follows = min(speed / 0.4, 1.0)
     hip = 0.0 if off >= 1.4 else min(off, 1.4 - off)
     rest = off - hip * follows * follows
-    # Cosine by its series: a library's differs between machines, and the viewer must find the same.
+    # Cosine of the angle from the hips to the motion, by its series: functions of libraries differ between machines,
+    # and the viewer must find the same.
     s = rest * rest
     c = 1.0 - s * (0.5 - s * (1.0 / 24.0 - s * (1.0 / 720.0 - s * (1.0 / 40320.0 - s / 3628800.0))))
     c = min(max(c, -1.0), 1.0)
@@ -139,7 +147,7 @@ def cadence(speed, angle, turn):
 
 @helper
 def next_stand(phase, cycle):
-    """Return the next phase, from ``phase`` on, at which a body comes to a stand."""
+    """Return the next phase, from ``phase`` on, at which a body comes to a stand: STAND after each landing."""
     half = cycle // 2
     stand = math.floor(STAND * cycle + 0.5)
     past = phase % half
@@ -150,7 +158,7 @@ def next_stand(phase, cycle):
 def passes(before, after, cycle):
     """Return whether a body passes over its standing foot between the phases ``before`` and ``after``.
 
-    It does so at REFERENCE after each landing, every half cycle: twice the phases give whole cycles.
+    It does so at REFERENCE after each landing, so every half cycle: whole cycles of twice the phase count that.
     """
     over = 2 * math.floor(REFERENCE * cycle + 0.5)
     return (2 * before - over) // cycle < (2 * after - over) // cycle
@@ -160,10 +168,10 @@ def passes(before, after, cycle):
 def expected_phase(phase, x, y, heading, t, away, left, units):
     """Return the phase after step ``t``, which rule gives it (0 to 6), and the speed of the step [m/s].
 
-    As :func:`crowdsim.motion.deformed.phase_kernels.advance_phases` has it, for a body that is ``away`` [m] from where
-    its rear foot belongs, whose heading was ``left`` [units of turn] there. Rules: 0 to 2 as of :func:`cadence`, 3
-    comes to a stand, 4 finishes a step, 5 sets off, 6 ends a step at the next stand. All numbers are the constants of
-    that module.
+    The phase advances as in :func:`crowdsim.motion.deformed.phase_kernels.advance_phases`. ``away`` [m] is the distance
+    of the body from where it was over the foot that is now behind, ``left`` its heading there [units of turn]. Rules: 0
+    to 2 as in :func:`cadence`, 3 comes to a stand, 4 finishes a step, 5 sets off, 6 ends a step at the next stand. All
+    numbers are the constants of that module.
     """
     turn = units[TURN]
     rate = units[RATE]
@@ -181,11 +189,11 @@ def expected_phase(phase, x, y, heading, t, away, left, units):
         return max(phase, min(stand, phase + math.floor(0.75 / rate * cycle + 0.5))), 3, speed
     steady, kind = cadence(speed, angle, turning)
     if steady < 0.45:
-        # Too slow to walk: a step is finished.
+        # Too slow to walk: finish the step, slowly if the body creeps on.
         steady = 0.6 if speed > 0.1 else 0.75
         kind = 4
     elif passed < REFERENCE and away * steady < 0.5 * (passed + 0.5 - REFERENCE) * speed:
-        # Setting off.
+        # Setting off: the body is less than half as far from its rear foot as in a steady walk. A short first step.
         steady = max(steady, min(6.0 * speed, 1.5))
         kind = 5
     after = phase + math.floor(steady / rate * cycle + 0.5)

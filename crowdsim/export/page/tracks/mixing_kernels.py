@@ -1,10 +1,10 @@
-"""Numbers near 0, coded by decisions that several models expect together: the better one did, the more it counts.
+"""Code numbers near 0 by decisions whose probabilities are mixed of several models: good models get larger weights.
 
-Every decision is looked up in INPUTS contexts. Each of these gives a model, the probability that it comes out 1, which
-adapts by the share 1 / (decisions so far + 1.5), and by no less than 1 / 128.5: what is seldom met is learned fast. The
-logits of the probabilities are added, times weights that adapt as well (logistic mixing: Mattern, Proc. Data
-Compression Conference, 2012). All numbers are integers, so that the viewer's twin, ``source/mixing.js``, finds the
-same.
+Each decision has INPUTS contexts, and a model in each of them: the probability that the outcome is 1. After an outcome,
+a model moves towards it by the share 1 / (decisions so far + 1.5), but no less than 1 / 128.5: so rare contexts are
+learned fast. The logits of the probabilities are added, times weights that adapt as well (logistic mixing: Mattern,
+Proc. Data Compression Conference, 2012). All numbers are integers, so that the viewer's twin, ``source/mixing.js``,
+finds the same.
 
 Arguments of all helpers: ``state``, ``out`` and ``models`` of the coder, as of
 :mod:`crowdsim.export.page.tracks.range_kernels`; ``mixer`` (:class:`Mixer`) models and weights; ``at`` (INPUTS
@@ -38,7 +38,7 @@ _LEARNING = 24
 _LARGEST = (1 << 18) - 1
 """Largest weight: the sum of three logits times their weights stays within 32 bits."""
 _PATIENCE = 127
-"""Decisions after which a model adapts no slower."""
+"""Number of decisions after which a model adapts no slower."""
 
 # Chances of the logits -2048, -1920, ... 2048: 4096 / (1 + exp(-logit / 256)), rounded down. Between these points,
 # straight lines.
@@ -64,7 +64,7 @@ _SHARE = np.rint(32768 / (np.arange(_PATIENCE + 1) + 1.5)).astype(np.int64)
 
 
 class Mixer(NamedTuple):
-    """What decisions are expected by.
+    """M models of decisions that are mixed, and W rows of weights.
 
     chances: (M,) uint16 probability of 1 of each model, in units of 1 / 65536. counts: (M,) uint8, decisions so far, up
     to _PATIENCE. weights: (W, INPUTS) int32, in units of 1 / 65536.
@@ -88,14 +88,14 @@ class Coder(NamedTuple):
 
 
 def new_mixer(models: int, rows: int) -> Mixer:
-    """Return a mixer of so many models, and rows of weights, that has seen nothing."""
+    """Return a mixer with numbers of ``models`` and of ``rows`` of weights that has seen no decision."""
     chances = np.full(models, EVEN, np.uint16)
     return Mixer(chances, np.zeros(models, np.uint8), np.full((rows, INPUTS), _FIRST_WEIGHT, np.int32))
 
 
 @helper
 def _learn(mixer, model, bit):
-    """Adapt a model, of which ``model`` is the number, to an outcome, ``bit``: move it by its share towards 0 or 1."""
+    """Move the model with the number ``model`` by its share towards an outcome, ``bit``."""
     count = mixer.counts[model]
     chance = np.int64(mixer.chances[model])
     mixer.chances[model] = chance + (((65535 if bit else 0) - chance) * _SHARE[count] >> 15)
@@ -112,7 +112,7 @@ def put_leaf(state, out, mixer, at, row, bits, leaf):
     node = 1
     for place in range(bits - 1, -1, -1):
         bit = (leaf >> place) & 1
-        # From 16 bits to the 12 of the tables.
+        # Logits of the three models: their chances have 16 bits, those of the tables 12.
         a = _LOGIT[mixer.chances[at[0] + node] >> 4]
         b = _LOGIT[mixer.chances[at[1] + node] >> 4]
         c = _LOGIT[mixer.chances[at[2] + node] >> 4]
@@ -120,7 +120,7 @@ def put_leaf(state, out, mixer, at, row, bits, leaf):
         logit = (weights[0] * a + weights[1] * b + weights[2] * c) >> _WEIGHT_BITS
         chance = _CHANCE[min(max(logit, -_MOST), _MOST) + _MOST]
         narrow(state, out, (state[RANGE] >> _CHANCE_BITS) * (_CHANCES - chance), bit)
-        # Weights follow the gradient of the code length, logit times error; 0x8000 is for rounding.
+        # Weights follow the gradient of the code length: logit times error. Adding 0x8000 rounds.
         off = ((bit << _CHANCE_BITS) - chance) * _LEARNING
         weights[0] = min(max(weights[0] + ((a * off + 0x8000) >> 16), -_LARGEST), _LARGEST)
         weights[1] = min(max(weights[1] + ((b * off + 0x8000) >> 16), -_LARGEST), _LARGEST)

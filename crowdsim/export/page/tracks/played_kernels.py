@@ -2,19 +2,20 @@
 
 A track follows its node: it is the node's own track, put where the node begins, its origin. The blend offset, the end
 of the node before less this origin, fades out over the first BLEND_FRAMES frames
-(:mod:`crowdsim.motion.graph.track_kernels`). So what is coded is where nodes begin, seen from the ends of those before.
-Where that is not enough, as for agents who have just steered, it is coded by how much a track is off, and its origin is
-moved by that.
+(:mod:`crowdsim.motion.graph.track_kernels`). So the origin of each node is coded, as seen from the end of the node
+before. If the track found from it is too far off, as for agents that have just been steered, the difference is coded,
+and the origin is moved by it.
 
-A page shows the track so found, not rounded to whole units: places are off by TOLERANCE units at most along each axis,
-headings by one step of turns.
+A page shows the track found in this way, not rounded to whole units: places are off by TOLERANCE units at most along
+each axis, headings by one step of turns.
 
 Arguments of all helpers: ``state``, ``out`` and ``models`` of the coder, as of
 :mod:`crowdsim.export.page.tracks.range_kernels`; ``nodes``, a :class:`NodeTracks`; of one person, for T steps:
-``exact`` (3, T) float64 x, y and heading in units of place and turn, ``track`` (4, T) integers, the same as a decoder
-finds them and the frame in ticks, ``node`` (T,) the nodes; ``frame``, that of a node since its first row, or (T,) of
-them [ticks]; ``begin``, the step from which the person is present, ``first`` and ``end``, the steps from and before
-which columns are coded; ``units`` as of :mod:`crowdsim.export.page.tracks.expected_kernels`.
+``exact`` (3, T) float64 x, y and heading in units of place and turn, ``track`` (4, T) integers, x, y and heading as a
+decoder finds them and the frame of the node, ``node`` (T,) the nodes; ``frame``, counted from the first row of its
+node, one or (T,) [ticks: FRAME_TICKS to a frame]; ``begin``, the step from which the person is present, ``first`` and
+``end``, the steps from and before which columns are coded; ``units`` as of
+:mod:`crowdsim.export.page.tracks.expected_kernels`.
 """
 
 from __future__ import annotations
@@ -54,6 +55,7 @@ TOLERANCE = 0.7
 _LEAST_SHARE = 0.1
 """Least share of a blend offset that is taken as faded: so errors of rounding grow tenfold at most."""
 _WHOLE_TURN = 2.0 * math.pi * TRACK_UNITS
+"""Whole turn in the units of tracks of nodes."""
 
 
 class NodeTracks(NamedTuple):
@@ -74,10 +76,12 @@ class NodeTracks(NamedTuple):
 
 @helper
 def _cos_sin_of(angle, turn):
-    """Return cosine and sine of an angle, ``turn`` of which are a whole turn.
+    """Return cosine and sine of an angle, in units of which ``turn`` make a whole turn.
 
-    By a short series (error below 1e-12): values of libraries differ, and the viewer must find the same.
+    By a short series (error below 1e-12), because the functions of libraries differ between machines, and the viewer
+    must find the same.
     """
+    # The nearest quarter turn, and the rest, at most an eighth of a turn [rad].
     quarter = math.floor(4.0 * angle / turn + 0.5)
     r = (angle - quarter * (0.25 * turn)) * (2.0 * math.pi / turn)
     s = r * r
@@ -119,7 +123,10 @@ def _in_node(nodes, node, frame):
 
 @helper
 def _from_origin(x, y, heading, units):
-    """Return a place in a node [TRACK_UNITS], as it lies from the node's origin with this heading [units of place]."""
+    """Return the displacement (x, y) of a node [TRACK_UNITS] from its origin, in the world [units of place].
+
+    ``heading`` is that of the origin [units of turn].
+    """
     c, s = _cos_sin_of(heading, float(units[TURN]))
     to_place = units[PLACE] / TRACK_UNITS
     return to_place * (c * x - s * y), to_place * (s * x + c * y)
@@ -142,7 +149,7 @@ def _track_at(nodes, node, frame, origin, offset, units):
 
 @helper
 def _origin_of(nodes, node, frame, shown, units):
-    """Return the origin (x, y, heading) of a node whose track is ``shown`` (3,) in a frame."""
+    """Return the origin (x, y, heading) of a node whose track is at ``shown`` (3,) in a frame, without blend offset."""
     x, y, h, _ = _in_node(nodes, node, frame)
     heading = shown[2] - units[TURN] / _WHOLE_TURN * h
     x, y = _from_origin(x, y, heading, units)
@@ -157,10 +164,11 @@ def _begins(node, frame, t):
 
 @helper
 def _origin_seen(nodes, exact, track, node, t, end, ended, units):
-    """Return where the node that begins in step ``t`` has its origin, seen from ``ended``, the end of the one before.
+    """Return the origin of the node that begins in step ``t``, as seen from ``ended``, the end of the node before.
 
-    That is along and across [half units of place] and the turn [steps], rounded. It is measured in the first step in
-    which nothing of the blend offset is left, or the last one of the node, or before ``end``.
+    It is (along, across, turn), rounded: the displacement along and across the heading of ``ended`` [half units of
+    place], and the turn [steps]. It is measured in the first step in which nothing of the blend offset is left, or else
+    in the last step of the node before ``end``.
     """
     frame = track[3]
     turn = float(units[TURN])
@@ -170,7 +178,8 @@ def _origin_seen(nodes, exact, track, node, t, end, ended, units):
         t = later
     x, y, h, left = _in_node(nodes, node[t], frame[t])
     share = 1.0 / max(1.0 - left, _LEAST_SHARE)
-    # exact = origin + own track, turned by the origin + left * (ended - origin), solved for the origin.
+    # The exact track is origin + (own track, turned by the origin) + left * (ended - origin). Solve for origin - ended,
+    # first for its heading, which turns the own track.
     off = exact[2, t] - units[TURN] / _WHOLE_TURN * h - ended[2]
     heading = (off - turn * math.floor(off / turn + 0.5)) * share
     x, y = _from_origin(x, y, ended[2] + heading, units)
@@ -190,10 +199,11 @@ def put_played(state, out, models, nodes, exact, track, node, begin, first, end,
     x, y, heading, frame = track[0], track[1], track[2], track[3]
     turn = float(units[TURN])
     step = units[PLAYED_TURN_STEP]
-    # Where the node begins, its blend offset, where the node before ends, and the track as it is shown.
+    # The node's origin, its blend offset, the end of the node before, and the track as it is shown.
     origin, offset, ended, shown = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     was_off = 0
     for t in range(first, end):
+        # The first step of a person is coded as it is, in whole units; later ones from what is expected.
         if t == begin:
             put_whole(state, out, models, FIRST_X, math.floor(exact[0, t] + 0.5))
             put_whole(state, out, models, FIRST_Y, math.floor(exact[1, t] + 0.5))
@@ -201,7 +211,7 @@ def put_played(state, out, models, nodes, exact, track, node, begin, first, end,
             for k in range(3):
                 shown[k] = math.floor(exact[k, t] + 0.5)
         elif t == first:
-            # It has steered: expect that it goes on as in the last step.
+            # The person was steered before: expect that it goes on as in the last step.
             shown[0], shown[1], shown[2] = x[t - 1], y[t - 1], heading[t - 1]
             if t > begin + 1:
                 shown[0] += x[t - 1] - x[t - 2]
@@ -223,12 +233,13 @@ def put_played(state, out, models, nodes, exact, track, node, begin, first, end,
                     offset[k] = ended[k] - origin[k]
             shown[0], shown[1], shown[2] = _track_at(nodes, node[t], frame[t], origin, offset, units)
         if t > begin:
-            # How far is it off?
+            # If the track is too far off, code the difference, and move the node's origin by it.
             off_x = exact[0, t] - shown[0]
             off_y = exact[1, t] - shown[1]
             off_turn = exact[2, t] - shown[2]
             off_turn = (off_turn - turn * math.floor(off_turn / turn + 0.5)) / step
             is_off = 1 if max(abs(off_x), abs(off_y)) > TOLERANCE or abs(off_turn) > 1.0 else 0
+            # Contexts: whether the blend offset still fades, and whether the track was off in the last step.
             fades = 1 if frame[t] < BLEND_FRAMES * FRAME_TICKS else 0
             put_bit(state, out, models, IS_OFF + 2 * fades + was_off, is_off)
             was_off = is_off
@@ -239,6 +250,7 @@ def put_played(state, out, models, nodes, exact, track, node, begin, first, end,
                     by = moved[k] * (step if k == 2 else 1)
                     shown[k] += by
                     origin[k] += by
+        # The first node may be played from any frame on: its origin follows from the track in that frame.
         if t == first:
             origin[0], origin[1], origin[2] = _origin_of(nodes, node[t], frame[t], shown, units)
         x[t] = math.floor(shown[0] + 0.5)
@@ -250,8 +262,8 @@ def put_played(state, out, models, nodes, exact, track, node, begin, first, end,
 def put_frames(state, out, models, nodes, track, node, first, end, units):
     """Code frames from step ``first`` to before ``end``, in all of which nodes are played.
 
-    They usually go on by NATURAL in a step; coded is the change of what they go on beyond that. A node that is followed
-    by another one is expected to have been played to its end.
+    A frame usually advances by NATURAL in a step. Coded is by how much the advance beyond NATURAL has changed since the
+    step before. A node that is followed by another one is expected to have been played to its end.
     """
     frame = track[3]
     last = 0
@@ -259,6 +271,7 @@ def put_frames(state, out, models, nodes, track, node, first, end, units):
         if t == first:
             put_whole(state, out, models, FIRST_FRAME, frame[t])
             continue
+        # A node that is played again at once counts as the same one: its frame goes back.
         off = frame[t] - frame[t - 1] - units[NATURAL]
         if node[t] != node[t - 1]:
             off += nodes.frames[node[t - 1]] * FRAME_TICKS

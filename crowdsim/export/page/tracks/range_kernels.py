@@ -1,8 +1,8 @@
 """An adaptive binary range coder: few bytes for decisions whose outcome is likely.
 
-Each decision has a model, two estimates of the probability that it comes out 0: one that adapts within some 16
-decisions, and one within some 128. Their mean is what is coded with. Coding follows Martin (1979), with the carry
-of LZMA. The viewer's twin is ``source/range_decoder.js``; both hold all numbers exactly.
+Each decision has a model, two estimates of the probability that its outcome is 0: one that adapts within some 16
+decisions, and one within some 128. Their mean is the probability used. Coding follows Martin (1979), with the carry of
+LZMA. The viewer's twin is ``source/range_decoder.js``; both hold all numbers exactly.
 
 Arguments of all helpers: ``state`` (5,) int64, the coder; ``out`` (n,) uint8, the bytes written so far, with room for
 more; ``models`` (k, 2) uint16, the two estimates of each decision, of which ``model`` or ``first`` is a row; ``bit``, 0
@@ -16,8 +16,8 @@ import numpy as np
 from crowdsim.jit import helper
 
 LOW, RANGE, HELD, RUN, SIZE = range(5)
-"""Entries of a coder's state: low end of its interval, its width, the byte that waits for a carry, how many bytes wait
-(it and those of 255 after it), and bytes written."""
+"""Entries of a coder's state: low end of its interval, its width, the byte that waits for a carry, the number of bytes
+that wait (this one, and bytes of 255 after it), and the number of bytes written."""
 
 EVEN = 1 << 15
 """Probability one half, in units of 1 / 65536."""
@@ -26,7 +26,7 @@ FAST, SLOW = 4, 7
 
 WHOLE_BITS = 6
 WHOLE = 1 << WHOLE_BITS
-"""Decisions for length and sign of an integer of any size, and the number of their models."""
+"""Number of decisions for length and sign of an integer of any size, and of their models."""
 
 _TOP = 1 << 24
 """Width of the interval below which the highest byte of its low end is settled and written."""
@@ -39,7 +39,7 @@ def new_state() -> np.ndarray:
 
 @helper
 def _carry_out(state, out):
-    """Write what of the low end can no longer change, and shift it by a byte."""
+    """Shift the low end by a byte; write the bytes that no later carry can change."""
     low = state[LOW]
     if low < 0xFF000000 or low > 0xFFFFFFFF:
         # Either no carry can come any more, or it has come: it runs through all bytes that wait.
@@ -57,7 +57,7 @@ def _carry_out(state, out):
 
 @helper
 def narrow(state, out, bound, bit):
-    """Code a decision: its outcome 0 takes the first ``bound`` of the interval, 1 the rest."""
+    """Code a decision: outcome 0 takes the first part of the interval, ``bound`` wide, 1 the rest."""
     if bit == 0:
         state[RANGE] = bound
     else:
@@ -101,7 +101,8 @@ def put_plain(state, out, value, bits):
 def _put_leaf(state, out, models, first, bits, leaf):
     """Code a number of ``bits`` bits by the decisions of a binary tree, whose models begin at ``first``.
 
-    The decisions are its bits from the highest to the lowest; those above tell which model is used. Node 0 is not used.
+    The decisions are its bits from the highest to the lowest; the model of each depends on the bits above it. Node 1 is
+    the root, node 0 is not used.
     """
     node = 1
     for place in range(bits - 1, -1, -1):
@@ -112,9 +113,9 @@ def _put_leaf(state, out, models, first, bits, leaf):
 
 @helper
 def put_whole(state, out, models, first, value):
-    """Code an integer of a size below 2**31: its length in bits and sign by a tree of models, its bits by none.
+    """Code an integer of a size below 2**31: its length in bits and its sign by models, its bits without.
 
-    The tree has WHOLE models, which begin at ``first``.
+    The WHOLE models of length and sign are a tree, which begins at ``first``.
     """
     size = abs(value)
     length = 0
@@ -128,10 +129,10 @@ def put_whole(state, out, models, first, value):
 
 @helper
 def put_number(state, out, models, first, bits, value):
-    """Code an integer near 0 by ``bits`` decisions, the models of which begin at ``first``; others after an escape.
+    """Code an integer near 0 by ``bits`` decisions, whose models begin at ``first``; other integers after an escape.
 
-    Integers from 1 - 2**(bits - 1) to 2**(bits - 1) - 1 are near; leaf 0 is the escape. The first WHOLE models are
-    those of all escapes.
+    Integers from 1 - 2**(bits - 1) to 2**(bits - 1) - 1 are near 0; leaf 0 is the escape. All escapes share the first
+    WHOLE models.
     """
     half = 1 << (bits - 1)
     near = -half < value < half

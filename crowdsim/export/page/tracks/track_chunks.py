@@ -23,26 +23,27 @@ from crowdsim.recording.reader import Recording
 from crowdsim.recording.shown.track_blocks import TICKS_PER_SECOND
 
 PLACES, FINE_PLACES = 720, 4000
-"""Integer units per meter for positions of tracks, and of few agents: knees of straight legs double what hips are off,
-and more. Units of 1.39 mm leave a steered position within a circle of 1 mm, a captured one within 0.97 mm along each
-axis."""
+"""Integer units per meter for positions of tracks, and for positions of few agents, which are finer because an error of
+the hips is more than doubled at the knees of straight legs. Units of 1.39 mm leave a steered position within a circle
+of 1 mm, a captured one within 0.97 mm along each axis."""
 _FEW = 100_000
-"""Number of positions up to which those of a page are fine; each takes some 5 bits more."""
+"""Largest number of positions on a page with fine units; each position then takes some 5 bits more."""
 PHASES = 50_000
 """Integer units per cycle for gait phases. The phase of a body at rest, 0.06 cycles after a foot lands, is a whole
 number of them: otherwise a page takes a body at rest as walking, and plans other steps than playback does."""
 _PHASE_STEP, _FINE_PHASE_STEP = 15, 10
-"""Units by which expected phases are corrected, and those of few agents."""
+"""Steps by which differences from expected phases are coded, and those of few agents [units of phase]."""
 FRACTIONS = 64
-"""Parts of a unit of places, or of a step of turns and phases, by which the last steps of a stretch are exact:
-footsteps after them are extrapolated from these."""
+"""Parts of a unit of places, or of a step of turns and phases, to which the last steps of a stretch are exact, because
+footsteps after the stretch are extrapolated from them."""
 TURNS = 1 << 17
 """Integer units per turn for headings."""
 _PLAYED_TURN_STEP, _FINE_TURN_STEP, _COARSE_TURN_STEP = 16, 64, 163
-"""Units by which expected turns are corrected: of captured agents, whose feet turn with the track; of few steered
-agents, and of many. Steered agents turn by at most 32 of the last ones in a step at 10 steps a second, 16 at 20."""
+"""Steps by which differences from expected turns are coded [units of turn]: of captured agents, whose feet turn with
+the track; of few steered agents; and of many. At 10 steps a second, steered agents turn by at most 32 of the last ones
+in a step, at 20 steps by 16."""
 _OFF, _SUM_OFF = 0.0175, 0.008
-"""Largest error of a coarse heading, and of the sum of the errors so far [rad]. Bodies show the mean of nine."""
+"""Largest error of a coarse heading, and of the sum of the errors so far [rad]. Bodies show a mean of nine headings."""
 _SAMPLES = 1 << 20
 """Largest number of positions in a chunk, which a browser decodes at once."""
 _SHORTEST, _LONGEST = 64, 1024
@@ -92,17 +93,17 @@ def place_units(chosen: Chosen) -> int:
 
 
 def turn_step(places: int) -> int:
-    """Return the step by which turns of steered agents are coded [units of turn], by the units of place per meter."""
+    """Return the step by which turns of steered agents are coded [units of turn], for ``places`` units per meter."""
     return _FINE_TURN_STEP if places == FINE_PLACES else _COARSE_TURN_STEP
 
 
 def phase_step(places: int) -> int:
-    """Return the step by which phases are coded [units of phase], for so many units of place per meter."""
+    """Return the step by which phases are coded [units of phase], for ``places`` units per meter."""
     return _FINE_PHASE_STEP if places == FINE_PLACES else _PHASE_STEP
 
 
 def plan_chunks(agents: int) -> ChunkPlan:
-    """Return chunks of as many steps of ``agents`` agents as a browser decodes at once."""
+    """Return the division of the steps of ``agents`` agents into chunks that a browser decodes at once."""
     steps = int(np.clip(_SAMPLES // max(agents, 1), _SHORTEST, _LONGEST))
     return ChunkPlan(steps, 1)
 
@@ -127,7 +128,7 @@ class PackedStretches(NamedTuple):
     phases: NDArray[np.float64]
 
     def within(self, low: int, high: int) -> Ints:
-        """Return (S', 4) the parts of stretches in steps ``low`` to before ``high``, counted from ``low``.
+        """Return (k, 4) the parts of stretches in the steps from ``low`` to before ``high``, counted from ``low``.
 
         Columns: agent, first step, step after the last, index in ``phases``.
         """
@@ -204,7 +205,7 @@ def chunk_spans(steps: int, plan: ChunkPlan) -> Iterator[tuple[int, int]]:
 
 
 def node_tracks(motion: MotionRecord) -> NodeTracks:
-    """Return the tracks of all nodes, rounded as pages hold them; zeros of older recordings, which do not tell them."""
+    """Return the tracks of all nodes, rounded as pages hold them; zeros for older recordings, which have no tracks."""
     rows = np.zeros((len(motion.pool_root), 3), np.int64)
     if len(motion.pool_tracks):
         rows = np.rint(motion.pool_tracks.astype(np.float64) * TRACK_UNITS).astype(np.int64)
@@ -215,10 +216,11 @@ def node_tracks(motion: MotionRecord) -> NodeTracks:
 def _coded(
     rows: _Rows, units: Ints, nodes: NodeTracks, stretches: Ints, phases: Ints, own: range
 ) -> tuple[NDArray[np.uint8], Ints]:
-    """Return the bytes of a chunk, and headings (N, steps) that a decoder finds; ``phases`` become what it finds.
+    """Return the bytes of a chunk, and the headings (N, steps) that a decoder finds [units of turn].
 
     ``units`` are those of :func:`coding_units`; ``stretches`` rows of :meth:`PackedStretches.within`; ``phases`` those
-    of all stretches, in units of a page; ``own`` the steps of the chunk without its margins.
+    of all stretches, in units of a page, of which those in this chunk become what a decoder finds; ``own`` the steps of
+    the chunk without its margins.
     """
     here = (rows.state != AgentState.ABSENT).T
     node = np.where(here, rows.node.T, NONE).astype(np.int32)
@@ -241,10 +243,10 @@ def _coded(
 
 
 class _Ends:
-    """Collects what the last steps of stretches are beside what a decoder finds.
+    """Collects the last steps of stretches exactly: differences from what a decoder finds.
 
-    ``values`` (S, steps, 4): the last step first, in 1 / FRACTIONS.
-    Columns: x, y, heading, phase. There are as many steps as two samples of footstep plans may need.
+    ``values`` (S, steps, 4) int8: x, y, heading, phase, the last step first, in 1 / FRACTIONS of a unit of place, or of
+    a step of turns and phases. There are as many steps as two samples of footstep plans may need.
     """
 
     def __init__(self, units: Ints, stretches: PackedStretches, phases: Ints) -> None:
@@ -257,9 +259,9 @@ class _Ends:
         self.values = np.zeros((len(stretches.agents), steps, 4), np.int8)
 
     def take(self, rows: _Rows, headings: Ints, low: int, own: range) -> None:
-        """Take those of the stretches whose last step is one of ``own``.
+        """Take the values of the stretches whose last step is in ``own``, the steps of a chunk without its margins.
 
-        ``rows`` and ``headings`` (N, steps), which a decoder finds, begin at step ``low``.
+        ``rows``, and ``headings`` (N, steps) as a decoder finds them, begin at step ``low``.
         """
         known, turn_step, most = self._stretches, float(self._units[TURN_STEP]), self.values.shape[1]
         every = rows.x, rows.y, rows.heading, rows.node, headings.T
@@ -277,7 +279,7 @@ class _Ends:
             step = known.stops[some] - 1 - back
             some, step = (part[step >= known.begins[some]] for part in (some, step))
             row, who = step - first, known.agents[some]
-            # Stretches reach into captured steps, whose tracks a page shows without rounding: nothing to add there.
+            # Stretches reach into captured steps. A page shows their tracks without rounding: nothing is added there.
             steered = node[row, who] == NONE
             exact = np.stack([x[row, who], y[row, who]]).astype(np.float64) * float(self._units[PLACE])
             places = exact - np.floor(exact + 0.5)
@@ -286,7 +288,7 @@ class _Ends:
             at = known.starts[some] + step - known.begins[some]
             phases = (known.phases[at] - self._phases[at]) / float(self._units[PHASE_STEP])
             off = np.stack([*np.where(steered, places, 0.0), np.where(steered, turns, 0.0), phases], axis=1)
-            # Headings that were chosen for few bits may be off by more than fits: then by as much as does.
+            # Headings that were chosen for few bits may be off by more than int8 holds: limit the values.
             self.values[some, back] = np.clip(np.rint(off * FRACTIONS), -127, 127)
 
 
@@ -322,7 +324,7 @@ class _Changes:
         self._last = values[:, -1]
 
     def events(self) -> tuple[Events, Ints]:
-        """Return all changes, and the nodes that are played."""
+        """Return all changes, and the nodes that are played, ascending, which the changes refer to by index."""
         empty = np.zeros((6, 0), np.int64)
         agent, step, node, previous, behavior, state = np.concatenate([empty, *self._parts], axis=1)
         order = np.lexsort((step, agent))

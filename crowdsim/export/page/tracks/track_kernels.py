@@ -1,13 +1,14 @@
 """Code the tracks of a chunk of steps: what is usual takes few bits, what is not takes more.
 
-Every value is coded as its difference from what could be expected, in contexts that say how much such differences
-have been of late. What is expected follows from values that are coded before, so that a decoder expects the same:
+Every value is coded as its difference from an expected value, in contexts that depend on how large such differences
+have been in the last steps. The expected value follows from values that are coded before, so that a decoder expects the
+same:
 
-- places: on with the velocity of the last step. Steered people hardly accelerate, or by as much as they can
-  (2.5 m/s2): then one axis almost says what is left for the other.
-- headings: of steered people, towards the direction of the last step, by a limited turn.
+- places of steered people: on with the velocity of the last step. They hardly accelerate, or by as much as they can
+  (2.5 m/s2): then the acceleration along one axis almost gives that along the other.
+- headings of steered people: towards the direction of the last step, by a limited turn.
 - phases: as :mod:`crowdsim.motion.deformed.phase_kernels` advances them along the coded track.
-- captured people: places, headings and frames as :mod:`crowdsim.export.page.tracks.played_kernels` has them.
+- places, headings and frames of captured people: see :mod:`crowdsim.export.page.tracks.played_kernels`.
 
 Numbers of steered people are coded by several contexts together
 (:mod:`crowdsim.export.page.tracks.mixing_kernels`). For captured people one context does, as they are expected well.
@@ -84,16 +85,17 @@ from crowdsim.export.page.tracks.range_kernels import WHOLE, finish, put_bit, pu
 from crowdsim.jit import helper, kernel
 
 _WINDOW = 10
-"""Steps at either end of a track whose headings are rounded; more than half of the window of 0.85 s at 10 Hz."""
+"""Number of steps at either end of a track whose headings are rounded: more than half of the window of 0.85 s that
+smooths headings, at 10 steps a second."""
 
 
 @helper
 def _put_places(state, out, models, mixer, x, y, begin, first, end, units):
     """Code places (T,) x and y from step ``first`` to before ``end``.
 
-    Where the person comes in, the first place is coded as it is and the second one by its difference from the first;
-    all others by their acceleration, the second difference: that along x first, then that along y, which it helps to
-    expect.
+    When a person appears, the first place is coded as it is, and the second one by its difference from the first. All
+    others are coded by their acceleration, the second difference, first along x. Its size there is a context of that
+    along y.
     """
     # Accelerations (ax, ay) of the last step and (bx, by) of the one before, and the size of the latter.
     ax = 0
@@ -107,7 +109,7 @@ def _put_places(state, out, models, mixer, x, y, begin, first, end, units):
             put_whole(state, out, models, FIRST_X + second, x[t] - (x[t - 1] if t > begin else 0))
             put_whole(state, out, models, FIRST_Y + second, y[t] - (y[t - 1] if t > begin else 0))
             continue
-        # How much has it accelerated in the last two steps? The last one counts twice.
+        # Classes of the mean acceleration in the last two steps, of which the last counts twice: nine, and three wide.
         lately = size_class((2 * (abs(ax) + abs(ay)) + before) // 3)
         before = abs(ax) + abs(ay)
         some = min(lately // 3, 2)
@@ -126,8 +128,8 @@ def _put_places(state, out, models, mixer, x, y, begin, first, end, units):
         by = ay
         ax = x[t] - 2 * x[t - 1] + x[t - 2]
         put_mixed(state, out, models, mixer, at, X_ROW + (lately << PLACE_BITS), PLACE_BITS, ax)
-        # The second axis: besides, what is known of the first one. Its first context packs the size of ax, the class of
-        # the size of the last ay, two classes taken as one, and the sign of that ay.
+        # The second axis has contexts with the acceleration of the first one, ax; by is the last one along y. The first
+        # context packs the size of ax, the class of the size of by, two classes taken as one, and the sign of by.
         across = 10 * min(abs(ax), MOST_ACROSS) + 2 * (size_class(abs(by)) // 2) + (1 if by > 0 else 0)
         at = (
             Y_MODELS[0] + (3 * across + some << PLACE_BITS),
@@ -142,16 +144,16 @@ def _put_places(state, out, models, mixer, x, y, begin, first, end, units):
 def _put_headings(state, out, models, mixer, x, y, headings, begin, first, end, stop, units, slack):
     """Code headings from step ``first`` to before ``end``.
 
-    ``headings``: the exact ones (T,) float64 [units of turn], and (T,), filled with what a decoder finds.
-    Turns are coded as :func:`choose_turn` says, within ``slack`` (2,). The person is present up to before step
-    ``stop``.
+    ``headings`` are two arrays: the exact ones (T,) float64 [units of turn], and (T,) integers, which are set to what a
+    decoder finds. Turns are chosen by :func:`choose_turn`, within ``slack`` (2,). The person is present up to before
+    step ``stop``.
     """
     exact, heading = headings
     turn = units[TURN]
     step = units[TURN_STEP]
     most = units[MOST]
-    # The last turns, by how many steps, and whether the last three were other than expected, as bits; and the sum of
-    # the errors so far.
+    # The last turn and the one before; the steps of the last one, if it was counted from none; which of the last three
+    # were counted from none, as bits; and the sum of the errors so far.
     last = 0
     before = 0
     steps = 0
@@ -164,25 +166,28 @@ def _put_headings(state, out, models, mixer, x, y, headings, begin, first, end, 
             heading[t] = math.floor(exact[t] + 0.5)
             put_whole(state, out, models, model, heading[t] - (heading[t - 1] if t > begin else 0))
             continue
-        # The exact turn from the heading coded last.
-        asked = exact[t] - heading[t - 1]
-        asked -= turn * math.floor(asked / turn + 0.5)
+        # The exact turn from the heading coded last, within half a turn.
+        exact_turn = exact[t] - heading[t - 1]
+        exact_turn -= turn * math.floor(exact_turn / turn + 0.5)
+        # Contexts: the speeds of the last step and of this one, the wanted turn in eighths of the largest, and the last
+        # turns.
         speed, ahead = way_of(x[t - 1] - x[t - 2], y[t - 1] - y[t - 2], units)
         pace = min(int(16.0 * speed), SPEEDS - 1)
         speed, _ = way_of(x[t] - x[t - 1], y[t] - y[t - 1], units)
         next_pace = min(int(16.0 * speed), SPEEDS - 1)
         wanted, expected, near = expected_turn(ahead, heading[t - 1], units)
         wish = min(max(8 * wanted // most, -24), 24) + 24
-        # Where the window that smooths headings is cut, errors do not cancel.
+        # Near both ends the window that smooths headings is cut, and errors do not cancel.
         inside = begin + _WINDOW <= t < stop - _WINDOW
-        way, off = choose_turn(asked, expected, near, steps, total, units, slack if inside else none)
+        way, off = choose_turn(exact_turn, expected, near, steps, total, units, slack if inside else none)
         at = (
             IS_NEAR_MODELS[0] + (WANTED * (SPEEDS * lately + pace) + wish << 1),
             IS_NEAR_MODELS[1] + (WANTED * (TURNS * lately + turn_class(last, most)) + wish << 1),
             IS_NEAR_MODELS[2] + (SPEEDS * (SPEEDS * lately + next_pace) + pace << 1),
         )
+        # First from which turn it is counted, then by how many steps.
         put_leaf(state, out, mixer, at, IS_NEAR_ROW + (lately << 1), 1, way)
-        # If a limited turn is met, near is 0 and nothing is left to code.
+        # If ``near`` is 0, the expected turn is met exactly, and nothing is left to code.
         if way == 0 and near > 0:
             at = (
                 NEAR_MODELS[0] + (pace << NEAR_BITS),
@@ -202,18 +207,19 @@ def _put_headings(state, out, models, mixer, x, y, headings, begin, first, end, 
         last = (expected if way == 0 else 0) + off * step
         steps = off if way == 1 else 0
         heading[t] = heading[t - 1] + last
-        total += last - asked
+        total += last - exact_turn
 
 
 @helper
 def _put_phases(state, out, models, mixer, x, y, heading, phase, own, first, end, units):
     """Code phases (end - first,) from step ``first`` on, along the track (T,).
 
-    What a decoder finds, which is off by half a step of phases at most, replaces those from step ``own[0]`` to before
-    ``own[1]``.
+    Those from step ``own[0]`` to before ``own[1]`` are replaced by what a decoder finds. It differs by half a step of
+    phases at most, unless the phase would have to go back.
     """
     step = units[PHASE_STEP]
-    # Where the body was when it was over the foot that is now behind, as far as it is known.
+    # Where the body was, and with which heading, when it was over the foot that is now behind. This is not known of the
+    # foot at the start: the first step stands in for it.
     ax = x[first]
     ay = y[first]
     turned = heading[first]
@@ -226,7 +232,7 @@ def _put_phases(state, out, models, mixer, x, y, heading, phase, own, first, end
         after, kind, speed = expected_phase(value, x, y, heading, t, away, turned, units)
         stand = next_stand(value, units[CYCLE])
         wanted = phase[t - first]
-        # The step that brings it nearest to the exact phase, but not back.
+        # The number of steps that brings the phase nearest to the exact one, but not back.
         off_before = off
         off = max((2 * (wanted - after) + step) // (2 * step), -((after - value) // step))
         # A body at rest has to be at rest in the page too, and one that goes on must not be kept from it. So a phase
@@ -235,6 +241,7 @@ def _put_phases(state, out, models, mixer, x, y, heading, phase, own, first, end
         comes = abs(wanted - stand) <= REST and after != stand
         comes = comes or (wanted <= stand and after + off * step > stand)
         stays = not comes and wanted == exact and after != value
+        # First whether the phase comes to a stand or stays, then which of the two; or else its number of steps.
         put_bit(state, out, models, FOLLOWS + 2 * kind + (1 if off_before == 0 else 0), 1 if comes or stays else 0)
         if comes or stays:
             put_bit(state, out, models, STAYS + kind, 1 if stays else 0)
@@ -290,7 +297,7 @@ def code_chunk(tracks, exact, here, node, nodes, stretches, phases, own, units, 
             if here[who, begin] == 0:
                 begin += 1
                 continue
-            # A run of steps in which the agent is present, in parts in which it is captured, or steered.
+            # A run of steps in which the agent is present, coded in parts in which it is either captured or steered.
             stop = begin
             while stop < steps and here[who, stop]:
                 stop += 1

@@ -66,12 +66,15 @@ def test_damaged_kernels_are_compiled_anew():
     assert tally.outcomes.get(cases.ANEW, 0) > 0
 
 
-@pytest.mark.parametrize(("name", "outcome"), [("_loops", "hung"), ("_dies", "crashed"), ("_raises", "untyped")])
+@pytest.mark.parametrize(
+    ("name", "outcome"), [("_loops", "hung"), ("_prints", "hung"), ("_dies", "crashed"), ("_raises", "untyped")]
+)
 def test_a_watched_case_that_fails_is_counted(name, outcome, monkeypatch, tmp_path):
     source = tmp_path / "failing_cases.py"
     source.write_text(
-        "import os\ndef good(n): return 'fine'\n"
+        "import os, time\n"
         "def _loops(n):\n    while n % 2: pass\n    return 'fine'\n"
+        "def _prints(n):\n    while n % 2: print(n, flush=True); time.sleep(0.1)\n    return 'fine'\n"
         "def _dies(n):\n    if n % 2: os.abort()\n    return 'fine'\n"
         "def _raises(n):\n    if n % 2: raise KeyError(n)\n    return 'fine'\n"
     )
@@ -80,6 +83,14 @@ def test_a_watched_case_that_fails_is_counted(name, outcome, monkeypatch, tmp_pa
     assert tally.outcomes == {"fine": 2, outcome: 2}
     assert [number for number, _ in tally.failures] == [1, 3]
     assert tally.failed == 2
+
+
+@pytest.mark.parametrize("printed", ["a line\\n", "[ no outcome\\n", "[0, null]\\n", "no end of line"])
+def test_what_a_watched_case_prints_is_not_taken_for_its_outcome(printed, monkeypatch, tmp_path):
+    source = tmp_path / "printing_cases.py"
+    source.write_text(f"def case(n):\n    print('{printed}', end='', flush=True)\n    return 'fine'\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert run_cases("printing_cases:case", range(3), seconds=2.0).outcomes == {"fine": 3}
 
 
 def test_mutations_are_told_by_their_number():

@@ -117,8 +117,9 @@ def test_the_table_follows_what_becomes_of_plans() -> None:
 def test_a_table_takes_no_plan_that_kernels_cannot_read() -> None:
     wrong = plan(4)
     motions = Motions(1, 128, lambda agent, plan: np.full(plan.count, 128))
-    for nodes in (wrong.nodes.astype(np.int64), np.arange(8, dtype=np.int32)[::2]):
-        with pytest.raises(TypeError, match="contiguous arrays of int32"):
+    wide, strided = wrong.nodes.astype(np.int64), np.arange(8, dtype=np.int32)[::2]
+    for nodes, kind in ((wide, "int64"), (strided, "a strided view of int32")):
+        with pytest.raises(TypeError, match=f"contiguous arrays of int32 and float64, not {kind}"):
             motions[0] = MotionPlan(wrong.route, 0, wrong.departure, nodes, wrong.origins, wrong.blend_offsets, True)
         assert 0 not in motions
         assert motions.table.nodes[0] == -1

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crowdsim.errors import MotionError
 from crowdsim.library import library_folder
 from crowdsim.motion.captures.reader import Capture, read_capture
 
@@ -63,3 +64,10 @@ def test_an_end_site_of_a_still_joint_is_left_out(tmp_path: Path) -> None:
 
 def test_hips_that_travel_themselves_stay_the_root(tmp_path: Path) -> None:
     assert not read_capture(WALK).report.assumed
+
+
+def test_a_still_joint_without_turns_is_named(tmp_path: Path) -> None:
+    path = rooted(tmp_path, "0 0 0", "", "", 3)
+    path.write_text(path.read_text().replace("CHANNELS 3 Zrotation Yrotation Xrotation", "CHANNELS 0", 1))
+    with pytest.raises(MotionError, match="joint 'Reference' has the channels 0; it needs three rotations"):
+        read_capture(path)
