@@ -30,6 +30,7 @@ from numba.core.datamodel.models import DataModel, TupleModel, UniTupleModel
 from numba.core.boxing import unbox_tuple
 from numba.core.datamodel.packer import _flatten
 from numba.core.runtime.context import NRTContext
+from numba.core.types.functions import BaseFunction
 from numba.extending import NativeValue, intrinsic, register_model, unbox
 from numba.np.arrayobj import populate_array
 
@@ -271,6 +272,26 @@ def _meminfos(self: NRTContext, builder: Any, kind: Any, value: Any) -> list[tup
 
 
 NRTContext.get_meminfos = _meminfos
+
+_resolve_call = BaseFunction.get_call_type
+
+
+@cache
+def _resolve_operation(function: BaseFunction, context: Any, kinds: tuple[Any, ...]) -> Any:
+    return _resolve_call(function, context, kinds, {})
+
+
+def _get_call_type(self: BaseFunction, context: Any, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+    """Return the signature of a call of a function of numba; that for plain numbers is found once, then kept.
+
+    For `a < b`, numba tries tens of definitions, for arrays, too, each time.
+    """
+    if kws or not all(isinstance(each, (types.Number, types.Boolean)) for each in args):
+        return _resolve_call(self, context, args, kws)
+    return _resolve_operation(self, context, args)
+
+
+BaseFunction.get_call_type = _get_call_type
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
