@@ -138,6 +138,7 @@ class Systems:
         self.columns: Mapping[str, NDArray[Any]] = MappingProxyType({})
         self.running = ""
         self._count = count
+        # Names of stages and systems, in the order of a step.
         self._order: list[str] = list(STAGES)
         self._systems: dict[str, System] = {}
         self._failed: SystemFailed | None = None
@@ -187,7 +188,7 @@ class Systems:
         self._systems[name] = system
 
     def run(self, stage: str, simulation: Commandable) -> None:
-        """Run the systems that stand between the previous stage and ``stage``, in order.
+        """Run the systems that stand between the previous stage and ``stage``, in order; take over what they write.
 
         Raises
         ------
@@ -283,7 +284,10 @@ def name_of(system: System) -> str:
 
 
 def _holds(kind: np.dtype[Any], fill: NDArray[Any]) -> bool:
-    """Return True if a column of ``kind`` can hold ``fill``: floats rounded, not to infinity; others as they are."""
+    """Return True if a column of ``kind`` can hold the values ``fill`` (numbers or bool).
+
+    Columns of floats may round them, but not to infinity; others must hold them exactly.
+    """
     if kind.kind == "f":
         with np.errstate(over="ignore"):
             return bool(np.array_equal(np.isfinite(fill.astype(kind)), np.isfinite(fill)))

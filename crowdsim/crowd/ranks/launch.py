@@ -18,7 +18,7 @@ SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE")
 
 
 def launched_ranks() -> int:
-    """Return how many processes mpiexec has started for this run; 1 without it."""
+    """Return how many processes mpiexec has started for this run, by its environment variables; 1 without mpiexec."""
     for name in SIZE_VARIABLES:
         if os.environ.get(name, "").isdigit():
             return int(os.environ[name])
