@@ -241,7 +241,10 @@ class Commandable(ABC):
         """Return the number of the step that carries out commands given now; raise CrowdSimError if there is none."""
 
     def _carry_out(self) -> None:
-        """Carry out the commands that are due."""
+        """Carry out the commands that are due, and keep them in ``_carried_out``, for the recording.
+
+        The crowd gets a new timetable if one of them changes the place.
+        """
         due = self._carried_out = self._commands.due(self.step_count)
         if any(command.changes_place for command in due):
             self.crowd.take_timetable(self._commands.timetable())
@@ -263,14 +266,14 @@ class Commandable(ABC):
         match asked:
             case NewGoal():
                 region, places = places_in(self.scenario.environment, asked.goal, len(agents))
-                # There may be fewer places than agents that leave there: these need none of their own.
+                # If agents leave there, there may be fewer places than agents: some get the same one.
                 own = places[np.arange(len(agents)) % len(places)]
                 self.crowd.set_goal(agents[here], region, own[here], asked.on_arrival == "stay")
             case Added():
                 starts = None
                 if asked.start is not None:
                     places = places_in(self.scenario.environment, asked.start, len(agents)).places
-                    # They come one after another if there are fewer places.
+                    # There may be fewer places than agents: those with the same one come one after another.
                     starts = places[np.arange(len(agents)) % len(places)][here]
                 self.crowd.add(agents[here], starts)
             case NewSpeed(speed=speed):

@@ -259,11 +259,12 @@ class Extensible:
         Parameters
         ----------
         system : System
-            An object with ``reads``, ``writes`` and ``run(columns, simulation)``. It is called by its ``name``, or that
-            of its class.
+            An object with ``reads``, ``writes`` and ``run(columns, simulation)``. Its name is its attribute ``name``,
+            or the name of its class if it has none.
         before : str
-            Stage of the step before which it runs, after systems added for it earlier: "commands" (those that are due
-            are carried out), "move" (all agents take a step) or "record"; or another system.
+            Stage of the step, or name of another system, before which it runs, after systems that were added there
+            earlier. Stages are "commands" (commands that are due are carried out), "move" (all agents take a step) and
+            "record" (the state is recorded and read).
 
         Raises
         ------

@@ -104,6 +104,7 @@ class Simulation(Commandable, Extensible):
     @property
     def agents(self) -> Agents:
         """Return all agents as the last step left them."""
+        # Made once in a step, at first use; if only own columns have changed since, these are replaced.
         own = self._systems.columns
         if self._agents is None:
             record = self.header.agents

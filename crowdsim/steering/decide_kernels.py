@@ -332,8 +332,8 @@ def limit_change(mine, rules, want):
         ay *= most / change
     want.vx = mine.vx + ax
     want.vy = mine.vy + ay
-    # The core gets the half length that a section of the plan prescribes (``held``, -1 for none), else the relaxed one:
-    # arms are drawn in by at most 3 cm a step and let out by 2 cm.
+    # The core gets the half length that a section of the plan prescribes (``held``, -1 for none) if that is shorter
+    # than the relaxed one (``rest``), else the relaxed one: by at most 3 cm less or 2 cm more in a step.
     asked = min(mine.held, mine.rest) if mine.held >= 0.0 else mine.rest
     want.half = min(max(asked, mine.half - 0.03), mine.half + 0.02)
 

@@ -97,7 +97,7 @@ def look_rows(rows, places, starts, frame, first, last, order, moved, rules, nea
                     continue
                 # Weight d (1.25 - 0.5 cos(angle to guidance)): 0.75 d straight ahead, 1.75 d straight behind.
                 weight = 1.25 * math.sqrt(square) - 0.5 * (px * gx + py * gy)
-                # A full list drops its last entry, or the new neighbor if that weighs more.
+                # A full list drops its last entry, or the new neighbor if this weighs as much or more.
                 if count == MOST_NEAR:
                     if weight >= weights[MOST_NEAR - 1]:
                         continue

@@ -76,6 +76,7 @@ class Steering:
         self, legs: Walls, torso: Walls, *, leg_radius: float, rules: Rules | None = None, threads: int = 1
     ) -> None:
         self.rules = Rules() if rules is None else rules
+        # The commit bounds the reach of a turn below 90 degrees only (reach_of_turn).
         if self.rules.turn_rate * self.rules.step >= 0.5 * math.pi:
             raise ValueError("agents must turn by less than 90 degrees in a step; reduce 'step' or 'turn_rate'")
         self.crowded = 0
@@ -116,7 +117,7 @@ class Steering:
         Parameters
         ----------
         state : ROW[n]
-            Agents in the order of their ids.
+            Agents, in the order of their ids unless ``numbers`` are given.
         others : Others
             Captured agents, seen and avoided but not moved; none by default.
         moved : int, optional
@@ -248,7 +249,7 @@ def frame_of(bounds: tuple[float, float, float, float]) -> Frame:
     # Edges are multiples of CELL, so that the cells of all grids lie on one lattice.
     low = np.floor(np.array(bounds[:2]) / CELL) * CELL
     spread = np.floor((np.array(bounds[2:]) - low) / CELL) + 1.0
-    if not spread.prod() <= MOST_CELLS:
+    if not spread.prod() <= MOST_CELLS:  # nan is refused, too
         raise ValueError(f"agents are spread over {spread[0]} by {spread[1]} m, more than steering can sort")
     return float(low[0]), float(low[1]), int(spread[0]), int(spread[1])
 

@@ -65,7 +65,7 @@ def fitting_turn(mine, turn, half, dx, dy, lines, count):
     """Halve ``turn`` [rad] until it fits together with a displacement d, and keep the core from growing if needed.
 
     Return the heading after the turn [rad], its unit vector and the half length of the core [m]. The heading stays if
-    no turn fits after HALVINGS halvings.
+    none of HALVINGS turns fits.
     """
     heading = wrap_angle(mine.heading + turn)
     ex, ey = cos_sin(heading)

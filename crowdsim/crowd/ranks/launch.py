@@ -26,7 +26,7 @@ def launched_ranks() -> int:
 
 
 def find_mpiexec() -> str | None:
-    """Return the path of mpiexec, beside this Python or else that of the shell; None if there is none."""
+    """Return the path of mpiexec, the one beside this Python or else the one that a shell finds; None without one."""
     beside = Path(sys.executable).parent / "mpiexec"
     return str(beside) if beside.exists() else which("mpiexec")
 

@@ -53,7 +53,7 @@ def halo_of(rules: Rules, fastest: float, broadest: float) -> int:
 
 
 def fastest_of(speeds: Floats, rules: Rules) -> float:
-    """Return the largest speed that an agent may reach [m/s], if ``speeds`` (n,) are their free ones [m/s].
+    """Return the largest speed that any agent may reach [m/s]; ``speeds`` (n,) are the free speeds of all [m/s].
 
     Rules can make an agent faster than it walks freely: to make room, or to step aside and back at the same time.
     """

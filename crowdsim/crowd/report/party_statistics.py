@@ -61,6 +61,6 @@ class PartyStatistics:
     def summary(self) -> dict[str, float | None]:
         """Return by group the share of the counted steps in which a member has another one within :data:`TOGETHER`.
 
-        The share is None if no step counted: in no party of the group, two members were in the world at the same time.
+        The share is None if no step counted: no two members of a party were ever in the world at the same time.
         """
         return {name: self._beside[name] / steps if steps else None for name, steps in self._steps.items()}

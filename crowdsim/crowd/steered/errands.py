@@ -177,7 +177,7 @@ class Errands:
     def set_out(self, view: View, step: int) -> None:
         """Let standing agents go on whose time has come; call it before guidance is written."""
         go = np.flatnonzero((view.errand == Errand.STANDS) & (view.go_step <= step))
-        # Those that have reached nothing yet stood where they entered.
+        # Those that have reached nothing yet stood where they entered, which is no stand at a place.
         stood = go[view.reached[go] > 0]
         if len(stood):
             self._stood.append(self._how_they_stand(view, stood))

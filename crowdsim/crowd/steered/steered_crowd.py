@@ -89,7 +89,7 @@ class SteeredCrowd:
         self.entering = Entering(
             self.world, self.place, self.cast, self.exits, self.errands, self.boundary, regions, ranks
         )
-        # One by behavior, the preferred one last.
+        # Clips of the gait, one for each behavior, that of the preferred one last.
         self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
             behaviors,
@@ -330,6 +330,7 @@ class SteeredCrowd:
         """Take in the results of other processes, after the last step: arrivals, exits, and statistics."""
         ranks = self.ranks
         self.meet(np.zeros(0, np.int64))  # measures the gaps after the last step
+        # The process in which an agent arrived knows its exit.
         came = self.errands.arrived != NONE
         self.exits.goals[:] = ranks.most(np.where(came, self.exits.goals, NONE))
         self.errands.arrived[:] = ranks.most(self.errands.arrived)

@@ -152,6 +152,7 @@ def ask(ground, points, field, state, asks, slots):
             dx = sx - x
             dy = sy - y
             length = math.sqrt(dx * dx + dy * dy)
+            # The path ends here.
             if length == 0.0:
                 break
             asks[box] = min(asks[box], _passage(ground, x, y, dx / length, dy / length))

@@ -190,7 +190,8 @@ def _goal_of(ground: Ground, goal: BaseGeometry | ArrayLike) -> tuple[NDArray[np
         raise GeometryError("a goal needs finite coordinates")
     inside = _pins_within(ground, goal)
     points = np.empty((0, 2))
-    # A region with few pins: points of its outline, and one inside, make its shape count.
+    # A region with few pins: points of its outline, and one inside, make its shape count. Lines and points, which have
+    # no area, are taken as they are.
     if (ground.widest[inside] >= 0).sum() < FEW:
         outline = goal.boundary if goal.area > 0.0 else goal
         points = shapely.get_coordinates(shapely.segmentize(outline, SPACING))

@@ -132,6 +132,7 @@ def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
         # Pins are not box centers: the two must really lie on both sides of the line.
         if _wrong_side(dx, dy, qx - px, qy - py, n):
             return False
+        # It sees the anchor if it is the anchor itself, or has the same one; else see the docstring for goals.
         ahead = field.anchor[other]
         if other != anchor and ahead != anchor:
             if not leads_alike(ground, field, anchor, ahead, sx, sy):

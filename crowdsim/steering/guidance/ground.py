@@ -170,8 +170,9 @@ def build_ground(
 def squeezed_ground(ground: Ground, clearance: float) -> Ground:
     """Return a ground on which the narrowest behavior needs no more than ``clearance`` [m], from walls of any class.
 
-    Its ``prescribed`` clearances become the same. Its ways lead through gaps and out of pockets for which no behavior
-    is planned, but into which agents are pushed. Walls and boxes are shared with the ground given.
+    The ``prescribed`` clearances of this behavior become the same. The ways on this ground lead through gaps and out of
+    pockets for which no behavior is planned, but into which agents are pushed. Walls and boxes are shared with the
+    ground given.
     """
     boxes = ground.columns * ground.rows
     radii, prescribed = ground.radii.copy(), ground.prescribed.copy()
@@ -316,7 +317,7 @@ def _near(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint8]]:
     """Return the lists of segments near boxes (``starts``, ``lists``), and ``far``, as :class:`Ground` has them.
 
-    ``reach`` is the largest clearance of all behaviors [m].
+    ``segments`` (k, 4) are the walls [m], ``reach`` is the largest clearance of all behaviors [m].
     """
     # List all segments that are within a clearance, and a margin of up to SPARE, of any point of the box.
     listed = reach + CORNER + SPARE

@@ -132,10 +132,10 @@ class Guidance:
         self.asked = asked
         self.weighing = weighing
         self._threads = threads
-        # Number of the next field, over all goals: a larger one is newer.
+        # Number of the next field, over all goals: a larger one is newer. By goal, its fields by number.
         self._made = 0
         self._fields: list[dict[int, Field]] = [{} for _ in self.goals]
-        # Ground and fields, by goal, for agents that were pushed where no path leads; made when one first is.
+        # For agents that were pushed to where no path leads: a ground, and a field by goal; made when first needed.
         self._squeezed: Ground | None = None
         self._ways_out: dict[int, Field] = {}
         self.rebuild(ground)
@@ -183,7 +183,10 @@ class Guidance:
         return way_end(self.ground, fields.get(following, fields[min(fields)]), place)
 
     def rebuild(self, ground: Ground, crowding: Crowding = NOBODY) -> None:
-        """Use the place as it is now: solve all fields anew, and let all agents follow these."""
+        """Use the place as it is now: solve all fields anew, and let all agents follow these.
+
+        All other fields are dropped, and so is the ground for agents without a path, until one needs it.
+        """
         self.ground = ground
         self._squeezed = None
         self._ways_out = {}

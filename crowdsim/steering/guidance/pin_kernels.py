@@ -137,6 +137,7 @@ def _count_ways(ground, nobody, row, column, x, y, raw, labels, narrower):
             continue
         qx = ground.left + (u + 0.5) * BOX + PIN_UNIT * raw[other, 0]
         qy = ground.bottom + (v + 0.5) * BOX + PIN_UNIT * raw[other, 1]
+        # Count the free lines, or with ``narrower`` the blocked ones.
         leads = line_cost(ground, nobody, x, y, qx, qy, math.inf) < math.inf
         if leads != narrower:
             count += 1

@@ -188,7 +188,7 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
         px, py = pin_of(ground, other)
         apart = math.sqrt((px - x) * (px - x) + (py - y) * (py - y))
         # Candidate 1: its anchor, at the cost per meter of the line from its pin. With ``onwards``, an anchor that is
-        # reached counts only if the path ends there.
+        # reached counts only if the path ends there. A pin that is its own anchor is candidate 2.
         anchor = field.anchor[other]
         sx, sy = anchor_place(ground, field.points, anchor)
         length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
@@ -201,7 +201,7 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
             meter = (float(field.cost[other]) - paid) / beside if beside > 0.0 else top
             # Test the line only if it could win.
             if paid + meter * length < best - LIKE:
-                # Pushed beside the pin, but the line on from here is clear.
+                # Pushed beside the pin, but the line on from here is clear: it costs no more if no behavior fits here.
                 if REACHED <= apart < BESIDE and is_clear(ground, x, y, sx, sy):
                     value = paid + length * meter
                 else:
@@ -288,8 +288,8 @@ def first_head(ground, nobody, field, box, x, y):
 def way_at(ground, nobody, field, x, y):
     """Return what a field gives at a position: unit vector of the path (two values), cost, length to go [m], behavior.
 
-    The vector is (0, 0) in the goal, exactly at a target, and without a path. Cost and length are infinite without a
-    path. In the goal and without a path the behavior is the widest.
+    The vector is (0, 0) in the goal, exactly at the point headed for, and without a path. Cost and length are 0 in the
+    goal, and infinite without a path. In the goal and without a path the behavior is the widest.
     """
     top = len(ground.costs) - 1
     box = box_at(ground, x, y)
@@ -309,6 +309,7 @@ def way_at(ground, nobody, field, x, y):
     to_go = length + (float(field.length[head]) if head < boxes else 0.0)
     paid = anchor_cost(field, boxes, head)
     meter = (cost - paid) / middle if middle > 0.0 else ground.costs[top]
+    # The box has no path from its pin (-1), though one leads on from here: nothing is prescribed.
     asked = top if field.asks[box] < 0 else field.asks[box]
     if length == 0.0:
         return 0.0, 0.0, paid, to_go, asked
