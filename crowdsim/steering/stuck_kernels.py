@@ -96,8 +96,8 @@ def is_jammed(mine, walls):
 
     Test by a disc as broad as a narrow passage, as :func:`is_lane` of wall_kernels does: it is moved across the way,
     off the nearest wall, by as much as it overlaps that wall. The passage is narrow if the disc then overlaps a wall on
-    the other side. A single wall that stands obliquely ahead counts, too: an agent that is pressed against the corner
-    of a mouth has to get in.
+    the other side by more than LANE_SPARE. A single wall that stands obliquely ahead counts, too: an agent that is
+    pressed against the corner of a mouth has to get in.
     """
     if mine.stuck < JAMMED_AFTER:
         return False

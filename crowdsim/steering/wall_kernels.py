@@ -187,8 +187,8 @@ def is_lane(walls, x, y, ux, uy, width):
     """Return True if walls beside ``(x, y)`` leave less than ``width`` - LANE_SPARE [m] across a way.
 
     The way is along the unit vector ``(ux, uy)``. Test by a disc of diameter ``width``: it is moved across the way, off
-    the nearest wall, until it touches that one, and must then overlap the wall on the other side. A single wall across
-    the way counts, too, if it is nearer than half of ``width`` less LANE_SPARE.
+    the nearest wall, until it touches that wall. Then it must overlap a wall on the other side by more than LANE_SPARE.
+    A single wall across the way counts, too, if it is nearer than half of ``width`` less LANE_SPARE.
     """
     # Overlap of the disc with the nearest wall; without any, the lane is wide enough.
     off = 0.5 * width - distance_at(walls, x, y)

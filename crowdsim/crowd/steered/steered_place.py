@@ -210,8 +210,8 @@ class SteeredPlace:
         inside = shapely.contains(outline, places)
         near = inside | (shapely.distance(outline, places) < 0.5)
         ends = shapely.get_coordinates(shapely.shortest_line(places, outline.boundary)).reshape(-1, 2, 2)
-        # Head for the nearest point of the outline; from outside, in the opposite direction. On the outline itself there
-        # is no direction.
+        # Head for the nearest point of the outline; from outside, in the opposite direction. On the outline itself
+        # there is no direction.
         away = np.where(inside[:, None], 1.0, -1.0) * (ends[:, 1] - ends[:, 0])
         length = np.sqrt((away * away).sum(axis=1))
         go = near & (length > 0.0)

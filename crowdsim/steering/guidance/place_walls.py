@@ -94,7 +94,8 @@ class PlaceWalls:
     def put(self, thing: int, outlines: Outlines | None) -> Bounds | None:
         """Set the outlines of a movable, or remove it.
 
-        ``legs`` and ``torso`` are new walls afterwards, unless the result is None; walls handed out before do not change.
+        ``legs`` and ``torso`` are new walls afterwards, unless the result is None; walls handed out before do not
+        change.
 
         Parameters
         ----------

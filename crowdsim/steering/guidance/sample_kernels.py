@@ -88,6 +88,7 @@ def near_length(ground, px, py, qx, qy):
         box = box_at(ground, x, y)
         if box < 0:
             return math.inf, length
+        # Far from walls, all behaviors fit.
         row = box // ground.columns
         far_off = ground.far[row, box - row * ground.columns] * FAR_UNIT > ground.reach + CORNER
         if far_off or widest_at(ground, box, x, y) >= 0:
