@@ -94,7 +94,7 @@ class CapturedCrowd:
             lead=max(1, round(LEAD_SECONDS * scenario.steps_per_second)),
         )
         self._behavior_set = behavior_set
-        # The natural speed is needed only if some agent has a speed of its own; not all clips show one.
+        # The natural speed is needed only if some agent has a speed of its own; not all clips show a natural speed.
         if not np.isnan(self.cast.speeds).all():
             self.plans.paces.keep(self.cast.speeds, self.natural_speed)
         self.hash = 0

@@ -206,8 +206,8 @@ class Commandable(ABC):
         Raises
         ------
         ScenarioError
-            If there is no such obstacle at that time, it never changes, neither a new position nor a turn is given, or
-            a later event would become impossible.
+            If there is no such obstacle at that time, it never changes, neither a new position nor a turn is given,
+            both ``by`` and ``to`` are, or a later event would become impossible.
         """
         keys = {"name": name, "by": by, "to": to, "rotation": rotation or None}
         self._give(move={key: value for key, value in keys.items() if value is not None})

@@ -143,6 +143,7 @@ class Steering:
 
         # All stages read old rows only, so parts of the rows need not wait for each other.
         def run(first: int) -> int:
+            """Run all stages for the part that begins with row ``first``; return the number from :meth:`commit`."""
             last = min(first + part, count)
             self.look(crowd, first, last, mine)
             self.decide(crowd, first, last, mine)

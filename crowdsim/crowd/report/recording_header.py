@@ -172,6 +172,7 @@ def labeled_points(route: AnnotatedPath) -> tuple[NDArray[np.float64], NDArray[n
     starts = np.array([section.start for section in route.sections])
     # Python's sort keeps the GIL; numpy's releases it and would then wait for other threads.
     arc = np.array(sorted({*route.arc.tolist(), *starts.tolist()}))
+    # The section of each point is the last one that starts there or before; the first one if rounding leaves none.
     section = np.maximum(np.searchsorted(starts, arc, side="right") - 1, 0)
     behaviors = np.array([route.sections[k].behavior for k in section], np.int8)
     return route.at(arc), behaviors

@@ -84,10 +84,11 @@ class SteeredFeet:
         self._tracks = {int(number): list(rows[rows[:, 0] == number][:LONGEST, 2:]) for number in np.unique(rows[:, 0])}
 
     def measure(self) -> tuple[float | None, float | None]:
-        """Return the mean speed of planted feet [m/s] and the height of the lowest foot point [m]; None if unknown.
+        """Return the mean speed of planted feet [m/s] and the height of the lowest foot point [m].
 
-        The height of a point is that above its height while the sole stands flat; negative if it is lower. A point of a
-        foot is planted by the same rule as in clips: slow, low and for a while (`planted_steps`).
+        Both are None if no track has SHORTEST steps; the speed is None also if no foot was ever planted. The height of
+        a point is that above its height while the sole stands flat; negative if it is lower. A point of a foot is
+        planted by the same rule as in clips: slow, low and for a while (`planted_steps`).
         """
         tracks = [np.array(track) for track in (*self._ended, *self._tracks.values()) if len(track) >= SHORTEST]
         if not tracks:

@@ -38,6 +38,7 @@ def laid_three_times(environment: Environment, span: tuple[float, float]) -> Env
         return environment
 
     def repeated(layer: ClearanceLayer) -> ClearanceLayer:
+        """Return the layer with its free area three times, one period apart."""
         copies = [translate(layer.free, k * span[0], k * span[1]) for k in (-1, 0, 1)]
         return replace(layer, free=polygons_only(shapely.union_all(copies, grid_size=_SNAPPED)))
 

@@ -219,7 +219,7 @@ class SteeredPlace:
         state["gx"][rows], state["gy"][rows] = (away[go] / length[go][:, None]).T
 
     def refresh(self, step: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Renew the field to the goal whose turn it is in the present crowd, if it is time; agents may change to it.
+        """If it is time, renew the field to the goal whose turn it is, in the present crowd; agents may change to it.
 
         ``state`` (ROW[n]) are the agents of this process; ``following`` (n,), the numbers of the fields that they
         follow, is updated.

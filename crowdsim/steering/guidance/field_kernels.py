@@ -292,7 +292,8 @@ def solve(ground, crowding, points, inside, field, state):
 
     Notes
     -----
-    Entries of equal cost leave the heap in the order of their boxes, so results do not depend on how it is arranged.
+    Entries of equal cost leave the heap in the order of their boxes, so results do not depend on how the heap is
+    arranged.
     """
     boxes = len(ground.widest)
     top = ground.costs[-1]

@@ -140,8 +140,8 @@ def cost_to(ground, nobody, px, py, qx, qy, meter, reached):
 
     The caller takes ``meter`` from the line of an adjacent pin to q, so that an agent a little off the middle of a gap
     need not go back to the pin. Walls on the first LOOK meters always block the line (:func:`near_length`). If
-    ``reached`` is True, which stands for that pin, nothing else counts. If it is False, points on the first LOOK meters
-    at which no behavior fits raise the cost, and farther on some behavior must fit everywhere.
+    ``reached`` is True (that pin is reached), nothing else counts. If it is False, points on the first LOOK meters at
+    which no behavior fits raise the cost, and farther on some behavior must fit everywhere.
     """
     near, tested = near_length(ground, px, py, qx, qy)
     length = math.sqrt((qx - px) * (qx - px) + (qy - py) * (qy - py))
