@@ -286,8 +286,7 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
     step : float
         Duration of the step [s].
     state : ROW[m]
-        Steered agents and copies (m <= n), by agent number. Those that move are written, all but ``id`` and the fields
-        that guidance and the caller set.
+        Steered agents and copies (m <= n), by agent number; all fields that the commit decides are written.
 
     Returns
     -------
@@ -315,8 +314,7 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         most = math.sqrt(dx * dx + dy * dy) + growth
         count = add_neighbors(crowd, me, most, broadest, order, len(state), lines)
         people = count
-        # The capsule keeps off the walls of the torso's layers, a disc of the legs' radius off those of the legs'
-        # layer.
+        # The capsule keeps off the walls of the torso's layers, a disc of the legs' radius off the legs' walls.
         count = add_walls(torso, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius, most, lines, count)
         count = add_walls(legs, mine.x, mine.y, 1.0, 0.0, 0.0, leg_radius, most, lines, count)
         fixed = count
