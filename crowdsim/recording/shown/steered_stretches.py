@@ -20,6 +20,8 @@ CONTINUED = 2.0
 """Time before and after a stretch over which it is extended [s]: about two cycles."""
 _QUICKEST = 2.4
 """Phase rate above which the phase of a node jumps, as it may while the body stands [cycles/s]."""
+_JUMP = 0.25
+"""Phase difference of two frames above which the phase jumps between them [cycles]. Walking advances it by far less."""
 IN_STEP = 0.8
 """Time after a switch, and before one, over which a steered gait gets in phase with the nodes [s]."""
 _OUT_OF_STEP = 0.2
@@ -152,7 +154,11 @@ def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rat
 def played_phases(
     recording: RecordedTracks, levels: NDArray[np.int8], node: NDArray[np.int32], frame: NDArray[np.float32]
 ) -> Floats:
-    """Return the phases of the frames that captured agents play, in [0, 1) cycles, shaped as ``node``; else nan."""
+    """Return the phases of the frames that captured agents play, in [0, 1) cycles; nan for all others.
+
+    ``levels``, ``node`` and ``frame``, and the phases, are arrays of one shape. ``frame`` may lie between two frames.
+    If the phase jumps between them, as it may while a body stands, the nearer frame gives it.
+    """
     motion = recording.header.motion
     captured = levels == Level.CAPTURED
     node, frame = np.where(captured, node, 0), np.where(captured, frame, 0.0).astype(np.float64)
@@ -161,8 +167,10 @@ def played_phases(
     before, after = (
         motion.pool_phases[some].astype(np.float64) for some in (rows, rows + (whole < motion.node_frames[node]))
     )
-    # Interpolate between two frames along the shorter arc: they are less than half a cycle apart.
-    phases = np.mod(before + (frame - whole) * (np.mod(after - before + 0.5, 1.0) - 0.5), 1.0)
+    # Interpolate along the shorter arc. A jump, by about half a cycle, is not: in between, a foot would swing.
+    share, arc = frame - whole, np.mod(after - before + 0.5, 1.0) - 0.5
+    share = np.where(np.abs(arc) > _JUMP, np.rint(share), share)
+    phases = np.mod(before + share * arc, 1.0)
     return np.where(captured, phases, np.nan)
 
 
