@@ -120,7 +120,7 @@ def pack_steps(
     with h5py.File("packed", "w", driver="core", backing_store=False) as file:
         for name, values in columns.items():
             steps, agents = values.shape
-            if not agents:
+            if not agents:  # a process without agents
                 continue
             # Whole chunks, as the file holds them, also if there are fewer steps or agents.
             whole = (chunk[0], -(-agents // width) * width)

@@ -298,7 +298,7 @@ class RecordingWriter:
             raise self._failed(error) from None
 
     def _commit(self) -> None:
-        """Write everything that HDF5 holds in memory to the disk."""
+        """Write everything that HDF5 holds in memory to the disk; after every _FRESH commits, open the file anew."""
         self._open_file().flush()
         disk = self._open_disk()
         try:

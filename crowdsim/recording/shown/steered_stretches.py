@@ -127,15 +127,20 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
 def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rate: int) -> Stretches:
     """Return the stretches with phases equal to those of the nodes at both switches, and their own after IN_STEP.
 
-    Phases that differ there by more than _OUT_OF_STEP stay. Short stretches have their own phases in their middle only.
+    If the phases differ by more than _OUT_OF_STEP at a switch, or no node is played there, they stay as they are. Short
+    stretches have their own phases in their middle only. No phase goes back.
+
     ``played`` (rows, columns) are the phases of nodes, as of :func:`played_phases`; ``rate`` the steps per second.
-    ``since`` and ``until`` (N,) are the rows from the first steered row, and to the first captured one, of each phase.
+    ``since`` (N,) is the number of rows from the first steered row of a stretch to that of each phase, ``until`` (N,)
+    from there to the first captured row after the stretch. In extended rows, ``since`` is below 0 before the stretch,
+    and ``until`` is 0 or below 0 after it.
     """
     counts = stretches.stops - stretches.begins
     # Rows that a correction takes: at most half of the stretch, so that those of both ends do not meet.
     most = np.minimum(IN_STEP * rate, 0.5 * (stretches.ends - stretches.firsts))
     phases = stretches.phases.copy()
-    # At either end of a stretch: phase difference to the node, to the nearest whole cycle, times 1 - smoothstep.
+    # At either end of a stretch: phase difference to the node, less whole cycles, times 1 - smoothstep of the distance
+    # ``far`` from that end [rows]. Rows beyond the end get the whole difference.
     for meeting, far in ((stretches.firsts, since + 1), (stretches.ends, until)):
         row = np.minimum(meeting, stretches.stops - 1)
         off = played[row, stretches.columns] - stretches.phases_at(np.arange(len(row)), row)
@@ -177,11 +182,14 @@ def played_phases(
 def phase_advances(levels: NDArray[np.int8], phase: Floats, played: Floats, rate: int) -> Floats:
     """Return the advance of phases (rows, N) from the row before [cycles], on any level; 0 in the first row.
 
-    ``phase`` holds the phases of steered agents, ``played`` those of captured ones in [0, 1). Across a switch the phase
-    advances as in the steered step next to it.
+    ``levels``, ``phase`` and ``played`` are (rows, N). ``phase`` holds the phases of steered agents, ``played`` those
+    of captured ones in [0, 1); both are nan for others. Across a switch the phase advances as in the steered step next
+    to it, or at _USUAL if there is none. It does not advance if the phase of a node jumps, nor from or to a row in
+    which the agent is NOBODY. ``rate`` is in steps per second.
     """
     ahead = np.zeros(levels.shape)
-    # Levels of a row and the one before: 3 both steered, 2 becomes steered, 1 becomes captured, 0 both captured.
+    # Levels of a row and the one before: 3 both steered, 2 becomes steered, 1 becomes captured, 0 both captured. Absent
+    # agents (-1) also give some of these; they are set to 0 below.
     both = levels[1:] * 2 + levels[:-1]
     steered = np.diff(phase, axis=0)
     usual = _USUAL / rate
@@ -200,7 +208,10 @@ def phase_advances(levels: NDArray[np.int8], phase: Floats, played: Floats, rate
 
 
 def _runs(there: NDArray[np.bool_]) -> tuple[Ints, Ints, Ints]:
-    """Return columns, first rows and ends of all runs of True in the columns of an array, column by column."""
+    """Return column, first row, and row after the last of all runs of True in the columns of ``there`` (rows, columns).
+
+    Runs are sorted by column, then by row.
+    """
     edge = np.zeros((1, there.shape[1]), bool)
     changes = np.diff(np.concatenate([edge, there, edge]).astype(np.int8), axis=0).T
     columns, firsts = np.nonzero(changes > 0)

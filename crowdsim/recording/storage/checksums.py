@@ -70,7 +70,10 @@ def checked_chunks(file: h5py.File) -> Ranges:
 
 
 def checksum_frame(stream: _Bytes, size: int, chunks: Ranges) -> bytes:
-    """Return the frame to append to the ``size`` bytes of HDF5 in ``stream``."""
+    """Return the frame to append to the ``size`` bytes of HDF5 in ``stream``.
+
+    ``chunks`` (n, 2) are those of :func:`checked_chunks`.
+    """
     head = _HEAD.pack(size, _checksum_outside(stream, size, chunks))
     listed = chunks.astype("<u8").tobytes()
     length = FRAME_HEAD + len(head) + len(listed) + _TAIL.size
