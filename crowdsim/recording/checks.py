@@ -122,6 +122,7 @@ class CheckedColumn:
 def column_ranges(header: RecordingHeader) -> dict[str, tuple[float, float]]:
     """Return the least and the greatest value of each column that holds indices or counts."""
     nodes = len(header.motion.node_names)
+    # The frame of an agent without a node means nothing, and may be NONE.
     return {
         "node": (NONE, nodes - 1),
         "previous": (NONE, nodes - 1),

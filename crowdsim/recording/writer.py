@@ -287,6 +287,7 @@ class RecordingWriter:
         return self._file
 
     def _open_disk(self) -> PartFile:
+        """Return the file on the disk, which is open whenever HDF5 is."""
         assert self._disk is not None
         return self._disk
 
@@ -329,6 +330,7 @@ class RecordingWriter:
         self._commit()
 
     def _failed(self, error: OSError) -> RecordingError:
+        """Return the error of a recording that the disk did not take."""
         return RecordingError(not_written(self.path, error))
 
     def _discard(self) -> None:

@@ -98,6 +98,7 @@ def _stands(recording: Recording, choice: Choice) -> list[tuple[SolidRecord, tup
     stands: dict[tuple[int, str], list[int]] = {}
     standing: dict[int, str] = {}
     for change in recording.changes:
+        # The first frame in or after the step of the change.
         frame = int(np.searchsorted(steps, change.step))
         before = standing.pop(change.movable, None)
         if before is not None:

@@ -44,7 +44,8 @@ def choose_moments(recording: RecordedTracks, switches: Switches) -> Switches:
     follows = np.append(False, switches.agents[1:] == switches.agents[:-1])
     before, after = np.append(0, steps[:-1]), np.append(steps[1:], 0)
     kept = _keep_their_step(switches, follows, rate)
-    # First and last captured step in which each may be shown, and the last one in which it should be.
+    # First and last captured step in which each may be shown, of the captured time before a switch to steered or after
+    # one to captured; and the last step in which it should be shown.
     low = np.where(steered, steps - 1 - round(_EARLIEST * rate), steps)
     low = np.maximum(low, np.where(follows, before, 0))
     high = np.where(steered, steps - 1, steps + round(_LATEST * rate))
