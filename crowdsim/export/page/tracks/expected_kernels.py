@@ -6,7 +6,7 @@ units to a cycle; ``units`` (UNITS,) int64:
 
 - PLACE, TURN, RATE, CYCLE: units of places per meter, of headings per turn, steps per second, and of phases per cycle;
 - MOST: the largest turn of a steered agent in a step, in units of turn;
-- NATURAL: by how much frames usually go on in a step;
+- NATURAL: by how many ticks (FRAME_TICKS to a frame) the frames of nodes usually go on in a step;
 - PHASE_STEP, TURN_STEP: differences from an expected phase or turn are coded as multiples of these (steps), in units
   of phase and of turn;
 - PLAYED_TURN_STEP: the same for turns of captured people.

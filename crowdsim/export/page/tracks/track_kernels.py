@@ -152,8 +152,8 @@ def _put_headings(state, out, models, mixer, x, y, headings, begin, first, end, 
     turn = units[TURN]
     step = units[TURN_STEP]
     most = units[MOST]
-    # The last turn and the one before; the steps of the last one, if it was counted from none; which of the last three
-    # were counted from none, as bits; and the sum of the errors so far.
+    # The last turn and the one before; the steps of the last one, if it was counted from no turn, else 0; which of the
+    # last three were counted from no turn, not from the expected one, as bits; and the sum of the errors so far.
     last = 0
     before = 0
     steps = 0
