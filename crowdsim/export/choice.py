@@ -93,8 +93,11 @@ def at_rate(recording: Recording, choice: Choice, rate: int) -> Choice:
 
 
 def _chosen_agents(recording: Recording, text: str | None) -> NDArray[np.int64]:
-    """Return the numbers of the agents that ``text`` names, ascending: groups or numbers, joined by commas."""
-    # A group whose name contains commas may be named alone.
+    """Return the numbers of the agents that ``text`` names, ascending: groups or numbers, joined by commas.
+
+    None stands for all agents. A group whose name contains commas may be named alone. Raise CrowdSimError for a part
+    that is neither a group nor the number of an agent.
+    """
     count = recording.agent_count
     if text is None:
         return np.arange(count)
@@ -104,6 +107,7 @@ def _chosen_agents(recording: Recording, text: str | None) -> NDArray[np.int64]:
         members = groups == name
         if members.any():
             chosen |= members
+        # Python refuses to read very long numbers; no recording has agents with numbers of ten digits.
         elif name.isascii() and name.isdigit() and len(name) < 10 and int(name) < count:
             chosen[int(name)] = True
         else:

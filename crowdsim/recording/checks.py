@@ -72,6 +72,7 @@ class CheckedColumn:
         width = int(np.prod(stored.shape[1:], dtype=np.int64))
         # Steps of a block: as many as hold _MOST_KEPT values.
         self._kept = min(max(_MOST_KEPT // max(width, 1), 1), _STEPS_KEPT)
+        # Number of the block that is in memory, -1 for none, and its rows.
         self._rows: tuple[int, NDArray[Any]] = -1, np.zeros(0)
 
     @property

@@ -119,7 +119,7 @@ class RecordingWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if self._file is None:
+        if self._file is None:  # finish() has closed it
             return
         self._discard()
         if kind is None:

@@ -75,7 +75,7 @@ def _add_mesh(block: Block, name: str, mesh: FlatMesh) -> None:
 
 
 def _pack_movables(block: Block, recording: Recording, chosen: Chosen) -> NDArray[np.float64]:
-    """Add the meshes of movables, one for each time that a movable has one footprint.
+    """Add the meshes of movables, one for each span of steps in which a movable has the same footprint.
 
     Each vertex comes with two steps, counted from the first of the page: the first one in which its mesh is shown, and
     the one after the last. Return the corners (n, 3) of all triangles [m].

@@ -61,8 +61,8 @@ def shown_stances(recording: ShownBodies, rate: int = RATE) -> Stances:
         raise no_tracks_in(recording.name)
     tracks = motion.pool_tracks.astype(np.float64)
     rows = planted_rows(recording.pose_table, motion.skeleton, tracks)
-    # Feet that stand, by agent and foot: when that began, and the moves (shown, own) since then. Then the stances that
-    # have ended: agent and foot, begin, end, moves.
+    # Feet that stand, by agent and foot: the time at which they came to stand [s], and the moves (shown, own) since
+    # then. Then the stances that have ended: agent and foot, begin and end [s], moves.
     standing: dict[tuple[int, int], tuple[float, list[tuple[Floats, Floats]]]] = {}
     found: list[tuple[tuple[int, int], float, float, list[tuple[Floats, Floats]]]] = []
     before: _Moment | None = None

@@ -96,13 +96,14 @@ class PlantedFeet:
         states = np.zeros((len(agents), 2, COLUMNS))
         if not len(self._keys):
             return states
+        # Limited, so that no number is that of the next row.
         tick = min(int(_ticks(time)), self._most - 1)
         for foot in (0, 1):
             row = 2 * agents + foot
             last = np.searchsorted(self._keys, row * self._most + tick, side="right") - 1
             missing = np.ones(len(agents), bool)
             # Take the last change up to the time that holds: only in its own node, and from its frame on. Rounding may
-            # put a change just before or behind the time, so also try the changes beside it.
+            # put a change just before or behind the time (by up to 1e-3 frames), so also try the changes beside it.
             for number in (last, last - 1, last + 1):
                 place = np.clip(number, 0, len(self._keys) - 1)
                 found = self._events[place]

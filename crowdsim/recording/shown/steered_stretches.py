@@ -172,7 +172,7 @@ def played_phases(
     before, after = (
         motion.pool_phases[some].astype(np.float64) for some in (rows, rows + (whole < motion.node_frames[node]))
     )
-    # Interpolate along the shorter arc. A jump, by about half a cycle, is not: in between, a foot would swing.
+    # Interpolate along the shorter arc, but not across a jump by about half a cycle, in which a foot would swing.
     share, arc = frame - whole, np.mod(after - before + 0.5, 1.0) - 0.5
     share = np.where(np.abs(arc) > _JUMP, np.rint(share), share)
     phases = np.mod(before + share * arc, 1.0)

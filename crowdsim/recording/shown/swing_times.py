@@ -101,9 +101,9 @@ def _foot_phases(
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the phase (T, n, 2) of each foot in its own cycle, 0 when it lands, in the T steps from each switch on.
 
-    Phases are in [0, 1) cycles. The switches are ``some`` (n,). Once the level has changed again, phases are 0 (left)
-    and 0.5 (right). Also return (T, n) bool: whether the agent has stayed on the new level until then, and whether it
-    is absent.
+    Phases are in [0, 1) cycles. The switches are ``some`` (n,), rows of ``switches``. Also return (T, n) bool: whether
+    the agent has stayed on the new level up to each step, and whether it is absent in it. From the step on in which it
+    has left that level, or beyond the end of the recording, phases are 0 (left) and 0.5 (right).
     """
     rate = recording.steps_per_second
     shown, agents, steered = switches.shown[some], switches.agents[some], switches.steered[some]

@@ -53,6 +53,7 @@ class SwitchBlends:
         self._steered = steered
         self._skeleton = recording.header.motion.skeleton
         rate = recording.steps_per_second
+        # Block of time in which each switch is shown.
         self._block_of = switches.shown * TICKS_PER_SECOND // rate // BLOCK_TICKS
         self._blocks: dict[int, _Block] = {}
 

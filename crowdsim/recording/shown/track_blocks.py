@@ -226,7 +226,8 @@ def _needed(
 def _last(keep: NDArray[np.bool_], tracks: JoinedTracks) -> Ints:
     """Return (A,) the last kept sample of each track.
 
-    For a track that keeps none, it is the last kept one of the tracks before, or the number of all samples without any.
+    If a track keeps none, it is the last one kept of the tracks before it. If these keep none either, it is the number
+    of all samples, which is no index.
     """
     kept = np.flatnonzero(keep)
     ends = np.searchsorted(kept, tracks.starts[1:])

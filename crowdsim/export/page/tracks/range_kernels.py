@@ -113,7 +113,7 @@ def _put_leaf(state, out, models, first, bits, leaf):
 
 @helper
 def put_whole(state, out, models, first, value):
-    """Code an integer of a size below 2**31: its length in bits and its sign by models, its bits without.
+    """Code an integer of a size below 2**31: its length in bits and its sign by models, then its bits without models.
 
     The WHOLE models of length and sign are a tree, which begins at ``first``.
     """

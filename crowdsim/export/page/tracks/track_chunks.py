@@ -218,9 +218,9 @@ def _coded(
 ) -> tuple[NDArray[np.uint8], Ints]:
     """Return the bytes of a chunk, and the headings (N, steps) that a decoder finds [units of turn].
 
-    ``units`` are those of :func:`coding_units`; ``stretches`` rows of :meth:`PackedStretches.within`; ``phases`` those
-    of all stretches, in units of a page, of which those in this chunk become what a decoder finds; ``own`` the steps of
-    the chunk without its margins.
+    ``rows`` are the chunk's steps with its margins, ``own`` those without. ``units`` are those of :func:`coding_units`.
+    ``stretches`` (k, 4) are those of :meth:`PackedStretches.within`. ``phases`` (P,) are those of all stretches, in
+    units of a page; those in ``own`` become what a decoder finds.
     """
     here = (rows.state != AgentState.ABSENT).T
     node = np.where(here, rows.node.T, NONE).astype(np.int32)
