@@ -81,6 +81,7 @@ def choose(
     if start is not None and end is not None and end < start:
         raise CrowdSimError(f"end {end:g} s lies before start {start:g} s; exchange them")
     steps = recording.steps_per_second
+    # Steps from ``start`` to ``end``, both included. 1e-6 steps make up for rounding of times.
     first = 0 if start is None else math.ceil(start * steps - 1e-6)
     last = recording.steps if end is None else min(math.floor(end * steps + 1e-6) + 1, recording.steps)
     return Choice(first, last, every, steps // every, _chosen_agents(recording, agents))

@@ -67,6 +67,7 @@ def frame_between(
     tracks_between(nodes, float(natural), spans, played[0], at, pose, played[1], later, goal, share, track)
     x, y, heading = (np.array(values, np.float64) for values in (old.x, old.y, old.heading))
     x[both], y[both], heading[both] = track.T
+    # An agent that becomes captured in this step keeps its last phase.
     phase = np.where(both & np.isfinite(new.phase), old.phase + share * (new.phase - old.phase), old.phase)
 
     # An agent is in the old node until its last frame, then in the new one, whose frames are counted back from the end

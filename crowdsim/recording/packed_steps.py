@@ -72,6 +72,7 @@ class Shares(NamedTuple):
 
 def share_out(agents: int, processes: int) -> Shares:
     """Return shares of about equal size, in equally wide chunks of at most AGENTS_PER_CHUNK agents."""
+    # All divisions round up.
     each = -(-agents // processes)
     chunks = -(-each // AGENTS_PER_CHUNK)
     return Shares(agents, -(-each // chunks), chunks)

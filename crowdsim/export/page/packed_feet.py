@@ -120,7 +120,10 @@ def _moved(recording: Recording, table: FootTable, now: Played, states: Floats) 
 
 
 def _place_in_clip(recording: Recording, table: FootTable, node: NDArray[np.int32], frame: Floats, foot: int) -> Floats:
-    """Return places (n, 3) of a foot [m], [rad] in frames (n,) of nodes (n,), interpolated between rows."""
+    """Return places (n, 3) of a foot in frames (n,) of nodes (n,), interpolated between rows: x, y [m], heading [rad].
+
+    They are relative to the first rows of the nodes.
+    """
     poses = recording.pose_table
     whole = np.minimum(np.floor(frame).astype(np.int64), poses.node_frames[node])
     first = poses.node_first[node].astype(np.int64)

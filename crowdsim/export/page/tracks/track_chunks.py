@@ -304,8 +304,8 @@ class _Changes:
     def take(self, rows: _Rows, first: int, span: slice) -> None:
         """Record the changes in the steps ``span`` of ``rows``, with values as of :class:`Events`.
 
-        first: step of the page at which ``span`` begins. Each part is (6, E): agent, step, node, previous, behavior,
-        state.
+        first: step of the page at which ``span`` begins. Changes are kept in parts (6, E): agent, step, node, previous,
+        behavior, state.
         """
         state = rows.state[span].astype(np.int64)
         here = state != AgentState.ABSENT
