@@ -156,6 +156,7 @@ def require_readable(path: Path, file: h5py.File) -> None:
     size = path.stat().st_size
 
     def visit(name: str, item: object) -> None:
+        """Check a dataset or group of the file by its path ``name``."""
         if isinstance(item, h5py.Dataset):
             stored = max(item.id.get_storage_size(), 0)
             # What was never written has no bytes in the file and is read as zeros: 64 * _PACKED of them do no harm.
