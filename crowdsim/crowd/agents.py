@@ -154,7 +154,7 @@ class Agents:
 
 
 def _column(values: Any, dtype: Any) -> NDArray[Any]:
-    """Return values as a read-only array."""
+    """Return a copy of values as a read-only array."""
     column = np.array(values, dtype)
     column.flags.writeable = False
     return column

@@ -61,7 +61,7 @@ class CapturedCrowd:
     workers : int
         Number of threads that search motions; the result does not depend on it.
     preparing : callable, optional
-        Called with the number of motion maps built and the number of all, while they are built.
+        Called as ``preparing(built, count)`` while the motion maps are built: number of those built, and of all.
     cast : Placement, optional
         The agents; drawn from the scenario by default.
     behavior_set : BehaviorSet, optional
@@ -94,7 +94,7 @@ class CapturedCrowd:
             lead=max(1, round(LEAD_SECONDS * scenario.steps_per_second)),
         )
         self._behavior_set = behavior_set
-        # The natural speed is needed only if some agent has a speed of its own; not all clips show one.
+        # The natural speed is needed only if some agent has a speed of its own; not all clips show a natural speed.
         if not np.isnan(self.cast.speeds).all():
             self.plans.paces.keep(self.cast.speeds, self.natural_speed)
         self.hash = 0
@@ -109,7 +109,9 @@ class CapturedCrowd:
 
     def _make_ready(self) -> None:
         """Warm up: run one search so that roadmap, regions and kernels are ready before the first step."""
-        # Search for the agent that must stand nearest to its goal. That runs most kernels, as motions are bent for it.
+        # Search for the agent with the least ``stand_within``, its distance to the goal at the end: motions are bent
+        # for it, so that most kernels run. Take its first goal that is not at its start; if all are there, search
+        # nothing.
         strictest = int(np.argmin(self.cast.stand_within))
         start, within = self.cast.starts[strictest], float(self.cast.stand_within[strictest])
         for goal in self.cast.goals[strictest]:
@@ -148,15 +150,15 @@ class CapturedCrowd:
     @property
     def expected(self) -> NDArray[np.bool_]:
         """Return which agents (n,) have arrived, are in the world, or come without a command."""
-        # The start step is NEVER for agents on call until `add` brings them, and for removed ones; of these, those who
+        # The start step is NEVER for agents on call until `add` brings them, and for removed ones. Removed ones that
         # had arrived before still count.
         return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
 
     @property
     def finished(self) -> bool:
         """Return True if all agents that can arrive have arrived."""
-        # As long as doors may open, a goal may become reachable. One that arrived, gave way and finds no way back has
-        # arrived.
+        # Agents without a path to their goal are not waited for, unless events are left that may open one. An agent
+        # that arrived, gave way and finds no way back counts as arrived already, not as lost.
         lost = sum(self.arrivals[agent] == NONE for agent in self.plans.unreachable) if self.events.over else 0
         return self.arrived + lost >= int(self.expected.sum())
 
@@ -171,14 +173,15 @@ class CapturedCrowd:
     def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
         """Send agents (k,) to ``places`` (k, 2) [m] instead of all their goals.
 
-        ``region`` does not matter: each captured agent goes to a place of its own.
+        If ``stays`` is True, they stay there, else they leave. ``region`` does not matter: each captured agent goes to
+        a place of its own. An agent that has reserved its last steps out of the world leaves all the same.
         """
         view = self.world.view()
         affected = AffectedAgents(self.plans, view)
         rows = self.plans.rows_of_agents(view)
         for agent, place in zip(agents.tolist(), places, strict=True):
             row = int(rows[agent])
-            # It has reserved its last steps out of the world, without a stop: it leaves all the same.
+            # The agent has reserved its last steps out of the world, without a stop: it leaves all the same.
             if row != NONE and view.gone_slot[row] < FOREVER:
                 continue
             self.itineraries.redirect(agent, place, stays)
@@ -231,10 +234,10 @@ class CapturedCrowd:
         self.hash = state_hash(self.world, self.environment.state(), self.step_count, self.hash)
 
     def react(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
-        """Let events happen if no agent is in the way, and hand out plans; return the numbers of those events.
+        """Let due events happen if no agent is in the way, and hand out plans of searches that are done.
 
-        ``in_the_way`` returns True if an agent that is not captured stands on the area, given by its footprints, in
-        which a movable is to appear.
+        Return the numbers of the events that happened. ``in_the_way`` is called with the area in which a movable is to
+        appear, as its footprint on each layer. It returns True if an agent that is not captured stands there.
         """
         happened = self.events.apply(view, in_the_way)
         # Results are handed out one step after their slices began, whatever the number of workers.
@@ -269,7 +272,7 @@ class CapturedCrowd:
         return self.environment.placing(movable)
 
     def new_routes(self) -> list[Route]:
-        """Return the paths that agents have begun to follow since the last call, or since the step before ended."""
+        """Return the paths that agents have begun to follow in this step, without those of an earlier call."""
         routes = [Route(agent, *labeled_points(route)) for agent, route in self._new_routes]
         self._new_routes.clear()
         return routes
@@ -286,7 +289,7 @@ class CapturedCrowd:
         for name in ("node", "previous", "behavior"):
             columns[name] = np.full(self.count, NONE, np.int32)
             columns[name][agent] = self.world.column(name)
-        # Frames are recorded with fractions, but not beyond the last frame of the node.
+        # Frames are recorded with fractions, at most the last frame of the node: ``part`` counts 1 / FRAME_TICKS.
         last = self.assets.graph.node_frames[self.world.column("node")]
         shown = self.world.column("frame") + self.world.column("part") / FRAME_TICKS
         columns["frame"] = np.zeros(self.count)

@@ -190,7 +190,7 @@ class Commandable(ABC):
         to: tuple[float, float] | None = None,
         rotation: float = 0.0,
     ) -> None:
-        """Move an obstacle, and turn it.
+        """Move or turn an obstacle with the next step, or as soon as no agent is in the way.
 
         Parameters
         ----------
@@ -206,7 +206,8 @@ class Commandable(ABC):
         Raises
         ------
         ScenarioError
-            If there is no such obstacle at that time, it never changes, or neither a new position nor a turn is given.
+            If there is no such obstacle at that time, it never changes, neither a new position nor a turn is given,
+            both ``by`` and ``to`` are, or a later event would become impossible.
         """
         keys = {"name": name, "by": by, "to": to, "rotation": rotation or None}
         self._give(move={key: value for key, value in keys.items() if value is not None})
@@ -228,7 +229,7 @@ class Commandable(ABC):
 
     @property
     def _left(self) -> NDArray[np.bool_]:
-        """Return which agents (N,) have arrived and left, or were removed."""
+        """Return which agents (N,) have left: they have arrived and are not in the world, or were removed."""
         return np.asarray(self._removed | (self.crowd.arrivals >= 0) & (self.agents.state == AgentState.ABSENT))
 
     def _give(self, **keys: Any) -> None:
@@ -240,7 +241,10 @@ class Commandable(ABC):
         """Return the number of the step that carries out commands given now; raise CrowdSimError if there is none."""
 
     def _carry_out(self) -> None:
-        """Carry out the commands that are due."""
+        """Carry out the commands that are due, and keep them in ``_carried_out``, for the recording.
+
+        The crowd gets a new timetable if one of them changes the place.
+        """
         due = self._carried_out = self._commands.due(self.step_count)
         if any(command.changes_place for command in due):
             self.crowd.take_timetable(self._commands.timetable())
@@ -248,7 +252,10 @@ class Commandable(ABC):
             self._obey(command)
 
     def _obey(self, command: Command) -> None:
-        """Carry out a command about agents; those who have left in the meantime are left out."""
+        """Carry out a command about agents, without those that have left since it was given.
+
+        Nothing is to be done for a command that changes the place: the timetable has its change.
+        """
         asked = command.commanded
         if asked is None:
             return
@@ -259,18 +266,19 @@ class Commandable(ABC):
         match asked:
             case NewGoal():
                 region, places = places_in(self.scenario.environment, asked.goal, len(agents))
-                # There may be fewer places than agents that leave there: these need none of their own.
+                # If agents leave there, there may be fewer places than agents: some get the same one.
                 own = places[np.arange(len(agents)) % len(places)]
                 self.crowd.set_goal(agents[here], region, own[here], asked.on_arrival == "stay")
             case Added():
                 starts = None
                 if asked.start is not None:
                     places = places_in(self.scenario.environment, asked.start, len(agents)).places
-                    # They come one after another if there are fewer places.
+                    # There may be fewer places than agents: those with the same one come one after another.
                     starts = places[np.arange(len(agents)) % len(places)][here]
                 self.crowd.add(agents[here], starts)
             case NewSpeed(speed=speed):
                 self.crowd.set_speed(agents[here], speed)
+            # The only other command removes agents.
             case _:
                 self.crowd.remove(agents[here])
                 self._removed[agents[here]] = True

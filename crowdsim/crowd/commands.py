@@ -98,7 +98,8 @@ class Commands:
         while self._obeyed < len(self.given) and round(self.given[self._obeyed].at * rate) <= step:
             self._obeyed += 1
         due = self.given[first : self._obeyed]
-        # Append them to the timetable, which is in order of time. If one comes before the last change, read all anew.
+        # Append those that change the place to the timetable, which is in order of time. If the first of them comes
+        # before the timetable's last change, read all anew.
         places = [(first + k, command) for k, command in enumerate(due) if command.changes_place]
         if places and places[0][1].at >= self._happened.last:
             for number, command in places:
@@ -112,11 +113,14 @@ class Commands:
         return self._happened.timetable()
 
     def _read(self, commands: list[Command]) -> TimetableReader:
-        """Return the timetable of the scenario's events together with some commands."""
+        """Return a reader of the timetable of the scenario's events together with some commands."""
         return read_timetable(self._scenario, self._scenario.environment.solids, commands)
 
     def _require_possible(self, command: Command, place: int, left: NDArray[np.bool_]) -> None:
-        """Refuse a command, which comes at index ``place`` of all that are given, unless all of them are possible."""
+        """Raise ScenarioError if a command is impossible together with the other ones and the events.
+
+        ``place`` is the index in ``given`` at which it is to come; ``left`` (N,) says which agents have left.
+        """
         scenario = self._scenario
         asked = command.commanded
         if asked is not None:

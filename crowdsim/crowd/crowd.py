@@ -21,7 +21,7 @@ class Route(NamedTuple):
     points: NDArray[np.float64]
     """(P, 2) points [m]."""
     behaviors: NDArray[np.int8]
-    """(P,) behavior from each point on."""
+    """(P,) number of the behavior from each point on."""
 
 
 class Crowd(Protocol):
@@ -67,7 +67,8 @@ class Crowd(Protocol):
     def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
         """Send agents (k,) to ``region`` instead of all their goals.
 
-        They stand at ``places`` (k, 2) [m] if they are to stay; captured agents go there in any case.
+        If ``stays`` is True, they stay there, each at its place in ``places`` (k, 2) [m]; else they leave the world
+        there. Captured agents go to their places in both cases.
         """
 
     def add(self, agents: NDArray[np.int64], starts: NDArray[np.float64] | None) -> None:
@@ -83,7 +84,7 @@ class Crowd(Protocol):
         """Run all stages of a step."""
 
     def begin_work(self) -> None:
-        """Begin the work that the next step waits for, on other threads, from the positions after this one."""
+        """Begin the work that the next step waits for, on other threads, from the positions after this step."""
 
     def end_step(self) -> None:
         """Count the step: it is over."""
@@ -95,13 +96,13 @@ class Crowd(Protocol):
         """Return the present step of all agents; those outside the world are marked absent."""
 
     def new_routes(self) -> list[Route]:
-        """Return the paths that agents have begun to follow since the last call, or since the step before ended."""
+        """Return the paths that agents have begun to follow in this step, without those of an earlier call."""
 
     def placing(self, movable: int) -> Placing | None:
         """Return the placing of a movable; None while it is absent."""
 
     def measure(self, frame: RecordedFrame) -> None:
-        """Add the present step to the statistics."""
+        """Add the present step to the statistics; ``frame`` is what :meth:`frame` returns."""
 
     def summary(self) -> dict[str, Any]:
         """Return the figures that sum up the run."""

@@ -99,7 +99,7 @@ class LivePoses:
         self._latest: Poses | None = None
 
     def add(self, frame: RecordedFrame) -> None:
-        """Keep a step."""
+        """Keep a step, with those of the last KEPT seconds if agents may steer, else alone."""
         row = tuple(np.array(getattr(frame, name), kind) for name, kind in COLUMN_TYPES.items())
         self._rows.append(row)
         # The places where captured bodies have planted their feet follow from all steps so far, with the values that a

@@ -138,6 +138,7 @@ class Systems:
         self.columns: Mapping[str, NDArray[Any]] = MappingProxyType({})
         self.running = ""
         self._count = count
+        # Names of stages and systems, in the order of a step.
         self._order: list[str] = list(STAGES)
         self._systems: dict[str, System] = {}
         self._failed: SystemFailed | None = None
@@ -187,7 +188,7 @@ class Systems:
         self._systems[name] = system
 
     def run(self, stage: str, simulation: Commandable) -> None:
-        """Run the systems that stand between the previous stage and ``stage``, in order.
+        """Run the systems that stand between the previous stage and ``stage``, in order; take over what they write.
 
         Raises
         ------
@@ -258,11 +259,12 @@ class Extensible:
         Parameters
         ----------
         system : System
-            An object with ``reads``, ``writes`` and ``run(columns, simulation)``. It is called by its ``name``, or that
-            of its class.
+            An object with ``reads``, ``writes`` and ``run(columns, simulation)``. Its name is its attribute ``name``,
+            or the name of its class if it has none.
         before : str
-            Stage of the step before which it runs, after systems added for it earlier: "commands" (those that are due
-            are carried out), "move" (all agents take a step) or "record"; or another system.
+            Stage of the step, or name of another system, before which it runs, after systems that were added there
+            earlier. Stages are "commands" (commands that are due are carried out), "move" (all agents take a step) and
+            "record" (the state is recorded and read).
 
         Raises
         ------
@@ -283,7 +285,10 @@ def name_of(system: System) -> str:
 
 
 def _holds(kind: np.dtype[Any], fill: NDArray[Any]) -> bool:
-    """Return True if a column of ``kind`` can hold ``fill``: floats rounded, not to infinity; others as they are."""
+    """Return True if a column of ``kind`` can hold the values ``fill`` (numbers or bool).
+
+    Columns of floats may round them, but not to infinity; others must hold them exactly.
+    """
     if kind.kind == "f":
         with np.errstate(over="ignore"):
             return bool(np.array_equal(np.isfinite(fill.astype(kind)), np.isfinite(fill)))

@@ -32,7 +32,10 @@ from crowdsim.steering.rules import Rules
 
 
 def require_ranks(scenario: Scenario) -> None:
-    """Raise RanksError if a scenario cannot run on several processes."""
+    """Raise RanksError if a scenario cannot run on several processes.
+
+    All groups must be steered, without parties; the floor must not be periodic, and there must be no commands.
+    """
     refused = [
         f"group '{group.name}' is {group.level}; give it 'locomotion: steered'"
         for group in scenario.agents
@@ -87,7 +90,7 @@ class RankedRun:
         self._digests: list[int] = []
         """Of each step: the sum of the digests of the own rows."""
         self._environments: list[bytes] = []
-        """Of each step: the state of the place, as bytes. This and the changes are noted in rank 0 only."""
+        """Of each step: the state of the place, as bytes. States of the place and changes are noted in rank 0 only."""
         self._changes: list[tuple[int, str | None, int]] = []
         """Number of a solid, its new footprint (WKT [m], None if it is gone), and the step from which it holds."""
 
@@ -124,7 +127,10 @@ class RankedRun:
         return summary
 
     def _steps(self, part: RankPart, progress: Callable[[int, int, Any], None] | None) -> None:
-        """Take all steps, and append the own agents of each to ``part``."""
+        """Take all steps; append the own agents to ``part`` after each, and note digests, place and changes.
+
+        The threads end afterwards. ``progress`` is that of :meth:`run`.
+        """
         crowd = self.crowd
         movables = self.scenario.environment.timetable.movables
         before: list[Placing | None] = [None] * len(movables)
@@ -146,9 +152,9 @@ class RankedRun:
         crowd.close()
 
     def _join(self, part: RankPart, measures: RunMeasures, writer: RecordingWriter | None) -> None:
-        """Join what all ranks have counted and written.
+        """Join what all ranks have counted and written: sum up the figures, and write the recording in rank 0.
 
-        Rank 0 has the ``writer`` of the recording, the others have None.
+        Rank 0 has the ``writer`` of the recording, the other ranks have None.
         """
         self.crowd.join()
         measures.join()
@@ -164,9 +170,10 @@ class RankedRun:
                 writer.append_packed(hashes[writer.steps : writer.steps + steps], itertools.chain(*blocks))
 
     def _hashes(self, digests: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """Return the state hash after each step in rank 0, which has noted the state of the place; none in the others.
+        """Return the state hash (steps,) after each step in rank 0, an empty array in the others; set the crowd's hash.
 
-        ``digests`` (steps,) are the sums of the digests of all agents' rows.
+        Only rank 0 has noted the states of the place. ``digests`` (steps,) are the sums of the digests of all agents'
+        rows.
         """
         hashes = np.zeros(len(self._environments), np.uint64)
         state = 0

@@ -55,7 +55,7 @@ class Simulation(Commandable, Extensible):
     workers : int
         Number of threads that search motions or steer; the result does not depend on it.
     preparing : callable, optional
-        Called with the number of motion maps built and the number of all, while they are built.
+        Called as ``preparing(built, count)`` while the motion maps are built: number of those built, and of all.
     keep_poses : bool
         Keep the last 6.5 s for :meth:`poses`, if agents steer: 9 kB for each agent at 10 steps per second.
     behavior_set : BehaviorSet, optional
@@ -104,6 +104,7 @@ class Simulation(Commandable, Extensible):
     @property
     def agents(self) -> Agents:
         """Return all agents as the last step left them."""
+        # Made once in a step, at first use; if only own columns have changed since, these are replaced.
         own = self._systems.columns
         if self._agents is None:
             record = self.header.agents
@@ -209,6 +210,8 @@ class Simulation(Commandable, Extensible):
     ) -> Recording | None:
         """Step to the end, and write the recording ``output``; :attr:`summary` has the figures.
 
+        The simulation takes no more steps afterwards. If steps were taken before, there are no figures.
+
         Parameters
         ----------
         output : path or None
@@ -217,7 +220,8 @@ class Simulation(Commandable, Extensible):
             Called as ``progress(step, step_limit, simulation)`` after every step.
         until : callable, optional
             Called as ``until(simulation)`` before every step, and may give commands. The run ends only if it returns
-            True, whatever :attr:`finished` is: return that, too, if arrivals and ``duration`` are to end the run.
+            True, whatever :attr:`finished` is: return ``simulation.finished``, too, if arrivals and ``duration`` are to
+            end the run.
 
         Returns
         -------
@@ -317,7 +321,10 @@ class Simulation(Commandable, Extensible):
         return self.scenario.save(path, self._commands.given)
 
     def _advance(self) -> None:
-        """Carry out the commands that are due, and take a step without its end; own systems run between."""
+        """Carry out the commands that are due, and move all agents; own systems run before each, and at the end.
+
+        The caller ends the step by ``begin_work`` and ``end_step`` of the crowd.
+        """
         self._systems.run("commands", self)
         self._carry_out()
         self._systems.run("move", self)
@@ -329,7 +336,7 @@ class Simulation(Commandable, Extensible):
 
     def _step_of_commands(self) -> int:
         self._require_open()
-        # Within a step, for the next one: those of this step may have been carried out.
+        # Commands of a system, which runs within a step, are for the next step: this one may have carried out its own.
         return self.step_count + bool(self._systems.running)
 
     def _require_open(self) -> None:
@@ -344,7 +351,10 @@ class Simulation(Commandable, Extensible):
         return RecordingWriter(output, replace(self.header, scenario_keys=keys))
 
     def _record(self, writer: RecordingWriter, frame: RecordedFrame, before: list[Placing | None]) -> None:
-        """Record a step, and what it began with: new routes, and changes that events and commands made."""
+        """Record a step: first the commands that it carried out, new routes and changes of movables, then the agents.
+
+        ``before`` holds the placings of movables in the step before (None while absent) and is updated.
+        """
         for command in plain_keys({"commands": self._carried_out})[0]["commands"]:
             writer.add_command(command)
         for route in self.crowd.new_routes():
@@ -353,9 +363,10 @@ class Simulation(Commandable, Extensible):
         writer.append(frame, self.crowd.hash)
 
     def _record_movables(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
-        """Record new movables, and those whose placing differs from ``before``; update ``before``."""
+        """Record new movables, and those whose placing differs from ``before`` (None if absent); update ``before``."""
         movables = self.movables()
-        for movable, _ in movables[len(before) :]:  # commands have inserted these
+        # Movables behind those of ``before`` are new: commands have inserted them. They count as absent before.
+        for movable, _ in movables[len(before) :]:
             before.append(None)
             for solid in movable.solids:
                 writer.add_movable(solid_record(solid))
@@ -366,7 +377,7 @@ class Simulation(Commandable, Extensible):
 def _crowd_of(
     scenario: Scenario, workers: int, preparing: Callable[[int, int], None] | None, behavior_set: BehaviorSet
 ) -> Crowd:
-    """Return the crowd of a scenario: of one level if all its groups are of that one, else of both levels."""
+    """Return the crowd of a scenario: captured or steered if all its groups are, else one with both levels."""
     if scenario.locomotions() == {"captured"}:
         return CapturedCrowd(scenario, workers, preparing, behavior_set=behavior_set)
     if scenario.locomotions() == {"steered"}:

@@ -81,6 +81,7 @@ def choose(
     if start is not None and end is not None and end < start:
         raise CrowdSimError(f"end {end:g} s lies before start {start:g} s; exchange them")
     steps = recording.steps_per_second
+    # Steps from ``start`` to ``end``, both included. 1e-6 steps make up for rounding of times.
     first = 0 if start is None else math.ceil(start * steps - 1e-6)
     last = recording.steps if end is None else min(math.floor(end * steps + 1e-6) + 1, recording.steps)
     return Choice(first, last, every, steps // every, _chosen_agents(recording, agents))
@@ -93,8 +94,11 @@ def at_rate(recording: Recording, choice: Choice, rate: int) -> Choice:
 
 
 def _chosen_agents(recording: Recording, text: str | None) -> NDArray[np.int64]:
-    """Return the numbers of the agents that ``text`` names, ascending: groups or numbers, joined by commas."""
-    # A group whose name contains commas may be named alone.
+    """Return the numbers of the agents that ``text`` names, ascending: groups or numbers, joined by commas.
+
+    None stands for all agents. A group whose name contains commas may be named alone. Raise CrowdSimError for a part
+    that is neither a group nor the number of an agent.
+    """
     count = recording.agent_count
     if text is None:
         return np.arange(count)
@@ -104,6 +108,7 @@ def _chosen_agents(recording: Recording, text: str | None) -> NDArray[np.int64]:
         members = groups == name
         if members.any():
             chosen |= members
+        # Python refuses to read very long numbers; no recording has agents with numbers of ten digits.
         elif name.isascii() and name.isdigit() and len(name) < 10 and int(name) < count:
             chosen[int(name)] = True
         else:

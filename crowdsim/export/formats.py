@@ -101,7 +101,8 @@ def export(
         choice = at_rate(recording, choice, default_rate(recording, len(choice.agents)))
     module = importlib.import_module(chosen.module)
     in_folder = chosen.folders and (target.is_dir() or not target.suffix)
-    # The folder in which files will appear must be writable: an existing target folder, or else its parent.
+    # The folder in which files will appear must be writable: an existing target folder, or else its parent. A missing
+    # one is reported below.
     written_to = target if in_folder and target.is_dir() else target.parent
     if not os.access(written_to, os.W_OK) and written_to.is_dir():
         raise CrowdSimError(f"cannot write {target}: no permission; choose another place")

@@ -83,8 +83,10 @@ def _free_name(simulation: Simulation) -> str:
 
 
 def _characters(agents: tuple[int, ...]) -> str:
+    """Return the words for one or more agents, to which a verb in the singular fits."""
     return f"agent {agents[0]}" if len(agents) == 1 else f"each of {len(agents)} agents"
 
 
 def _point(point: tuple[float, float]) -> str:
+    """Return the words for a point, in whole centimeters."""
     return f"{point[0]:.2f}, {point[1]:.2f} m"

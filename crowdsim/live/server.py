@@ -81,6 +81,7 @@ class Server:
         return self._address("127.0.0.1" if self._host in _ANYWHERE else self._host)
 
     def _address(self, host: str) -> str:
+        """Return the address of the page at ``host``, with the token; numbers of IPv6 stand in brackets."""
         host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self._port}{_PAGE}?token={self.token}"
 

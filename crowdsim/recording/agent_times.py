@@ -68,7 +68,7 @@ def find_times(recording: RecordedEvents) -> AgentTimes:
 
 
 def _removals(recording: RecordedEvents) -> NDArray[np.int64]:
-    """Return the steps (N,) at which commands take agents out; more than any step for others."""
+    """Return the step (N,) at which a command takes each agent out; the largest int64 if none does."""
     steps = np.full(recording.agent_count, np.iinfo(np.int64).max)
     for command in recording.commands:
         agents = command.get("remove_agents", {}).get("agents", [])

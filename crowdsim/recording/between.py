@@ -22,7 +22,11 @@ def frame_between(
     steps_per_second: int,
     spans: NDArray[np.float64],
 ) -> RecordedFrame:
-    """Return the frame at ``share`` of the time from ``old`` to ``new``; states are those of ``old``.
+    """Return the frame at ``share`` of the time from ``old`` to ``new``.
+
+    Agents that move or wait in ``old``, and are present in ``new``, are interpolated. Their node, previous node and
+    behavior are those of ``new`` as soon as the node of ``new`` has begun. All other agents keep the values of ``old``,
+    and all agents its states.
 
     Parameters
     ----------
@@ -42,8 +46,8 @@ def frame_between(
     # Agents without a node have the index NONE (-1), which finds the 0 at the end.
     last = np.append(nodes.frames, 0)[old.node]
     # Frames played during the step. Nodes are played at up to 1.15 times their natural rate. Across two nodes these are
-    # the rest of the old one and the start of the new one, but an agent that leaves an idle node skips the rest of it:
-    # more than 1.5 times the natural advance is taken as that, and replaced by the natural advance.
+    # the rest of the old one and the start of the new one. But an agent that leaves an idle node skips the rest of it:
+    # an advance of more than 1.5 times the natural one is taken as such a skip, and replaced by the natural advance.
     same = (new.node == old.node) & (new.frame >= old.frame)
     advance = np.where(same, new.frame - old.frame, last - old.frame + new.frame)
     advance = np.where(same | (2 * advance <= 3 * natural), advance, natural)
@@ -63,6 +67,7 @@ def frame_between(
     tracks_between(nodes, float(natural), spans, played[0], at, pose, played[1], later, goal, share, track)
     x, y, heading = (np.array(values, np.float64) for values in (old.x, old.y, old.heading))
     x[both], y[both], heading[both] = track.T
+    # An agent that becomes captured in this step keeps its last phase.
     phase = np.where(both & np.isfinite(new.phase), old.phase + share * (new.phase - old.phase), old.phase)
 
     # An agent is in the old node until its last frame, then in the new one, whose frames are counted back from the end

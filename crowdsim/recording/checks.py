@@ -72,6 +72,7 @@ class CheckedColumn:
         width = int(np.prod(stored.shape[1:], dtype=np.int64))
         # Steps of a block: as many as hold _MOST_KEPT values.
         self._kept = min(max(_MOST_KEPT // max(width, 1), 1), _STEPS_KEPT)
+        # Number of the block that is in memory, -1 for none, and its rows.
         self._rows: tuple[int, NDArray[Any]] = -1, np.zeros(0)
 
     @property
@@ -122,6 +123,7 @@ class CheckedColumn:
 def column_ranges(header: RecordingHeader) -> dict[str, tuple[float, float]]:
     """Return the least and the greatest value of each column that holds indices or counts."""
     nodes = len(header.motion.node_names)
+    # The frame of an agent without a node means nothing, and may be NONE.
     return {
         "node": (NONE, nodes - 1),
         "previous": (NONE, nodes - 1),
@@ -154,6 +156,7 @@ def require_readable(path: Path, file: h5py.File) -> None:
     size = path.stat().st_size
 
     def visit(name: str, item: object) -> None:
+        """Check a dataset or group of the file by its path ``name``."""
         if isinstance(item, h5py.Dataset):
             stored = max(item.id.get_storage_size(), 0)
             # What was never written has no bytes in the file and is read as zeros: 64 * _PACKED of them do no harm.

@@ -42,6 +42,7 @@ def _write_strings(group: h5py.Group, name: str, values: Sequence[str]) -> None:
 
 
 def _read_strings(group: h5py.Group, name: str) -> list[str]:
+    """Return the texts of a dataset (n,)."""
     return list(values_of(group, name))
 
 
@@ -60,7 +61,10 @@ def library_versions() -> dict[str, str]:
 
 
 def write_header(file: h5py.File, header: RecordingHeader) -> None:
-    """Write ``header`` and the library versions of this process into an empty file."""
+    """Write ``header`` and the library versions of this process into an empty file.
+
+    Optional parts that are empty are left out; :func:`read_header` returns them empty.
+    """
     versions = file.create_group("versions")
     for name, text in library_versions().items():
         versions.attrs[name] = text
@@ -140,7 +144,10 @@ def _write_solids(environment: h5py.Group, kind: str, solids: Sequence[SolidReco
 
 
 def _write_motion(group: h5py.Group, motion: MotionRecord) -> None:
-    """Write skeleton, nodes and poses, and the gaits of steered bodies if there are any."""
+    """Write skeleton, nodes and poses; also tracks and gaits if there are any, and phases if there are nodes and gaits.
+
+    Tracks and phases are those of the pool's rows.
+    """
     skeleton = motion.skeleton
     _write_strings(group, "joint_names", skeleton.names)
     for name, dtype in _SKELETON_ARRAYS.items():
@@ -253,7 +260,7 @@ def _read_solids(environment: h5py.Group, kind: str) -> tuple[SolidRecord, ...]:
 
 
 def _read_meshes(environment: h5py.Group) -> tuple[MeshRecord, ...]:
-    """Return the meshes of the environment; the file holds the points of all in one array, and all triangles."""
+    """Return the meshes of the environment; the file holds the points of all in one array, the triangles in another."""
     points, triangles = values_of(environment, "mesh_points"), values_of(environment, "mesh_triangles")
     ends = np.cumsum(values_of(environment, "mesh_counts").reshape(-1, 2), axis=0)
     cut_points, cut_triangles = np.split(points, ends[:, 0]), np.split(triangles, ends[:, 1])

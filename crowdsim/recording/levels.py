@@ -63,8 +63,9 @@ class LevelColumn:
 def find_switches(recording: RecordedTracks, levels: Column) -> Switches:
     """Return all switches of a recording, shown in the captured steps that are next to them.
 
-    For a switch to steered this is the last captured step before it, as the agent's node may end there. For a switch to
-    captured it is the first captured step after it, as a node has no frames before its start.
+    ``levels`` (steps, N) are those of the recording. A change from or to NOBODY is no switch. For a switch to steered
+    the step shown is the last captured one before it, as the agent's node may end there. For a switch to captured it is
+    the first captured one after it, as a node has no frames before its start.
     """
     parts: list[tuple[Ints, Ints, NDArray[np.bool_]]] = []
     # Without both nodes and gaits, agents are only on one level, and there is nothing to search.

@@ -91,6 +91,7 @@ def read_measured(file: h5py.File) -> Measured:
         return measured
 
     def groups(kind: str) -> list[Any]:
+        """Return the groups of a kind (areas or lines) in the order of their numbers, which are their names."""
         found = file[GROUP].get(kind, {})
         return [found[key] for key in sorted(found, key=int)]
 

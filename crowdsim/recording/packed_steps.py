@@ -72,6 +72,7 @@ class Shares(NamedTuple):
 
 def share_out(agents: int, processes: int) -> Shares:
     """Return shares of about equal size, in equally wide chunks of at most AGENTS_PER_CHUNK agents."""
+    # All divisions round up.
     each = -(-agents // processes)
     chunks = -(-each // AGENTS_PER_CHUNK)
     return Shares(agents, -(-each // chunks), chunks)
@@ -120,7 +121,7 @@ def pack_steps(
     with h5py.File("packed", "w", driver="core", backing_store=False) as file:
         for name, values in columns.items():
             steps, agents = values.shape
-            if not agents:
+            if not agents:  # a process without agents
                 continue
             # Whole chunks, as the file holds them, also if there are fewer steps or agents.
             whole = (chunk[0], -(-agents // width) * width)

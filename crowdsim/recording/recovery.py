@@ -69,7 +69,7 @@ def recover(part: str | os.PathLike[str], output: str | os.PathLike[str] | None 
 
 
 def _append(file: h5py.File, left: list[tuple[int, memoryview]]) -> None:
-    """Append the data of the frames ``left`` to the HDF5 that was committed before them."""
+    """Append the data of the frames ``left``, pairs (kind, content), to the HDF5 that was committed before them."""
     header = read_header(file)
     names = stored_columns(header.motion)
     count = header.agents.count

@@ -79,7 +79,8 @@ def track_blocks(
     recording : RecordedFile
         The recording.
     every, first, end : int
-        Steps to take: multiples of ``every``. ``end`` is by default the end of the recording.
+        Steps to take: the multiples of ``every`` from ``first`` to before ``end``. By default, and at most, ``end`` is
+        the number of recorded steps.
     agents : (n,) int64 or None
         Agents to take, ascending; by default all.
 
@@ -92,6 +93,7 @@ def track_blocks(
     for begin in range(first, last, _STEPS_AT_ONCE):
         steps = np.arange(begin, min(begin + _STEPS_AT_ONCE, last))
         wanted = np.flatnonzero(steps % every == 0)
+        # If ``every`` is larger than a block, some blocks have no step to take.
         if not len(wanted):
             continue
         block = slice(begin, int(steps[-1]) + 1)
@@ -118,7 +120,7 @@ def track_blocks(
 
 
 def _part(values: NDArray[Any], rows: NDArray[np.int64], columns: NDArray[np.int64] | None) -> NDArray[Any]:
-    """Return some rows of a block of steps, and of these some columns, or all."""
+    """Return rows (r,) of a block (steps, N), and of these some columns (c,), or all if ``columns`` is None."""
     chosen = values[rows]
     return chosen if columns is None else chosen[:, columns]
 

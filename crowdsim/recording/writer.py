@@ -119,7 +119,7 @@ class RecordingWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if self._file is None:
+        if self._file is None:  # finish() has closed it
             return
         self._discard()
         if kind is None:
@@ -287,6 +287,7 @@ class RecordingWriter:
         return self._file
 
     def _open_disk(self) -> PartFile:
+        """Return the file on the disk, which is open whenever HDF5 is."""
         assert self._disk is not None
         return self._disk
 
@@ -298,7 +299,7 @@ class RecordingWriter:
             raise self._failed(error) from None
 
     def _commit(self) -> None:
-        """Write everything that HDF5 holds in memory to the disk."""
+        """Write everything that HDF5 holds in memory to the disk; after every _FRESH commits, open the file anew."""
         self._open_file().flush()
         disk = self._open_disk()
         try:
@@ -329,6 +330,7 @@ class RecordingWriter:
         self._commit()
 
     def _failed(self, error: OSError) -> RecordingError:
+        """Return the error of a recording that the disk did not take."""
         return RecordingError(not_written(self.path, error))
 
     def _discard(self) -> None:

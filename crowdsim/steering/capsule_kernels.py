@@ -62,6 +62,9 @@ def core_to_segment(px, py, ux, uy, a, ax, ay, bx, by):
 
 @helper
 def gap_to(mine, other):
-    """Return the gap between the body of ``mine`` (ROW) and that of ``other`` (NEAR) [m]; below 0 if they overlap."""
+    """Return the gap between the bodies of ``mine`` (ROW) and ``other`` (NEAR) [m]; below 0 if they overlap.
+
+    ROW is the state of an agent (row_kernels), NEAR what an agent sees of a neighbor (direction_kernels).
+    """
     _, _, distance = core_to_core(other.px, other.py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
     return distance - mine.radius - other.radius

@@ -13,8 +13,8 @@ before the step only, so the result depends neither on their order nor on the nu
 The body is a capsule: all points within a radius of its core, the segment from shoulder to shoulder (see
 capsule_kernels). Its support along n is the largest n . x of its points x.
 
-``lines`` (MOST_LINES, 4) are the half planes, the first ``count`` of them in use: normal n, room [m], tolerance for
-rounding [m]; ``mine`` (ROW) is the agent, d its displacement [m].
+``lines`` (MOST_LINES, 4) float64 are the half planes, the first ``count`` of them in use: unit normal (nx, ny), room
+[m], tolerance for rounding [m]; ``mine`` (ROW of row_kernels) is the agent, d its displacement [m].
 """
 
 import math
@@ -31,8 +31,8 @@ from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
 from crowdsim.steering.way_kernels import gap_to_way
 
 CROSSING = 1e-9
-"""Distance between two cores, or a core and a segment, below which they count as crossing [m]: rounding leaves some
-1e-16."""
+"""Distance between two cores, or between a core and a segment, below which they count as crossing [m]. If they cross,
+rounding leaves some 1e-16."""
 
 MARGIN = 1e-6
 """Part of each gap that no step uses [m]: above the rounding error of a step, below what is visible.
@@ -72,8 +72,9 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
 
     Parameters
     ----------
-    crowd : tuple
-        Sorted rows (ROW[n]), their positions (n, 2), the start of each cell, and the frame of the grid.
+    crowd : (ROW[n], (n, 2) float64, (cells + 1,) int64, (float, float, int, int))
+        Sorted rows, their positions [m], the first row of each cell, and the frame of the grid: left and bottom edge
+        [m], columns and rows of cells.
     me : int
         Row of the agent.
     most : float
@@ -148,7 +149,7 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
     lines : (k, 4) float64
         Half planes, as :func:`set_line` writes them.
     count : int
-        Number of half planes so far; -1 is handed on.
+        Number of half planes so far; -1 if they are incomplete, which is returned as it is.
 
     Returns
     -------
@@ -194,9 +195,10 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
 def add_ways(ways, frame, mine, most, lines, count):
     """Add a half plane for each reserved segment that an agent could meet; return the number of half planes now.
 
-    ``ways`` (ListedWays) holds the reserved segments by cells of ``frame``, ``mine`` (ROW) is the agent; ``most``,
-    ``lines`` (k, 4) and ``count`` are as for :func:`add_walls`. Return -1 if ``count`` is -1, if there are more than k
-    half planes, or if the core is nearer to a segment than :data:`CROSSING`.
+    ``frame`` is left and bottom edge of the grid [m], columns and rows. ``ways`` (ListedWays) holds the reserved
+    segments by cells of ``frame``, ``mine`` (ROW) is the agent; ``most``, ``lines`` (k, 4) and ``count`` are as for
+    :func:`add_walls`. Return -1 if ``count`` is -1, if there are more than k half planes, or if the core is nearer to a
+    segment than :data:`CROSSING`.
     """
     column, row = cell_of(frame, mine.x, mine.y)
     cell = row * frame[FRAME_COLUMNS] + column
@@ -233,9 +235,9 @@ def nearest_feasible(wx, wy, lines, count):
         ny = lines[k, 1]
         if nx * dx + ny * dy <= lines[k, 2]:
             continue
-        # Otherwise the optimum lies on the boundary of half plane k. Intersect that line with all earlier half planes:
-        # they leave the interval [low, high] of the coordinate s along (-ny, nx): half plane m requires slope * s <=
-        # rest. One whose line is parallel (slope 0) does not bound s.
+        # Otherwise the optimum lies on the boundary of half plane k. Let s be the coordinate along this line, in the
+        # direction (-ny, nx). Earlier half planes leave an interval [low, high] of it: half plane m requires slope * s
+        # <= rest. One whose line is parallel (slope 0) does not bound s.
         low = -math.inf
         high = math.inf
         for m in range(k):
@@ -245,7 +247,7 @@ def nearest_feasible(wx, wy, lines, count):
                 high = min(high, rest / slope)
             elif slope < -1e-12:
                 low = max(low, rest / slope)
-        # Project the wanted displacement on the line and clamp it to the interval.
+        # Project the wanted displacement on the line, and clamp its coordinate to the interval.
         along = wy * nx - wx * ny
         along = max(min(along, high), low)
         dx = lines[k, 2] * nx - along * ny
@@ -264,8 +266,8 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
 
     Parameters
     ----------
-    crowd : tuple
-        Sorted rows (ROW[n]), their positions (n, 2), the start of each cell, and the frame of the grid.
+    crowd : (ROW[n], (n, 2) float64, (cells + 1,) int64, (float, float, int, int))
+        Sorted rows, their positions [m], the first row of each cell, and the frame of the grid.
     first, last : int
         Rows to move.
     order : (n,) int32
@@ -273,7 +275,8 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
     moved : int
         Number of agents that move. Further steered ones are copies of agents that are moved elsewhere.
     wanted : WANTED[n]
-        Wanted velocity [m/s], turn in this step [rad], half length of the core [m] and other fields of each row.
+        Decision of each row (WANTED of decide_kernels): velocity [m/s], turn [rad], half length of the core [m], and
+        fields that are copied.
     walls : tuple
         Walls of the legs' layer, walls of the torso's layers, radius of the legs [m].
     ways : ListedWays
@@ -283,7 +286,7 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
     step : float
         Duration of the step [s].
     state : ROW[m]
-        Steered agents (m <= n), written by agent number.
+        Steered agents and copies (m <= n), by agent number; all fields that the commit decides are written.
 
     Returns
     -------
@@ -311,12 +314,12 @@ def commit_rows(crowd, first, last, order, moved, wanted, walls, ways, broadest,
         most = math.sqrt(dx * dx + dy * dy) + growth
         count = add_neighbors(crowd, me, most, broadest, order, len(state), lines)
         people = count
-        # The capsule keeps off the walls of the torso's layers, a disc of the legs' radius off those of the legs.
+        # The capsule keeps off the walls of the torso's layers, a disc of the legs' radius off the legs' walls.
         count = add_walls(torso, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius, most, lines, count)
         count = add_walls(legs, mine.x, mine.y, 1.0, 0.0, 0.0, leg_radius, most, lines, count)
         fixed = count
         count = add_ways(ways, crowd[3], mine, most, lines, count)
-        # The half planes are incomplete: no displacement and no turn is safe by itself. A core may still get shorter.
+        # -1: the half planes are incomplete, so no displacement and no turn is safe. The core may still get shorter.
         if count < 0:
             crowded += 1
             count = 0

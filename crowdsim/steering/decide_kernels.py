@@ -3,11 +3,11 @@
 The rules extend the vision-based model of Moussaid, Helbing and Theraulaz (PNAS 108, 2011) by keeping right, by an
 order of right of way and by a time gap. docs/steering.md describes them.
 
-Arguments of all helpers: ``rows`` (ROW[n]) sorted agents, ``mine`` the row that decides, ``near`` (NEAR[k]) its
-neighbors, of which the first ``count`` are valid, ``walls`` (Walls, Walls, float) those of the legs' layer and of the
-torso's layers, and the radius of the legs [m], ``rules`` the constants of the model (Rules), ``want`` (WANTED) the
-decision of ``mine``. (gx, gy) and (ix, iy) are the unit vectors of guidance and intent, (0, 0) for an agent that stays;
-(px, py) leads from ``mine`` to a neighbor [m].
+Arguments of all helpers: ``rows`` (ROW[n] of row_kernels) sorted agents, ``mine`` the row that decides, ``near``
+(NEAR[k] of direction_kernels) its neighbors, of which the first ``count`` are valid, ``walls`` (Walls, Walls, float)
+those of the legs' layer and of the torso's layers, and the radius of the legs [m], ``rules`` the constants of the model
+(Rules), ``want`` (WANTED) the decision of ``mine``. (gx, gy) and (ix, iy) are the unit vectors of guidance and intent,
+(0, 0) for an agent that stays; (px, py) leads from ``mine`` to a neighbor [m].
 """
 
 import math
@@ -49,8 +49,9 @@ def hear_opposing(rows, mine, near, count, walls, rules):
     """Return the agent's awareness of opposing traffic, 0 to 1: what it sees, hears from agents ahead, or remembers.
 
     Agents behind walls are neither seen nor heard: an agent in a narrow ring does not meet those on its other side.
+    Agents without a goal (``goal`` < 0) count as of one goal.
     """
-    # Awareness fades within two seconds.
+    # What the agent remembers fades within two seconds.
     news = max(mine.opposed - 0.5 * rules.step, 0.0)
     for n in range(count):
         seen = near[n]
@@ -77,12 +78,12 @@ def hear_opposing(rows, mine, near, count, walls, rules):
 
 @helper
 def yield_to_opposing(rows, mine, near, count, walls, rules, want):
-    """Step out of the way of an opposing agent that is stuck, if this agent blocks it; return True if it does.
+    """Step out of the way of an opposing agent that is stuck, if this agent blocks it; return True if so.
 
-    Set velocity, intent, rank, facing and shoulders of ``want`` then. Of several stuck agents, the one with the highest
-    rank counts. Agents of one goal do not yield to each other like this (that would ruin the flow at a door);
-    :func:`let_merge` orders them. Agents without a goal (``goal`` < 0), which stand, turn or walk to their spots, do:
-    one that steps aside takes over the rank, and those behind it have to make room in turn.
+    Then set velocity, intent, rank, facing and shoulders of ``want``. Of several stuck agents, the one with the highest
+    rank counts. Agents of one goal do not yield to each other like this, as that would ruin the flow at a door;
+    :func:`let_merge` orders them. Agents without a goal (``goal`` < 0), which stand, turn or walk to their spots, yield
+    to each other, too: one that steps aside takes over the rank, and those behind it have to make room in turn.
     """
     goes = mine.gx != 0.0 or mine.gy != 0.0
     # The rank is about the time stuck [s], or a lasting one above any time (rank_of): yield only to agents that have
@@ -128,9 +129,9 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
 def let_merge(rows, mine, near, count, rules, want):
     """Back away from agents of the same goal that go first, are stuck, and are hindered by this agent.
 
-    Return False if there are none, or if the directions away from them cancel out; else set velocity, intent, key,
-    facing and shoulders of ``want``, and return True. The lower key (distance to the goal [m], ties broken) goes first.
-    Agents without a goal (``goal`` < 0), such as those on the way to their own spots, count as of one goal.
+    Return False if there are none, or if the directions away from them cancel out. Otherwise set velocity, intent, key,
+    facing and shoulders of ``want``, and return True. An agent with a lower key (length to go [m], with a tie breaker)
+    goes first. Agents without a goal (``goal`` < 0), such as those on the way to their own spots, count as of one goal.
     """
     awayx = 0.0
     awayy = 0.0
@@ -176,8 +177,8 @@ def let_merge(rows, mine, near, count, rules, want):
 def walks_in_file(rows, mine, near, count, walls, rules, opposed):
     """Return True if the agent follows another one through a lane too narrow for two side by side.
 
-    The lane must reach back ``rules.lane`` [m] or more behind the agent. An agent that meets opposing traffic
-    (``opposed`` > 0) or is stuck does not keep in file.
+    Two side by side need ``rules.abreast`` [m]. The lane must reach back ``rules.lane`` [m] or more behind the agent.
+    An agent that meets opposing traffic (``opposed`` > 0) or is stuck does not keep in file.
     """
     if opposed > 0.0 or mine.stuck > rules.file_patience:
         return False
@@ -206,9 +207,9 @@ def walks_in_file(rows, mine, near, count, walls, rules, opposed):
 def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
     """Return the speed along the unit vector ``(ux, uy)`` [m/s]: as the gap ahead allows, or pressing on if stuck.
 
-    The time gap follows the collision-free speed model (Tordeux, Chraibi and Seyfried, Traffic and Granular Flow 2015):
-    speed <= (gap - standoff) / headway, plus a share of the leader's speed. The headway is longer if the agent walks in
-    file (``in_file``). Of ``want``, the turn of the shoulders is read.
+    It is at most the free speed. The time gap follows the collision-free speed model (Tordeux, Chraibi and Seyfried,
+    Traffic and Granular Flow 2015): speed <= (gap - standoff) / headway, plus a share of the leader's speed. The
+    headway is longer if the agent walks in file (``in_file``). Of ``want``, the turn of the shoulders is read.
     """
     # Free speed, lower with turned shoulders, most so if a section of the plan prescribes the turn (``turn`` >= 0);
     # half breadth of the body across its way.
@@ -257,9 +258,9 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
 
 @helper
 def keep_right(mine, near, count, walls, rules, opposed):
-    """Return the angle by which an agent aims to the right of its guidance [rad]; 0 unless ``opposed`` > 0.
+    """Return the angle by which an agent aims to the right of its guidance [rad], 0 or more.
 
-    ``opposed`` is its awareness of opposing traffic, 0 to 1.
+    It is 0 if ``opposed``, the awareness of opposing traffic from 0 to 1, is 0.
     """
     if opposed <= 0.0:
         return 0.0
@@ -283,9 +284,9 @@ def keep_right(mine, near, count, walls, rules, opposed):
 def follow_way(rows, mine, near, count, walls, rules, want):
     """Walk along guidance and around neighbors, at the speed that the gap ahead allows.
 
-    Set velocity and shoulders of ``want``, whose ``opposed`` is set already. Set its facing only if a section of the
-    plan prescribes the turn of the body, or by :func:`turn_first`; otherwise it stays along the present velocity, as
-    :func:`decide_rows` sets it.
+    Set velocity and shoulders of ``want``, whose ``opposed`` is set already. Set its facing in two cases: along
+    guidance if a section of the plan prescribes the turn of the body; along its way if :func:`turn_first` lets the
+    agent turn first. Otherwise the facing stays along the present velocity, as :func:`decide_rows` sets it.
     """
     # Desired direction: guidance, turned to the right under opposing traffic.
     ahead = (mine.gx, mine.gy)
@@ -293,7 +294,7 @@ def follow_way(rows, mine, near, count, walls, rules, want):
     if angle > 0.0:
         cos, sin = cos_sin(angle)
         ahead = (mine.gx * cos + mine.gy * sin, mine.gy * cos - mine.gx * sin)
-    fixed_cos = -1.0
+    fixed_cos = -1.0  # no turn of the shoulders is prescribed
     if mine.turn >= 0.0:
         # A section of the plan prescribes the turn of the body against the way: try no other.
         fixed_cos, want.turn_sin = cos_sin(mine.turn)
@@ -320,7 +321,7 @@ def follow_way(rows, mine, near, count, walls, rules, want):
 
 @helper
 def limit_change(mine, rules, want):
-    """Replace the velocity of ``want`` by what human accelerations allow, and set the half length of its core."""
+    """Replace the velocity of ``want`` by one that human accelerations allow, and set the half length of its core."""
     # Relax towards the wanted velocity: dv = (v_wanted - v) dt / tau, clamped to the largest acceleration.
     ax = (want.vx - mine.vx) * rules.step / rules.relaxation
     ay = (want.vy - mine.vy) * rules.step / rules.relaxation
@@ -331,20 +332,19 @@ def limit_change(mine, rules, want):
         ay *= most / change
     want.vx = mine.vx + ax
     want.vy = mine.vy + ay
-    # The core gets the half length that a section of the plan prescribes (``held``, -1 for none), else the relaxed one:
-    # arms are drawn in by at most 3 cm a step and let out by 2 cm.
+    # The core gets the half length that a section of the plan prescribes (``held``, -1 for none) if that is shorter
+    # than the relaxed one (``rest``), else the relaxed one: by at most 3 cm less or 2 cm more in a step.
     asked = min(mine.held, mine.rest) if mine.held >= 0.0 else mine.rest
     want.half = min(max(asked, mine.half - 0.03), mine.half + 0.02)
 
 
 @kernel
 def decide_rows(rows, near_rows, first, last, order, moved, walls, rules, wanted):
-    """Decide what the agents of rows ``first`` to ``last`` (exclusive) want in this step.
+    """Decide what the agents of rows ``first`` to ``last`` (exclusive) want in this step; write it to ``wanted``.
 
-    ``rows`` (ROW[n]) are the sorted agents; ``near_rows`` (n, MOST_NEAR) int32 the rows of their neighbors, -1 after
-    the last; ``order`` (int32[n]) the agent number of each row; agents from number ``moved`` on decide nothing;
-    ``walls`` those of the legs' layer, those of the torso's layers and the radius of the legs [m]. ``wanted``
-    (WANTED[n]) gets the decisions.
+    ``near_rows`` (n, MOST_NEAR) int32 are the rows of the neighbors of each row, -1 after the last. ``order``
+    (int32[n]) is the agent number of each row; agents from number ``moved`` on decide nothing. ``wanted`` (WANTED[n])
+    gets the decisions. ``rows``, ``walls`` and ``rules`` are those of all helpers.
     """
     near = np.empty(MOST_NEAR, NEAR)
     for me in range(first, last):

@@ -3,7 +3,8 @@
 After Moussaid, Helbing and Theraulaz, How simple rules determine pedestrian behavior and crowd disasters (PNAS 108,
 2011), equation 1, with added costs for turning.
 
-``near`` (NEAR[k]) are the neighbors of the agent that decides, the first ``count`` of them in use.
+``near`` (NEAR[k]) are the neighbors of the agent that decides, the first ``count`` of them in use. ``mine`` (ROW of
+row_kernels) is that agent.
 """
 
 import math
@@ -24,7 +25,7 @@ NEAR = np.dtype(
         ("hy", np.float64),
         ("half", np.float64),  # half length of the core [m]
         ("radius", np.float64),  # radius of the capsule [m]
-        ("row", np.int64),  # its row
+        ("row", np.int64),  # its index among the sorted agents
     ],
     align=True,
 )
@@ -59,8 +60,9 @@ def free_way(near, count, ux, uy, speed, width, floor, horizon):
     """Return the distance that a body of half breadth ``width`` walks before it meets a neighbor [m].
 
     It walks along the unit vector ``(ux, uy)`` at ``speed`` [m/s]; neighbors keep their velocities, and each is as
-    broad as its body is across the relative velocity. Return ``horizon`` if it meets none within that distance. The
-    search stops as soon as the distance is at most ``floor``; the true one may then be less than that returned.
+    broad as its body is across the relative velocity. Return ``horizon`` [m] if the body meets none within that
+    distance. The search stops as soon as the distance is at most ``floor`` [m], as it does not matter then: the true
+    distance may be less than the one returned. ``floor`` may be negative.
     """
     way = horizon
     for n in range(count):
@@ -80,7 +82,7 @@ def free_way(near, count, ux, uy, speed, width, floor, horizon):
         if missing <= 0.0:
             continue
         # Time of contact of two discs: t = (p . w - sqrt((W |w|)^2 - (p x w)^2)) / |w|^2; the agent has walked speed *
-        # t.
+        # t. A negative t means that they overlap already: the body is free for 0 m.
         way = min(way, max(speed * (closing - math.sqrt(missing)) / square, 0.0))
         if way <= floor:
             break
@@ -90,6 +92,8 @@ def free_way(near, count, ux, uy, speed, width, floor, horizon):
 @helper
 def score_directions(mine, near, count, walls, rules, ahead, turn_cos, extra_turn, best):
     """Score all directions with one turn of the shoulders; return the better of ``best`` and the best of them.
+
+    The lowest score is best, see :func:`choose_direction`; of equal ones, the first found stays.
 
     Parameters
     ----------
@@ -111,7 +115,8 @@ def score_directions(mine, near, count, walls, rules, ahead, turn_cos, extra_tur
     legs, torso, leg_radius = walls
     score, best_x, best_y, best_way = best
     horizon = rules.horizon
-    # Half breadth across the way with shoulders turned; inertia counts only for an agent that walks.
+    # Half breadth across the way with shoulders turned; inertia counts only for an agent that walks, as a slower
+    # velocity has no reliable direction.
     width = mine.half * turn_cos + mine.radius
     pace = math.sqrt(mine.vx * mine.vx + mine.vy * mine.vy)
     inertia = rules.inertia * horizon if pace > 0.1 else 0.0
@@ -150,7 +155,7 @@ def score_directions(mine, near, count, walls, rules, ahead, turn_cos, extra_tur
             best_x = ux
             best_y = uy
             best_way = way
-        # No other direction beats a free way straight ahead.
+        # Straight ahead comes first. If it is free as far as the horizon, no other direction beats it.
         if k == 0 and way >= horizon:
             break
     return score, best_x, best_y, best_way
@@ -172,7 +177,7 @@ def choose_direction(mine, near, count, walls, rules, ahead, fixed_cos, in_file)
     fixed_cos : float
         Cosine of the turn of the shoulders that a section of the plan prescribes, or -1.
     in_file : bool
-        True if the agent walks in file: then it does not turn its shoulders to get beside the next one.
+        True if the agent walks in file: then it does not turn its shoulders to get beside the agent ahead.
 
     Returns
     -------
@@ -189,7 +194,7 @@ def choose_direction(mine, near, count, walls, rules, ahead, fixed_cos, in_file)
         return best[1], best[2], 0
     turned = 0
     best = score_directions(mine, near, count, walls, rules, ahead, 1.0, 0.0, best)
-    # Straight shoulders first. Only if even the best free distance is short, try the other turns.
+    # Straight shoulders first. Try the other turns only if the free distance of the best direction is short.
     if best[3] <= rules.tight and not in_file:
         for turn in range(1, len(TURNS)):
             before = best[0]

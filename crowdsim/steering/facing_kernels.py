@@ -1,15 +1,15 @@
 """Facing of a steered agent: it turns before it walks if its way leads behind it, else it faces along its velocity.
 
-Arguments of all helpers: ``mine`` (ROW), the agent that decides; ``rules`` (Rules), the constants of the model;
-``want`` (WANTED of :mod:`crowdsim.steering.decide_kernels`), its decision.
+Arguments of all helpers: ``mine`` (ROW of row_kernels), the agent that decides; ``rules`` (Rules), the constants of the
+model; ``want`` (WANTED of :mod:`crowdsim.steering.decide_kernels`), its decision.
 """
 
 from crowdsim.geometry.elementary_kernels import atan2
 from crowdsim.jit import helper
 
 _ASKEW, _AWAY = -0.17, -0.5
-"""Cosines of 100 and 120 degrees: from the first one off its heading on, an agent walks slower than it could, from the
-second one on at its speed backward."""
+"""Cosines of 100 and 120 degrees, angles between heading and way: above 100 degrees, an agent walks slower than it
+could; from 120 degrees on, at the speed ``Rules.backward``."""
 
 
 @helper
@@ -17,15 +17,15 @@ def turn_first(mine, rules, ux, uy, speed, want):
     """Return ``speed`` [m/s], or less for an agent that faces away from its way: it turns before it walks.
 
     The way is along the unit vector (ux, uy). If the heading is more than 100 degrees off the way, the way becomes the
-    facing of ``want``, since the present velocity may lead anywhere. An agent whose free speed is 0 only turns on the
-    spot: its guidance is the heading that it is to take, to which :func:`face` turns it.
+    facing of ``want``, since the present velocity may lead anywhere. An agent whose free speed is 0 is an exception: it
+    only turns on the spot. Its guidance is the heading that it is to take, to which :func:`face` turns it.
     """
     along = mine.hx * ux + mine.hy * uy
     if along >= _ASKEW or mine.speed <= 0.0:
         return speed
     want.facing_x = ux
     want.facing_y = uy
-    # From the free speed at 100 degrees off its heading to that of a step back from 120 degrees on.
+    # The limit falls linearly from the free speed at 100 degrees to ``backward`` at 120 degrees, and stays there.
     share = min((_ASKEW - along) / (_ASKEW - _AWAY), 1.0)
     return min(speed, mine.speed + share * (rules.backward - mine.speed))
 
@@ -34,8 +34,9 @@ def turn_first(mine, rules, ux, uy, speed, want):
 def face(mine, rules, want):
     """Set the turn of the body in this step, ``want.turn`` [rad]: towards the facing of ``want``.
 
-    The facing is the agent's present velocity, not the wanted one, unless a rule set a unit vector. A facing shorter
-    than 0.25 is replaced by the guidance. Turned shoulders take the side that needs the smaller turn.
+    The facing is the agent's present velocity [m/s], not the wanted one, unless a rule set a unit vector. A facing
+    shorter than 0.25 is replaced by the guidance, in ``want``, too. If the guidance is (0, 0) then, the body keeps its
+    heading. Turned shoulders take the side that needs the smaller turn.
     """
     most = rules.turn_rate * rules.step
     # Below 0.25 m/s the direction of the velocity is noise: face along guidance, and turn slowly unless the shoulders

@@ -1,7 +1,7 @@
 """Neighbor search of steered agents: which others each agent sees and takes into account.
 
-``frame`` is the grid: left and bottom edge [m], columns, rows; ``starts`` (cells + 1,) is the row at which each cell
-begins, cells row by row.
+``frame`` is the grid: left and bottom edge [m], columns, rows; ``starts`` (cells + 1,) int64 is the index, among the
+sorted agents, at which each cell begins, cells row by row; the last entry is the number of agents.
 """
 
 import math
@@ -27,7 +27,10 @@ def cell_of(frame, x, y):
 
 @helper
 def rows_beside(starts, frame, column, j, cells):
-    """Return the range [first, last) of sorted rows in grid row ``j``, up to ``cells`` columns from ``column``."""
+    """Return the range [first, last) of sorted rows in grid row ``j``, up to ``cells`` columns from ``column``.
+
+    ``starts`` and ``frame`` are those of the file's docstring; columns beyond the grid are left out.
+    """
     # Cells of one grid row are consecutive, so their agents are one range.
     columns = frame[FRAME_COLUMNS]
     first = starts[j * columns + max(column - cells, 0)]
@@ -58,7 +61,8 @@ def look_rows(rows, places, starts, frame, first, last, order, moved, rules, nea
     rules : Rules
         Constants of the model.
     near : (n, MOST_NEAR) int32
-        Gets the rows of the neighbors, the most important first, -1 after the last.
+        Gets the rows of the neighbors, the most important first, -1 after the last; not set for agents that do not
+        look. There are at most MOST_NEAR neighbors, all within ``rules.reach`` (or ``reach_in_crowd``).
     """
     weights = np.empty(MOST_NEAR)
     rows_up = frame[FRAME_ROWS]
@@ -71,7 +75,8 @@ def look_rows(rows, places, starts, frame, first, last, order, moved, rules, nea
         gy = rows[me].gy
         column, row = cell_of(frame, x, y)
 
-        # In a dense crowd (agents in the 5 x 5 cells around) see less far: the nearest dozen are closer anyway.
+        # In a dense crowd (by the number of agents in the 5 x 5 cells around, itself included) see less far: the
+        # nearest dozen are closer anyway.
         crowd = 0
         for j in range(max(row - 2, 0), min(row + 3, rows_up)):
             begin, end = rows_beside(starts, frame, column, j, 2)
@@ -92,7 +97,7 @@ def look_rows(rows, places, starts, frame, first, last, order, moved, rules, nea
                     continue
                 # Weight d (1.25 - 0.5 cos(angle to guidance)): 0.75 d straight ahead, 1.75 d straight behind.
                 weight = 1.25 * math.sqrt(square) - 0.5 * (px * gx + py * gy)
-                # A full list drops its last entry, or the new neighbor if that weighs more.
+                # A full list drops its last entry, or the new neighbor if this weighs as much or more.
                 if count == MOST_NEAR:
                     if weight >= weights[MOST_NEAR - 1]:
                         continue

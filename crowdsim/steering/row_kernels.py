@@ -68,7 +68,7 @@ def measure_rows(state, places):
     left, bottom, right, top : float
         Bounding box of all positions [m]; inf, inf, -inf, -inf without agents.
     broadest : float
-        Largest half breadth (core and radius) [m], 0 without agents.
+        Largest half breadth (half length of the core plus radius) [m], 0 without agents.
     """
     wrong = -1
     left = bottom = math.inf

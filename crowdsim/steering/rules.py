@@ -27,15 +27,16 @@ class Rules(NamedTuple):
     """Distance ahead up to which walls count."""
     inertia: float = 0.12
     """Cost of a direction that differs from the present velocity, per meter of the horizon: multiplied by 1 -
-    cos(angle). More makes agents steadier, and slower to evade."""
+    cos(angle); 0 for an agent slower than 0.1 m/s. More makes agents steadier, and slower to evade."""
     left_bias: float = 0.03
     """Cost of a direction to the left, per meter of the horizon."""
     turn_cost: float = 0.25
     """Cost of turned shoulders, per meter of the horizon: multiplied by 1 - cos(turn)."""
     tight: float = 0.7
-    """Free distance below which an agent tries to turn its shoulders."""
+    """Free distance of the best direction up to which an agent also tries turned shoulders."""
     keep_right: float = 1.0
-    """Angle by which an agent aims to the right of its guidance while it meets opposing traffic."""
+    """Largest angle by which an agent aims to the right of its guidance while it meets opposing traffic; times its
+    awareness of that traffic, and less if there is little room."""
     edge: float = 0.35
     """Clearance, 0.5 m to its right, below which an agent does not aim to the right; above, the angle grows to the
     whole over 0.3 m."""
@@ -43,9 +44,10 @@ class Rules(NamedTuple):
     """Length of the way to go below which an agent aims less and less to the right, so that it reaches its goal
     straight."""
     news: float = 0.6
-    """Share of the awareness of opposing traffic that an agent takes over from those ahead."""
+    """Share of the awareness of opposing traffic that an agent takes over from agents ahead that walk the same way."""
     sidle: float = 0.6
-    """Angle by which an agent that is stuck behind another one aims farther to the right."""
+    """Largest angle by which an agent that meets opposing traffic aims farther to the right if it is stuck behind
+    another one; reached 1 s after it got stuck, and less if there is little room."""
     headway: float = 0.45
     """Time gap to the agent ahead. Less makes crowds faster and denser."""
     standoff: float = 0.3
@@ -53,10 +55,10 @@ class Rules(NamedTuple):
     leader: float = 0.5
     """Share of the leader's speed that is added to the speed that the time gap allows."""
     leader_gap: float = 0.5
-    """Gap above which that share counts fully; below, in proportion to the gap."""
+    """Gap above which ``leader`` counts fully; below, in proportion to the gap."""
     offset_gain: float = 0.15
-    """Gap added for an agent ahead whose offset to the side is the sum of both half breadths; for smaller offsets, less
-    with the square of the offset."""
+    """Length added to the gap to an agent ahead that is offset to the side: times the square of the offset, as a share
+    of the sum of both half breadths."""
     swath: float = 0.9
     """Half width of the swath in which agents ahead limit the speed, as a share of the sum of both half breadths."""
     swath_before: float = 0.79
@@ -65,8 +67,8 @@ class Rules(NamedTuple):
     """The same towards agents of the same goal that go after this one."""
     abreast: float = 0.9
     """Width between walls that two agents need side by side. In lanes narrower than this by 0.05 m, agents that walk
-    the same way keep in file: they do not turn their shoulders to get beside each other, and the whole width of those
-    ahead limits their speed."""
+    the same way keep in file: they do not turn their shoulders to get beside each other, and agents ahead of the same
+    goal limit their speed with the whole width of their swath (1 instead of ``swath_before``)."""
     lane: float = 2.5
     """Length that a lane must have had behind an agent before it keeps in file; so agents that enter side by side have
     room to sort themselves."""
@@ -79,7 +81,7 @@ class Rules(NamedTuple):
     file_patience: float = 0.5
     """Time stuck after which an agent leaves the file."""
     creep: float = 0.8
-    """Speed at which a stuck agent presses on [m/s]; reached 2.3 s after it got stuck."""
+    """Speed at which a stuck agent presses on, at most its free speed [m/s]; reached 2.3 s after it got stuck."""
     creep_first: float = 1.2
     """The same if no agent that it has to wait for is close ahead [m/s]; reached 1.2 s after it got stuck."""
     merge_after: float = 0.2
@@ -94,11 +96,11 @@ class Rules(NamedTuple):
     yield_after: float = 1.0
     """Time stuck of an agent, after which opposing agents step out of its way."""
     yield_reach: float = 1.5
-    """Distance up to which they do, and up to which a lasting right of way is handed on (``push_on``)."""
+    """Distance up to which opposing agents do so, and up to which a lasting right of way is handed on (``push_on``)."""
     yield_aside: float = 0.5
-    """Speed at which they step aside [m/s]."""
+    """Speed at which opposing agents step aside [m/s]."""
     yield_along: float = 0.3
-    """Speed at which they step back, along the way of the stuck agent [m/s]."""
+    """Speed at which they also step back, along the way of the stuck agent [m/s]."""
     relaxation: float = 0.24
     """Time constant with which the velocity approaches the wanted one."""
     acceleration: float = 2.5
@@ -113,4 +115,5 @@ class Rules(NamedTuple):
     sideways_slowdown: float = 0.55
     """The same if a section of the plan prescribes the turn."""
     identity: float = 0.15
-    """Range of the tie breaker that is added to the distance to the goal in the order of right of way."""
+    """Range of the tie breaker (``share`` in ROW) that is added to the length of the way to go, in the order of right
+    of way among agents of one goal."""

@@ -29,7 +29,7 @@ class SortedCrowd(NamedTuple):
     """Agents sorted by cells, and the results that the stages of a step (look, decide, commit) pass on."""
 
     rows: NDArray[Any]
-    """ROW[n]: sorted copies of the agents; the stages read these only."""
+    """ROW[n] (of row_kernels): sorted copies of the agents; the stages read these only."""
     places: NDArray[np.float64]
     """float64[n, 2]: positions of the rows [m]."""
     starts: NDArray[np.int64]
@@ -39,9 +39,10 @@ class SortedCrowd(NamedTuple):
     order: NDArray[np.int32]
     """int32[n]: agent number of each row."""
     near: NDArray[np.int32]
-    """int32[n, MOST_NEAR]: rows of the neighbors that each row sees, -1 after the last."""
+    """int32[n, MOST_NEAR]: rows of the neighbors that each row sees, -1 after the last; not set for rows that are not
+    moved."""
     wanted: NDArray[Any]
-    """WANTED[n]: decision of each row."""
+    """WANTED[n] (of decide_kernels): decision of each row; not set for rows that are not moved."""
     broadest: float
     """Largest half breadth of all agents [m]."""
 
@@ -75,6 +76,7 @@ class Steering:
         self, legs: Walls, torso: Walls, *, leg_radius: float, rules: Rules | None = None, threads: int = 1
     ) -> None:
         self.rules = Rules() if rules is None else rules
+        # The commit bounds the reach of a turn below 90 degrees only (reach_of_turn).
         if self.rules.turn_rate * self.rules.step >= 0.5 * math.pi:
             raise ValueError("agents must turn by less than 90 degrees in a step; reduce 'step' or 'turn_rate'")
         self.crowded = 0
@@ -106,7 +108,7 @@ class Steering:
         moved: int | None = None,
         numbers: NDArray[np.int64] | None = None,
     ) -> None:
-        """Step agents of ``state`` in place.
+        """Step the first ``moved`` agents of ``state`` in place, by ``Rules.step`` [s].
 
         The caller makes sure that no agent touches another one, a wall or a reserved segment before the first step, and
         that no new wall or segment touches an agent before a later step. Then no agent ever touches anything. An agent
@@ -115,15 +117,15 @@ class Steering:
         Parameters
         ----------
         state : ROW[n]
-            Agents in the order of their ids.
+            Agents, in the order of their ids unless ``numbers`` are given.
         others : Others
-            Captured agents, seen and avoided but not moved.
+            Captured agents, seen and avoided but not moved; none by default.
         moved : int, optional
             Number of agents at the beginning of ``state`` that are moved; all if None. The rest are copies of agents,
             which are seen but not moved.
         numbers : (n,) int64, optional
             Numbers by which agents of one cell are ordered, all different; their order in ``state`` if None. The result
-            depends on the order of near agents in its last bits. If they are given, ``others`` must be empty.
+            depends on the order of near agents in its last bits. If ``numbers`` are given, ``others`` must be empty.
 
         Raises
         ------
@@ -141,6 +143,7 @@ class Steering:
 
         # All stages read old rows only, so parts of the rows need not wait for each other.
         def run(first: int) -> int:
+            """Run all stages for the part that begins with row ``first``; return the number from :meth:`commit`."""
             last = min(first + part, count)
             self.look(crowd, first, last, mine)
             self.decide(crowd, first, last, mine)
@@ -203,7 +206,7 @@ class Steering:
         decide_rows(crowd.rows, crowd.near, first, last, crowd.order, moved, self.walls, self.rules, crowd.wanted)
 
     def _longest_reach(self, state: NDArray[Any]) -> float:
-        """Return an upper bound of the distance from its present center that any body reaches in a step [m]."""
+        """Return how far from its present center any body of ``state`` (ROW[n]) may reach in a step, a bound [m]."""
         rules = self.rules
         pace = np.sqrt(state["vx"] * state["vx"] + state["vy"] * state["vy"])
         fastest = float(pace.max()) + rules.acceleration * rules.step
@@ -244,15 +247,16 @@ def frame_of(bounds: tuple[float, float, float, float]) -> Frame:
     ValueError
         If it has more than :data:`MOST_CELLS` cells.
     """
+    # Edges are multiples of CELL, so that the cells of all grids lie on one lattice.
     low = np.floor(np.array(bounds[:2]) / CELL) * CELL
     spread = np.floor((np.array(bounds[2:]) - low) / CELL) + 1.0
-    if not spread.prod() <= MOST_CELLS:
+    if not spread.prod() <= MOST_CELLS:  # nan is refused, too
         raise ValueError(f"agents are spread over {spread[0]} by {spread[1]} m, more than steering can sort")
     return float(low[0]), float(low[1]), int(spread[0]), int(spread[1])
 
 
 def _name_wrong(row: Any) -> str:
-    """Return the message that names the first value of an agent that is not finite."""
+    """Return the error message for an agent (ROW): it names the first field that is not finite."""
     names = ("x", "y", "heading", "vx", "vy", "half", "speed", "gx", "gy", "togo")
     name = next(each for each in names if not np.isfinite(row[each]))
     return f"'{name}' of agent {int(row['id'])} is not a finite number; steering needs one"

@@ -9,10 +9,10 @@ are out of it, one after the other. So the right of way lasts (:func:`rank_of`),
 the same way (:func:`push_on`), and an agent that gives way goes to where there is room (:func:`way_aside`). Bodies that
 lean on each other so that none can move come apart as each steps back now and then (:func:`press_or_step_back`).
 
-``mine`` is the row of the agent (ROW), ``near`` (NEAR[n]) are its neighbors, of which the first ``count`` are valid,
-``walls`` (Walls, Walls, float) those of the legs' layer and of the torso's layers, and the radius of the legs [m].
-(gx, gy) and (ix, iy) are the unit vectors of guidance and intent, (0, 0) for an agent that stays; (px, py) leads from
-``mine`` to a neighbor [m].
+``mine`` is the row of the agent (ROW of row_kernels), ``near`` (NEAR[n] of direction_kernels) are its neighbors, of
+which the first ``count`` are valid, ``walls`` (Walls, Walls, float) those of the legs' layer and of the torso's layers,
+and the radius of the legs [m]. (gx, gy) and (ix, iy) are the unit vectors of guidance and intent, (0, 0) for an agent
+that stays; (px, py) leads from ``mine`` to a neighbor [m].
 """
 
 import math
@@ -59,11 +59,11 @@ LOOKED_FOR = 1.0
 """Distance to which an agent that gives way looks for room [m]."""
 
 _PREFERRED = 0.25
-"""Room that the preferred direction may lack against one at a right angle; twice as much against the opposite one [m].
-"""
+"""Weight of the direction against room [m]: a direction counts as if it had this much more room, times the cosine of
+its angle to the preferred one."""
 
 _DIRECTIONS = 16
-"""Number of directions, all around, in which an agent looks for room."""
+"""Number of directions, all around at equal angles, in which an agent looks for room."""
 
 
 @helper
@@ -79,7 +79,8 @@ def is_wedged(mine, walls):
 def steps_back(mine, near, count):
     """Return True while a wedged agent steps back to try again; never if another agent is within HINDERS.
 
-    It first only turns for another WEDGED_AFTER; then it steps back in the first second of each further WEDGED_AFTER.
+    An agent is wedged from WEDGED_AFTER on. For as long again it only turns; then it steps back in the first second of
+    each WEDGED_AFTER.
     """
     if mine.stuck < 2.0 * WEDGED_AFTER or mine.stuck % WEDGED_AFTER >= 1.0:
         return False
@@ -93,9 +94,10 @@ def steps_back(mine, near, count):
 def is_jammed(mine, walls):
     """Return True if an agent has been stuck for JAMMED_AFTER, and walls of any layer leave no room across its way.
 
-    Test by a disc as broad as a narrow passage, as :func:`is_lane` does: it is moved across the way, off the nearest
-    wall by as much as makes it touch that one if it is beside the agent. A single wall that stands obliquely ahead
-    counts, too: an agent that is pressed against the corner of a mouth has to get in.
+    Test by a disc as broad as a narrow passage, as :func:`is_lane` of wall_kernels does: it is moved across the way,
+    off the nearest wall, by as much as it overlaps that wall. The passage is narrow if the disc then overlaps a wall on
+    the other side by more than LANE_SPARE. A single wall that stands obliquely ahead counts, too: an agent that is
+    pressed against the corner of a mouth has to get in.
     """
     if mine.stuck < JAMMED_AFTER:
         return False
@@ -117,10 +119,10 @@ def is_jammed(mine, walls):
 def rank_of(mine, walls):
     """Return the right of way of an agent by itself: the time stuck [s], or a lasting one while it is jammed.
 
-    Times of agents in a jam hardly differ, and an agent that moves on is no longer the one that is stuck longest: the
-    right of way would change to and fro. The lasting one depends on the agent alone, and stays until it has made
-    progress for half of the time by which ``stuck`` exceeds JAMMED_AFTER, or is out of the narrow place. The agent's
-    ``share``, in [0, 1), sets the lasting one and breaks ties between times.
+    Times stuck of agents in a jam hardly differ, and shrink as soon as an agent moves on: with times alone, the right
+    of way would change to and fro. A lasting rank depends on the agent alone. It stays until the agent is out of the
+    narrow place, or has made progress for half of the time by which ``stuck`` exceeds JAMMED_AFTER. The agent's
+    ``share``, in [0, 1), sets its lasting rank, and breaks ties between times.
     """
     return LASTING + RANK_RANGE * mine.share if is_jammed(mine, walls) else mine.stuck + 0.001 * mine.share
 
@@ -138,7 +140,7 @@ def is_lasting(rank):
 def handed_on(rank):
     """Return the rank of an agent that takes over the right of way from one of ``rank``: a little lower.
 
-    So it goes after that one, and one that lasts falls with each agent (HANDED_ON).
+    So this agent goes after that one. A lasting rank falls by HANDED_ON each time.
     """
     return rank - (HANDED_ON if is_lasting(rank) else 0.001)
 
@@ -147,10 +149,11 @@ def handed_on(rank):
 def push_on(rows, mine, near, count, walls, reach, rank):
     """Return ``rank``, or a higher lasting one that this agent takes over from agents that press on from behind.
 
-    Those are of the same goal, in sight within ``reach`` [m], go the same way (less than 73 degrees off), and would
-    walk into this agent: it is ahead of them, beside their line by less than the sum of both half breadths. One that is
-    itself ahead of this agent does not press it; two such agents would hand a rank to and fro. Agents without a goal
-    (``goal`` < 0) have no way in common. ``rows`` (ROW[n]) are all agents. Of several ranks, the highest counts.
+    An agent presses on this one if it has the same goal, is in sight within ``reach`` [m], goes the same way (less than
+    73 degrees off), and would walk into this agent, which then is ahead of it, and beside its line by less than the sum
+    of both half breadths. An agent that is itself ahead of this one does not press on it: two such agents would hand a
+    rank to and fro. Agents without a goal (``goal`` < 0) have no way in common. ``rows`` (ROW[n]) are the sorted
+    agents. Of several ranks, the highest counts.
     """
     for n in range(count):
         seen = near[n]
@@ -164,6 +167,7 @@ def push_on(rows, mine, near, count, walls, reach, rank):
             or seen.distance > reach
         ):
             continue
+        # This agent must be ahead of the other one, along the other's intent, and the other one not ahead of this one.
         ahead = -(seen.px * other.ix + seen.py * other.iy)
         aside = abs(seen.px * other.iy - seen.py * other.ix)
         if ahead <= 0.0 or seen.px * mine.gx + seen.py * mine.gy > 0.0:
@@ -180,9 +184,9 @@ def push_on(rows, mine, near, count, walls, reach, rank):
 def to_where_room_is(mine, walls, ux, uy, ix, iy):
     """Return the unit vector along which walls leave an agent most room, preferably near the unit vector (ux, uy).
 
-    Room is the distance that walls leave to the legs and to a torso with turned shoulders, up to LOOKED_FOR. (ix, iy)
-    is the unit vector of the way of the agent that goes first: directions more than 120 degrees off it, towards that
-    agent, are left out.
+    Room is the distance that the legs, and a torso with turned shoulders, can go before they meet a wall, at most
+    LOOKED_FOR; _PREFERRED says how room is weighed against direction. (ix, iy) is the unit vector of the way of the
+    agent that goes first: directions more than 120 degrees off it, towards that agent, are left out.
     """
     legs, torso, leg_radius = walls
     best = -math.inf
@@ -196,7 +200,7 @@ def to_where_room_is(mine, walls, ux, uy, ix, iy):
             continue
         room = free_ahead(torso, mine.x, mine.y, dx, dy, mine.radius, LOOKED_FOR)
         room = min(room, free_ahead(legs, mine.x, mine.y, dx, dy, leg_radius, LOOKED_FOR))
-        # Of directions alike, the first one stays.
+        # Of equal directions, the first one counterclockwise from (ux, uy) stays.
         if room + _PREFERRED * cos > best + 1e-9:
             best = room + _PREFERRED * cos
             bx = dx
@@ -208,10 +212,10 @@ def to_where_room_is(mine, walls, ux, uy, ix, iy):
 def way_aside(mine, seen, other, walls, rules):
     """Return the velocity [m/s] with which an agent gets out of the way of ``other`` (ROW), and its unit vector.
 
-    It steps to the left of the other's way (to its own right, as they face each other), or to the right if it already
-    is 0.25 m or more to the right; and back, along the other's way. If it has been stuck for WEDGED_AFTER, it goes to
-    where there is room instead. ``seen`` (NEAR) is the other as it sees it, ``rules`` the constants of the model
-    (Rules).
+    The agent steps aside and, at the same time, back along the other's way. It steps to the left of that way (to its
+    own right, as they face each other), or to the right of that way if it already is 0.25 m or more to the right of it.
+    If it has been stuck for longer than WEDGED_AFTER, it goes to where there is room instead, at the same pace.
+    ``seen`` (NEAR) is the other agent as this one sees it, ``rules`` the constants of the model (Rules).
     """
     left = -(other.ix * seen.py - other.iy * seen.px)
     side = 1.0 if left > -0.25 else -1.0
@@ -232,8 +236,9 @@ def way_aside(mine, seen, other, walls, rules):
 def press_or_step_back(mine, near, count, walls, wedged, opposed, speed, ux, uy):
     """Return the velocity of an agent that walks along (ux, uy) at ``speed`` [m/s], unless it is time to step back.
 
-    A jammed one that meets opposing traffic (``opposed`` > 0) steps back against its guidance at the beginning of each
-    CYCLE, so that others come free; a ``wedged`` one against (ux, uy), at the times of :func:`steps_back`.
+    A jammed agent that meets opposing traffic (``opposed`` > 0) steps back against its guidance in the first
+    STEPS_BACK_FOR of each CYCLE, so that others come free. A ``wedged`` one steps back against the unit vector (ux,
+    uy), at the times of :func:`steps_back`.
     """
     is_time = STUCK_MOST - CYCLE <= mine.stuck < STUCK_MOST - CYCLE + STEPS_BACK_FOR
     if opposed > 0.0 and is_time and is_jammed(mine, walls):
@@ -245,5 +250,8 @@ def press_or_step_back(mine, near, count, walls, wedged, opposed, speed, ux, uy)
 
 @helper
 def next_stuck(stuck):
-    """Return the time stuck [s] within its limits, from one that a step has made longer or shorter."""
+    """Return the time stuck [s] within its limits, from one that a step has made longer or shorter.
+
+    Below 0 it becomes 0; at STUCK_MOST it goes back by CYCLE, and so runs in a cycle.
+    """
     return max(stuck, 0.0) if stuck < STUCK_MOST else STUCK_MOST - CYCLE

@@ -4,9 +4,10 @@ A half plane separates a body from a wall by a line, which a turn may not cross 
 wall and a corner touch a body on opposite sides, no turn is left then, although the body could turn around the corner.
 Walls stand still, so a wedged agent may do that: the distance to them is measured along its whole turn.
 
-``mine`` and ``body`` are rows (ROW), ``half`` is the half length of a core after the step [m], ``lines`` (k, 4) are
-half planes (:mod:`commit_kernels`), of which the first ``count`` are in use, n = (nx, ny) the normal of one. h and e
-are unit vectors of the heading before and after a turn, d = (dx, dy) is the displacement [m].
+``mine`` and ``body`` are rows (ROW of row_kernels), ``half`` is the half length of a core after the step [m], ``lines``
+(k, 4) are half planes as ``set_line`` of commit_kernels writes them, of which the first ``count`` are in use; n = (nx,
+ny) is the normal of one. h and e are unit vectors of the heading before and after a turn, d = (dx, dy) is the
+displacement [m].
 """
 
 from crowdsim.geometry.elementary_kernels import cos_sin
@@ -63,7 +64,8 @@ def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
 def fitting_turn(mine, turn, half, dx, dy, lines, count):
     """Halve ``turn`` [rad] until it fits together with a displacement d, and keep the core from growing if needed.
 
-    Return the heading [rad], its unit vector and the half length of the core [m].
+    Return the heading after the turn [rad], its unit vector and the half length of the core [m]. The heading stays if
+    none of HALVINGS turns fits.
     """
     heading = wrap_angle(mine.heading + turn)
     ex, ey = cos_sin(heading)
@@ -87,8 +89,9 @@ def turn_between_walls(walls, body, half, keep, turn):
     """Return the part of ``turn`` [rad] through which a body turns on the spot and keeps ``keep`` [m] off all walls.
 
     ``walls`` are those of one layer, ``body`` a row (ROW), ``half`` the half length of its core [m]; ``keep`` counts
-    from the core. Conservative advancement (Mirtich, Impulse-based dynamic simulation, 1996): a point of the core moves
-    by at most ``half`` times the angle, so the body may turn by gap / half before it is measured again.
+    from the core. Return all of ``turn`` if no wall is near. Conservative advancement (Mirtich, Impulse-based dynamic
+    simulation, 1996): a point of the core moves by at most ``half`` times the angle, so the body may turn by gap / half
+    before it is measured again.
     """
     sign = 1.0 if turn > 0.0 else -1.0
     done = 0.0
@@ -99,6 +102,7 @@ def turn_between_walls(walls, body, half, keep, turn):
         # the gap at most doubles with each advance: from a micrometer, many are needed.
         if gap <= half * _LEAST:
             break
+        # A core of length 0 (a disc) may turn as far as it likes: the lower bound avoids the division by 0.
         done += gap / max(half, _LEAST)
         if done >= abs(turn):
             return turn
@@ -113,12 +117,13 @@ def stands_still(mine, dx, dy, heading):
 
 @helper
 def turn_wedged(mine, walls, keep, turn, half, lines, spans):
-    """Return heading [rad], its unit vector and half length of a wedged agent that turns on the spot by up to ``turn``.
+    """Return heading [rad], its unit vector and half length of the core [m] of a wedged agent that turns on the spot.
 
-    ``walls`` are those of the torso's layers, off which its core keeps ``keep`` [m]. ``spans`` is (people, fixed,
-    count): ``lines[:people]`` are half planes of neighbors, ``lines[people:fixed]`` of walls, ``lines[fixed:count]`` of
-    reserved segments. Those of walls do not count, as the turn keeps off the walls themselves. If the other ones leave
-    no room for it, the heading stays.
+    It turns by up to ``turn`` [rad]; its core does not grow. ``walls`` (Walls) are those of the torso's layers, off
+    which the core keeps ``keep`` [m]. ``spans`` is (people, fixed, count): ``lines[:people]`` are half planes of
+    neighbors, ``lines[people:fixed]`` of walls, ``lines[fixed:count]`` of reserved segments. Half planes of walls do
+    not count, as the turn keeps off the walls themselves. If half planes of neighbors or of reserved segments leave no
+    room for the turn, the heading stays.
     """
     people, fixed, count = spans
     half = min(half, mine.half)

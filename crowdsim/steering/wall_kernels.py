@@ -31,8 +31,8 @@ _TOLERANCE = 0.04
 """Tolerance of a way ahead [m]: distances are rounded, and walls bend between the points of the grid.
 
 A way ends as soon as the distance to a wall is less than the width to keep plus half the tolerance. A way that begins
-nearer to a wall than that ends as soon as the distance is less than the width, or the distance at the begin if that is
-smaller, minus half the tolerance.
+nearer to a wall than that ends as soon as the distance is less than a smaller width minus half the tolerance. The
+smaller width is the width to keep, or the distance at the begin if that is less.
 """
 
 LANE_SPARE = 0.05
@@ -105,8 +105,8 @@ def list_walls(segments, left, bottom, columns, rows_up, starts, lists):
 def measure_distances(segments, starts, lists, left, bottom, columns, distances):
     """Fill ``distances`` with the distance from each point of a grid to the nearest segment, rounded down.
 
-    Distances are exact up to :data:`WALL_REACH`. Larger ones are an upper estimate by a chamfer transform with two
-    sweeps (Borgefors, Distance transformations in digital images, 1986).
+    Before they are rounded, distances are exact up to :data:`WALL_REACH`. Larger ones are an upper estimate by a
+    chamfer transform with two sweeps (Borgefors, Distance transformations in digital images, 1986).
 
     Parameters
     ----------
@@ -187,8 +187,8 @@ def is_lane(walls, x, y, ux, uy, width):
     """Return True if walls beside ``(x, y)`` leave less than ``width`` - LANE_SPARE [m] across a way.
 
     The way is along the unit vector ``(ux, uy)``. Test by a disc of diameter ``width``: it is moved across the way, off
-    the nearest wall, until it touches that one, and must then overlap the wall on the other side. A single wall across
-    the way counts, too, if it is nearer than half of ``width`` less LANE_SPARE.
+    the nearest wall, until it touches that wall. Then it must overlap a wall on the other side by more than LANE_SPARE.
+    A single wall across the way counts, too, if it is nearer than half of ``width`` less LANE_SPARE.
     """
     # Overlap of the disc with the nearest wall; without any, the lane is wide enough.
     off = 0.5 * width - distance_at(walls, x, y)
@@ -204,10 +204,9 @@ def is_lane(walls, x, y, ux, uy, width):
 def is_lane_behind(walls, x, y, ux, uy, width, length):
     """Return True if a lane narrower than ``width`` [m] (:func:`is_lane`) leads along ``(ux, uy)`` to ``(x, y)`` [m].
 
-    (ux, uy) is a unit vector. The lane must be at least ``length`` long [m]; at ``(x, y)`` itself it is not tested.
-
-    Walk back from there in strides. Each goes straight on or turns a little, to where the clearance is largest: so the
-    search follows the bends of the lane.
+    (ux, uy) is a unit vector. The lane must be at least ``length`` long [m]. Walk back from ``(x, y)`` in strides, and
+    test the lane after each; at ``(x, y)`` itself it is not tested. A stride goes straight on or turns a little, to the
+    side with the largest clearance: so the search follows the bends of the lane.
     """
     for _ in range(int(length / LANE_STRIDE + 0.5)):
         # Choose the bend with the largest clearance; (ux, uy) stays the direction of the lane, so go against it.
@@ -234,8 +233,9 @@ def is_lane_behind(walls, x, y, ux, uy, width, length):
 def free_ahead(walls, x, y, ux, uy, width, farthest):
     """Return the distance along ``(ux, uy)`` on which walls keep ``width`` away from a point, up to ``farthest`` [m].
 
-    Sphere tracing (Hart, The Visual Computer 12, 1996): advance by the distance to the nearest wall less ``width``. An
-    agent that already is nearer to a wall than ``width`` may walk along it or away from it.
+    The point (x, y) and ``width`` are in meters, (ux, uy) is a unit vector. Sphere tracing (Hart, The Visual Computer
+    12, 1996): advance by the distance to the nearest wall less ``width``. An agent that already is nearer to a wall
+    than ``width`` may walk along it or away from it; the result is 0 if the way leads nearer to it.
     """
     way = 0.0
     before = distance_at(walls, x, y)
@@ -244,9 +244,11 @@ def free_ahead(walls, x, y, ux, uy, width, farthest):
         way = SPACING
         ahead = distance_at(walls, x + way * ux, y + way * uy)
         # Moving nearer to the wall is blocked. Distances are rounded down, so a way parallel to a wall may seem to lead
-        # nearer by one unit. From there on, keep the present distance if it is less than ``width``, less the tolerance.
+        # nearer by one unit.
         if ahead < before - UNIT:
             return 0.0
+        # From there on, keep ``width``, or the present distance if that is less; the tolerance is subtracted, as walls
+        # bend between the points of the grid.
         width = min(before, width) - _TOLERANCE
     # 32 strides of at least _LEAST_STRIDE come to 1.6 m, the farthest that callers look (Rules.wall_horizon).
     for _ in range(32):
@@ -283,9 +285,10 @@ def is_in_sight(walls, x, y, px, py):
 
 @helper
 def wall_room(walls, x, y, ux, uy, half):
-    """Return the distance from a core to the nearest wall listed at its cell [m]; infinite if none is near.
+    """Return the distance from a core to the nearest wall listed at the cell of its center [m]; infinite if none is.
 
-    The core has its center at ``(x, y)``, the unit vector ``(ux, uy)`` and the half length ``half``.
+    The core has its center at ``(x, y)`` [m], the unit vector ``(ux, uy)`` and the half length ``half`` [m]. Lists are
+    complete up to WALL_REACH; a cell outside of the grid lists no wall.
     """
     column = math.floor((x - walls.left) / WALL_CELL)
     row = math.floor((y - walls.bottom) / WALL_CELL)

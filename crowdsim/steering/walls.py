@@ -25,7 +25,7 @@ class Walls(NamedTuple):
     """int64[k]: numbers of the segments near each cell."""
     distances: NDArray[np.uint8]
     """uint8[5 rows + 1, 5 columns + 1], [1, 1] without segments: distance to the nearest segment at the points of a
-    finer grid, in units of 0.01 m."""
+    finer grid, SPACING (0.1 m) apart, in units of UNIT (0.01 m)."""
     left: float
     """Left edge of both grids [m]."""
     bottom: float
@@ -43,6 +43,7 @@ def build_walls(segments: Any) -> Walls:
         # One empty cell: any place is FARTHEST from walls.
         empty = np.zeros(0, np.int64)
         return Walls(segments, np.zeros(2, np.int64), empty, np.full((1, 1), 255, np.uint8), 0.0, 0.0, 1, 1)
+    # The grid covers all cells that list a segment, and more, so that no wall is near a body outside of it.
     margin = WALL_REACH + 2 * WALL_CELL
     low = segments.reshape(-1, 2).min(axis=0) - margin
     high = segments.reshape(-1, 2).max(axis=0) + margin

@@ -1,8 +1,9 @@
 """Reserved segments of captured agents as steered agents meet them: each is kept clear along its whole length.
 
-``ways`` is a :class:`crowdsim.steering.ways.ListedWays`, ``number`` one of its segments. A body is a capsule as in
-:mod:`crowdsim.steering.capsule_kernels`: (x, y) is the middle of its core [m], u = (ux, uy) the unit vector along the
-core (across the heading), ``half`` half the length of the core, and ``radius`` the radius around it [m].
+``ways`` is a :class:`crowdsim.steering.ways.ListedWays`, ``number`` the index of one of its segments. A body is a
+capsule as in :mod:`crowdsim.steering.capsule_kernels`: (x, y) is the middle of its core [m], u = (ux, uy) the unit
+vector along the core (across the heading), ``half`` half the length of the core, and ``radius`` the radius around it
+[m].
 """
 
 from crowdsim.geometry.cell_kernels import cells_between, count_or_list, counts_to_starts
@@ -64,14 +65,19 @@ def gap_to_way(ways, number, x, y, ux, uy, half, radius):
 
 @kernel
 def clear_of_ways(bodies, ways, frame, room, own, ignored, clear):
-    """Set ``clear`` to whether each body is at least ``room`` [m] away from the reserved segments of all others.
+    """Set ``clear`` to whether each body is at least ``room`` [m] away from the reserved segments of other owners.
 
     Parameters
     ----------
     bodies : ROW[k]
-        Bodies to test.
+        Bodies to test (ROW of row_kernels), all within the grid.
     ways : ListedWays
-        Reserved segments by cells of ``frame`` (as of :func:`list_ways`).
+        Reserved segments, listed by cells of ``frame`` with a reach of at least ``room`` plus the half
+        breadth of the largest body.
+    frame : (float, float, int, int)
+        Left and bottom edge of the grid [m], columns and rows of cells.
+    room : float
+        Least gap [m].
     own : (k,) int64
         Owner whose segments each body may touch, -1 for none.
     ignored : (owners,) bool

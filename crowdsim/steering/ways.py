@@ -49,13 +49,14 @@ class ListedWays(NamedTuple):
 def listed(others: Others, frame: Frame, reach: float) -> ListedWays:
     """List the reserved segments by the cells of ``frame`` that lie within ``reach`` [m] of their swept discs.
 
-    A segment is listed in all cells of the bounding box around it, so in some farther ones, too.
+    A segment is listed in all cells that meet the bounding box of its swept disc, grown by ``reach``; so also in some
+    that are farther off.
     """
     starts = np.zeros(frame[2] * frame[3] + 1, np.int64)
     lists = np.zeros(0, np.int64)
     if len(others.segments):
         lists = np.zeros(list_ways(others.segments, frame, reach, starts, lists), np.int64)
-        # The kernel takes an empty list for the first call, which counts.
+        # Fill the lists, unless no segment is near the grid: the kernel would take empty lists for another count.
         if len(lists):
             list_ways(others.segments, frame, reach, starts, lists)
     return ListedWays(others.segments, others.owners, starts, lists)
@@ -74,7 +75,7 @@ def clear_of(
     Parameters
     ----------
     ways : ListedWays
-        Reserved segments, listed with a reach of at least ``room`` and the largest body.
+        Reserved segments, listed with a reach of at least ``room`` plus the half breadth of the largest body.
     frame : Frame
         Grid with which they were listed.
     bodies : ROW[k]

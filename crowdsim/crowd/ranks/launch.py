@@ -18,7 +18,7 @@ SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE")
 
 
 def launched_ranks() -> int:
-    """Return how many processes mpiexec has started for this run; 1 without it."""
+    """Return how many processes mpiexec has started for this run, by its environment variables; 1 without mpiexec."""
     for name in SIZE_VARIABLES:
         if os.environ.get(name, "").isdigit():
             return int(os.environ[name])
@@ -26,7 +26,7 @@ def launched_ranks() -> int:
 
 
 def find_mpiexec() -> str | None:
-    """Return the path of mpiexec, beside this Python or else that of the shell; None if there is none."""
+    """Return the path of mpiexec, the one beside this Python or else the one that a shell finds; None without one."""
     beside = Path(sys.executable).parent / "mpiexec"
     return str(beside) if beside.exists() else which("mpiexec")
 

@@ -13,11 +13,12 @@ from crowdsim.ecs.world import World
 from crowdsim.steering.row_kernels import ROW
 
 GHOST = np.dtype([("id", np.int64), ("came", np.bool_), ("leaves", np.bool_), ("row", ROW)], align=True)
-"""An agent that another rank sees: its id in the world, True if it came or leaves in this step, and its state."""
+"""An agent that another rank sees: its id in the world, True if it came in this step, True if it leaves in it, and its
+state (ROW of row_kernels)."""
 
 
 def migrant_type(world: World) -> np.dtype[Any]:
-    """Return the dtype of an agent that changes its rank: all its columns, and its exit (number of a goal)."""
+    """Return the dtype of an agent that changes its rank: all its columns, and its exit (number of a goal, or NONE)."""
     return np.dtype([("columns", world.dtype), ("exit", np.int32)])
 
 
@@ -38,8 +39,12 @@ class RowMessage:
         Regions of all ranks.
     rank : int
         The rank that sends.
-    world, exits, came, leaves
-        As of :meth:`crowdsim.crowd.ranks.protocol.Ranks.exchange`.
+    world : World
+        The agents of the rank; their columns are those of :mod:`crowdsim.crowd.steered.components`.
+    exits : (n,) int32
+        Exit (number of a goal) of each agent of the run, NONE for none.
+    came, leaves : (rows,) bool
+        Rows of ``world`` that have entered in this step, and rows that leave in it.
     """
 
     def __init__(
@@ -54,8 +59,8 @@ class RowMessage:
         self._regions, self._world, self._exits = regions, world, exits
         rows = world.column("row")
         columns, lines = cells_of(rows["x"], rows["y"])
-        # Rows deep in the own region matter to no other rank. Keep of the others (``at``): column and row of the cell
-        # (``lines`` are rows of cells), and if they change their rank.
+        # Rows deep in the own region matter to no other rank. Keep of all other rows (``at``): column and row of their
+        # cell (``lines`` are rows of cells), and if they change their rank.
         at = np.flatnonzero(~regions.within(rank, columns, lines, -regions.halo))
         self._at, self._columns, self._lines = at, columns[at], lines[at]
         self._moves = ~regions.within(rank, self._columns, self._lines) & ~leaves[at]
@@ -64,7 +69,11 @@ class RowMessage:
         self._ghosts["came"], self._ghosts["leaves"] = came[at], leaves[at]
 
     def to(self, rank: int) -> bytes:
-        """Return the message to a neighbor: number of the agents that change to it, these agents, and its ghosts."""
+        """Return the message to a neighbor: number of the agents that change to it, these agents, and its ghosts.
+
+        The number has 8 bytes, the lowest first; agents are of :func:`migrant_type`, ghosts of GHOST, as many as fill
+        the rest.
+        """
         over = self._moves & self._regions.within(rank, self._columns, self._lines)
         near = ~over & self._regions.within(rank, self._columns, self._lines, self._regions.halo)
         migrants = np.zeros(int(over.sum()), migrant_type(self._world))

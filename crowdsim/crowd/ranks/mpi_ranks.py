@@ -63,7 +63,7 @@ class MpiRanks:
         return bool(self.sum(np.array([here], np.int64))[0])
 
     def sum(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the sums of ``counts`` over all processes."""
+        """Return the sums of ``counts`` over all processes, element by element."""
         total = np.zeros_like(counts)
         self.comm.Allreduce(np.ascontiguousarray(counts), total)
         return total
@@ -94,7 +94,7 @@ class MpiRanks:
         return everybody, slice(end - len(rows), end)
 
     def swap(self, rows: NDArray[Any], owners: NDArray[np.int32]) -> NDArray[Any]:
-        """Hand each of ``rows`` (k,) over to its owner (k,), and return what this process is given."""
+        """Hand each of ``rows`` (k,) over to its owner (k,), and return what this process is given, by sender."""
         from mpi4py import MPI
 
         # Rows travel as bytes, ``width`` each: ``counts`` rows go to each rank, and ``coming`` rows come from each.
@@ -117,8 +117,12 @@ class MpiRanks:
         return self.regions.within(self.rank, *cells_of(*places.T))
 
     def around(self, rows: NDArray[Any], places: NDArray[np.float64], reach: float) -> NDArray[Any]:
-        """Return ROW of all agents within ``reach`` [m] of one of ``places`` (k, 2), and maybe of some farther away."""
+        """Return ROW of all agents within ``reach`` [m] of one of ``places`` (k, 2), and maybe of some farther away.
+
+        ``rows`` (ROW[n]) are the agents of this process; all processes give the same ``places``, at least one.
+        """
         # Mark the cells within reach of a place, in a grid of the cells around all places; then take the agents there.
+        # In ``near``, (left, bottom) is the cell of index 0; ``lines`` and ``up`` are rows of cells.
         cells = int(np.ceil(reach / CELL))
         columns, lines = cells_of(*places.T)
         left, bottom = int(columns.min()) - cells, int(lines.min()) - cells

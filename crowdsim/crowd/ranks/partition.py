@@ -32,10 +32,10 @@ Cells = NDArray[np.int64]
 def halo_of(rules: Rules, fastest: float, broadest: float) -> int:
     """Return how many cells around its own cell the step of an agent reads.
 
-    It is the largest of three distances: how far the agent looks; how far it counts the crowd around it; and how far
-    away the bodies are that the commit keeps off. The last one is both half breadths and, as each body may use half of
-    a gap, twice what a body may reach farther in a step by walking, turning its shoulders or letting its arms hang
-    again, with the margin of the commit.
+    It is the largest of three distances: how far the agent looks; how far it counts the crowd around it; and the
+    distance of the farthest body that the commit keeps off. The last one is both half breadths plus twice (as each body
+    may use half of a gap) the length by which a body may reach farther after a step: by walking, by turning its
+    shoulders, or by letting its arms hang again. The margin of the commit is added to that length.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def halo_of(rules: Rules, fastest: float, broadest: float) -> int:
 
 
 def fastest_of(speeds: Floats, rules: Rules) -> float:
-    """Return the largest speed that an agent may reach [m/s], if ``speeds`` (n,) are their free ones [m/s].
+    """Return the largest speed that any agent may reach [m/s]; ``speeds`` (n,) are the free speeds of all [m/s].
 
     Rules can make an agent faster than it walks freely: to make room, or to step aside and back at the same time.
     """
@@ -62,7 +62,10 @@ def fastest_of(speeds: Floats, rules: Rules) -> float:
 
 
 def cells_of(x: Floats, y: Floats) -> tuple[Cells, Cells]:
-    """Return the column and the row of the cell of each position [m]."""
+    """Return the column and the row of the cell, CELL meters wide, of each position [m]; any shape.
+
+    Cells are numbered from the origin of the scenario, so numbers may be negative.
+    """
     return np.floor(x / CELL).astype(np.int64), np.floor(y / CELL).astype(np.int64)
 
 
@@ -73,7 +76,7 @@ class Regions:
     Attributes
     ----------
     boxes : (r, 4) int64
-        Left, bottom, right (exclusive) and top (exclusive) of each [cells].
+        Left, bottom, right (exclusive) and top (exclusive) of each [cells]; -ENDLESS or ENDLESS if it has no edge.
     halo : int
         Width of the rim of cells around a region in which agents matter to those in the region.
     """
@@ -87,7 +90,7 @@ class Regions:
         return len(self.boxes)
 
     def within(self, rank: int, columns: Cells, rows: Cells, beyond: int = 0) -> NDArray[np.bool_]:
-        """Return which cells are in a region, or at most ``beyond`` cells from it.
+        """Return which cells, by column and row (any shape), are in a region, or at most ``beyond`` cells from it.
 
         If ``beyond`` is negative, return which cells are in the region, but not in its outer rim of that width.
         """
@@ -129,7 +132,7 @@ def divide(expected: Floats, bounds: tuple[float, float, float, float], count: i
     count : int
         Number of regions.
     halo : int
-        Width of the rim of cells around each region that matters to it.
+        Width of the rim of cells around each region that matters to it, and least width of a region.
 
     Raises
     ------
@@ -162,7 +165,7 @@ def expected_places(cast: CrowdPlacement, middles: Floats) -> Floats:
     along = ((np.arange(SAMPLES) + 0.5) / SAMPLES)[None, :, None]
     found = [np.empty((0, 2))]
     for number, itinerary in enumerate(cast.itineraries):
-        # Agents on call come only if a command adds them, which runs on several processes refuse.
+        # Agents on call come only if a command adds them, and runs on several processes refuse commands.
         members = np.flatnonzero((cast.group == number) & (cast.start_steps != NEVER))
         here = cast.starts[members]
         for goal in itinerary.goals.tolist():
@@ -181,8 +184,9 @@ def expected_places(cast: CrowdPlacement, middles: Floats) -> Floats:
 def _halve(box: tuple[int, ...], cells: Cells, count: int, least: int, boxes: list[tuple[int, ...]]) -> None:
     """Append the ``count`` parts of a box of cells to ``boxes``.
 
-    Boxes are (left, bottom, right, top) [cells]; ``cells`` (m, 2) are the column and row of each point expected in it,
-    and no part may be narrower than ``least`` cells (of 1 m).
+    Boxes are (left, bottom, right, top) [cells], right and top exclusive. ``cells`` (m, 2) are the column and row of
+    each point expected in the box. No part may be narrower than ``least`` cells (of 1 m): raise CrowdSimError if the
+    box is too small for that.
     """
     if count == 1:
         boxes.append(box)
@@ -200,11 +204,12 @@ def _halve(box: tuple[int, ...], cells: Cells, count: int, least: int, boxes: li
     before = np.cumsum(np.bincount(cells[:, axis] - low, minlength=end - low))[:-1]
     wanted = len(cells) * first / count if len(cells) else 0.0
     cuts = np.arange(least, end - low - least + 1)
+    # Without points, cut in proportion to the numbers of regions.
     if len(cells):
         cut = int(cuts[np.argmin(np.abs(before[cuts - 1] - wanted))]) + low
     else:
         cut = low + min(max((end - low) * first // count, least), end - low - least)
-    left = cells[:, axis] < cut  # or below, if the cut is across the height
+    left = cells[:, axis] < cut  # points to the left of the cut, or below it if it is across the height
     halves = [list(box), list(box)]
     halves[0][axis + 2] = halves[1][axis] = cut
     _halve(tuple(halves[0]), cells[left], first, least, boxes)

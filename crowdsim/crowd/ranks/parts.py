@@ -71,7 +71,10 @@ class RankPart:
         self._file.close()
 
     def append(self, rows: NDArray[Any]) -> None:
-        """Append one step: the agents in the region of this rank (PRESENT); all ranks must do so at once."""
+        """Append one step: the agents in the region of this rank (PRESENT[k]); all ranks must do so at once.
+
+        If the steps of a chunk are complete, they are written.
+        """
         self._waiting.append(rows)
         if len(self._waiting) == self._held:
             self._write()
@@ -92,7 +95,7 @@ class RankPart:
             yield steps, [chunk._replace(content=self._file.read(length)) for chunk, length in block]
 
     def _write(self) -> None:
-        """Hand over the rows that other ranks write, and measure, pack and write the own ones."""
+        """Hand over the waiting rows that other ranks write; measure, pack and write those that this rank writes."""
         steps, count, first = len(self._waiting), self._header.agents.count, self._mine.start
         sent = np.concatenate([opaque(rows) for rows in self._waiting]).view(PRESENT)
         owners = self._shares.owners(sent["agent"])

@@ -27,7 +27,7 @@ PRESENT = np.dtype(
 
 
 def present_rows(view: View) -> NDArray[Any]:
-    """Return the agents of a view of a steered crowd (PRESENT)."""
+    """Return the agents of a view of a steered crowd (COLUMNS of steered.components), as PRESENT[n]."""
     rows = np.empty(len(view.agent), PRESENT)
     for name in ("x", "y", "heading"):
         rows[name] = view.row[name]
@@ -37,7 +37,10 @@ def present_rows(view: View) -> NDArray[Any]:
 
 
 def absent_columns(shape: tuple[int, ...], types: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Return columns of a recording, of ``types`` by name, in which all agents are outside of the world."""
+    """Return columns of a recording, of ``types`` by name, in which all agents are outside of the world.
+
+    Each column has the ``shape``: states are ABSENT, behaviors NONE, all else nan.
+    """
     absent = {"behavior": NONE, "state": AgentState.ABSENT}
     return {name: np.full(shape, absent.get(name, np.nan), dtype) for name, dtype in types.items()}
 

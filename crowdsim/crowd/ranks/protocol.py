@@ -28,7 +28,7 @@ NO_GHOSTS = Ghosts(np.zeros(0, np.int64), np.zeros(0, ROW), np.zeros(0, np.bool_
 """No agents of other ranks."""
 
 SELF = slice(None)
-"""All rows: which of those that :meth:`Ranks.together` returns are of this process, if it is the only one."""
+"""All rows: if this process is the only one, all rows that :meth:`Ranks.together` returns are its own."""
 
 
 class Ranks(Protocol):
@@ -47,7 +47,7 @@ class Ranks(Protocol):
         """Return True if ``here`` is true in any process."""
 
     def sum(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the sums of ``counts`` over all processes."""
+        """Return the sums of ``counts`` over all processes, element by element."""
 
     def most(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the largest ``values`` of all processes, element by element."""
@@ -64,7 +64,7 @@ class Ranks(Protocol):
     def around(self, rows: NDArray[Any], places: NDArray[np.float64], reach: float) -> NDArray[Any]:
         """Return ROW of all agents within ``reach`` [m] of one of ``places`` (k, 2), and maybe of some farther away.
 
-        ``rows`` are the agents of this process. The result may be in any order.
+        ``rows`` (ROW[n]) are the agents of this process. The result may be in any order.
         """
 
     def exchange(

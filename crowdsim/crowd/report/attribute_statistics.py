@@ -57,13 +57,14 @@ class AttributeStatistics:
         self._before = x.copy(), y.copy(), there.copy()
 
     def join(self) -> None:
-        """Take in what other processes have summed up of the other agents."""
+        """Take in what other processes have summed up of the other agents; all must call it at the same time."""
         self._way, self._steps = (self._share.ranks.together(sums)[0] for sums in (self._way, self._steps))
 
     def summary(self) -> dict[str, Any]:
-        """Return by attribute: of numbers, their distribution; of words, by word the count and mean speed [m/s].
+        """Return by attribute: of numbers, their distribution; of words, for each word the count and mean speed [m/s].
 
-        The mean speed is None if no agent with the word was ever present in two steps in a row.
+        The count is the number of agents. The mean speed is None if no agent with the word was ever present in two
+        steps in a row.
         """
         return {name: self._spread(values) for name, values in self._attributes.items()}
 

@@ -10,7 +10,7 @@ from crowdsim.motion.deformed.body_kernels import quaternion, rotate
 def place_points(joints, offsets, lowest, positions, rotations, points):
     """Place the points of the feet of n bodies; return the least height of a point above its lowest one in clips [m].
 
-    The height is negative if a point is lower than in the clips, infinite if n is 0.
+    The height is negative if a point is lower than ever in the clips, infinite if n is 0.
 
     Parameters
     ----------
@@ -39,17 +39,18 @@ def place_points(joints, offsets, lowest, positions, rotations, points):
 def standing_distances(table, lifted, then, now, old, new):
     """Return the sum of the distances by which feet that stand have moved [m], and the number of these feet.
 
-    A foot moves as far as that of its planted points that moves least. A point is planted if it stays so in the clips
-    from one moment to the next, as in :meth:`crowdsim.motion.planted.planted_rows.PlantedRows.stayed`.
+    A foot stands if one of its points is planted, and moves as far (in x and y) as the planted point that moves least.
+    A point is planted if it stays so in the clips from the first moment to the second, as in
+    :meth:`crowdsim.motion.planted.planted_rows.PlantedRows.stayed`.
 
     Parameters
     ----------
     table: :class:`crowdsim.motion.graph.pose_table.PoseTable`.
     lifted: (T, 2, P) int32 of :class:`crowdsim.motion.planted.planted_rows.PlantedRows`: how often each point was not
     planted before each row of the table.
-    then, now: (m,) int64, rows of the same bodies in ``old`` and in ``new``.
-    old, new: nodes (n,) int32, frames (n,) and points (n, 2, P, 3) [m], both float64, of all bodies at the two moments;
-    n may differ.
+    then, now: (m,) int64, rows of m bodies in ``old``, and rows of the same bodies in ``new``.
+    old, new: nodes (n,) int32, frames in these (n,) float64, and points (n, 2, P, 3) float64 [m] of all bodies at the
+    first and at the second moment; n may differ.
     """
     old_node, old_frame, old_points = old
     node, frame, points = new

@@ -24,9 +24,9 @@ to 8 % too large.
 def closest_bodies(crowd, broadest, limit):
     """Return the least gap between two bodies, and the least distance between two centers, both at most ``limit`` [m].
 
-    ``crowd`` holds the rows sorted by cells, their positions (n, 2) [m], the first row of each cell (cells + 1,), and
-    the frame of the grid (see :func:`crowdsim.steering.row_kernels.sort_rows`). ``broadest`` is the largest half
-    breadth of all agents, core and radius [m].
+    ``crowd`` is a tuple of the rows sorted by cells, their positions (n, 2) [m], the first row of each cell (cells +
+    1,), and the frame of the grid (see :func:`crowdsim.steering.row_kernels.sort_rows`). ``broadest`` is the largest
+    half breadth of all agents, core and radius [m].
     """
     rows, places, starts, frame = crowd
     gap = limit
@@ -34,7 +34,7 @@ def closest_bodies(crowd, broadest, limit):
     for me in range(len(rows)):
         mine = rows[me]
         own = mine.half + mine.radius
-        # Agents farther away than this cannot lower either value.
+        # Agents farther away than this can lower neither the least gap nor the least distance.
         farthest = max(centers, gap + own + broadest)
         cells = math.ceil(farthest / CELL)
         column, row = cell_of(frame, mine.x, mine.y)
@@ -69,7 +69,7 @@ def wall_gap(body, walls, half, radius):
 
 @kernel
 def closest_wall(rows, walls, torso, leg_radius, limit):
-    """Return the least gap of all bodies to the walls of one layer, at most ``limit`` [m].
+    """Return the least gap of all bodies of ``rows`` (ROW[n]) to the walls of one layer, at most ``limit`` [m].
 
     If ``torso`` is True, bodies are the capsules of ``rows``; else they are discs with the radius ``leg_radius`` [m].
     """

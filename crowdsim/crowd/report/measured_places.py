@@ -72,8 +72,8 @@ class MeasuredPlaces:
         for count, here in zip(self._counts, inside, strict=True):
             count.append(int(here.sum()))
         if self._places:
-            # Across the ends of a periodic floor, take the position before on this side: the way to the new one is then
-            # straight.
+            # If an agent has crossed an end of a periodic floor, move its old position to the side of the new one,
+            # beyond that end: then the way between them is straight.
             self._cross(places - self._way(self._places[-1], places), places)
         self._places.append(places)
         since = self._places[0]
@@ -89,7 +89,7 @@ class MeasuredPlaces:
         self._step += 1
 
     def join(self) -> None:
-        """Take in what other processes have counted of the other agents."""
+        """Take in what other processes have counted of the other agents; all must call it at the same time."""
         ranks = self._share.ranks
         for count in self._counts:
             count[:] = array("i", ranks.sum(np.array(count, np.int64)).tolist())
@@ -134,7 +134,7 @@ class MeasuredPlaces:
             )
             left = int(crossings.to_left[during].sum())
             right = int(during.sum()) - left
-            # The flow is that of the direction in which more agents cross.
+            # The flow is that of the direction in which more agents cross; to the right if the numbers are equal.
             flow = flow_of(crossings.time[during & (crossings.to_left == (left > right))])
             lines[line.name] = {
                 "to_left": left,
@@ -145,7 +145,7 @@ class MeasuredPlaces:
         return {"areas": areas, "lines": lines}
 
     def _way(self, before: Floats, after: Floats) -> Floats:
-        """Return the displacements between positions; across the ends of a periodic floor if that is shorter."""
+        """Return displacements (n, 2) between positions (n, 2) [m], across the ends of a periodic floor if shorter."""
         way = after - before
         return np.column_stack([shorter_ways(way[:, axis], self._span[axis]) for axis in range(2)])
 
@@ -167,7 +167,8 @@ def crossings_of(
 ) -> tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]:
     """Find which agents cross a line between two points on their straight way from ``before`` to ``after``.
 
-    Positions are (n, 2) [m], nan for agents that do not count. A position on the line counts as on its left.
+    Positions are (n, 2) [m], nan for agents that do not count. ``first`` and ``second`` (2,) are the ends of the line
+    [m]; they must differ. A position on the line counts as on its left, and the second end does not belong to the line.
 
     Returns
     -------
@@ -176,7 +177,7 @@ def crossings_of(
     share : (k,) float64
         Share of the way at which each crosses.
     to_left : (k,) bool
-        True if it is to the left of the direction from ``first`` to ``second`` after that.
+        True if the agent is to the left of the direction from ``first`` to ``second`` after the crossing.
     """
     ux, uy = second - first
     # Signed areas: positive on the left of the line. A way crosses the infinite line if the side changes.

@@ -19,7 +19,7 @@ TOGETHER = 1.5
 class PartyStatistics:
     """Count, step by step, the members that have another member of their party within TOGETHER.
 
-    A step counts for a party only if two or more of its members are in the world, for each of these. ``keys`` is the
+    A step counts once for each member that is in the world together with another member of its party. ``keys`` is the
     scenario.
     """
 
@@ -43,7 +43,8 @@ class PartyStatistics:
         x, y = (np.asarray(column, np.float64) for column in (frame.x, frame.y))
         there = np.asarray(frame.state) != AgentState.ABSENT
         for name, parties in self._parties.items():
-            # Members (p, k) in the world, if another member of their party is there, too.
+            # True for members (p, k) that are in the world together with another member of their party. NONE, for which
+            # ``there`` gives the last agent, does not count.
             here = (parties != NONE) & there[parties]
             here &= here.sum(axis=1, keepdims=True) > 1
             beside = np.zeros(parties.shape, np.bool_)
@@ -58,8 +59,8 @@ class PartyStatistics:
             self._steps[name] += int(here.sum())
 
     def summary(self) -> dict[str, float | None]:
-        """Return by group the share of their time in which members have another one within :data:`TOGETHER`.
+        """Return by group the share of the counted steps in which a member has another one within :data:`TOGETHER`.
 
-        It is None for a group of whose parties no two members were ever in the world at the same time.
+        The share is None if no step counted: no two members of a party were ever in the world at the same time.
         """
         return {name: self._beside[name] / steps if steps else None for name, steps in self._steps.items()}

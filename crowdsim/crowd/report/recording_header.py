@@ -81,12 +81,12 @@ def _ends_of(scenario: Scenario) -> Ends | None:
 
 
 def _start_times(steps: NDArray[np.int64], steps_per_second: int) -> NDArray[np.float64]:
-    """Return when agents start [s], NaN for those on call."""
+    """Return when agents start [s], from their start steps (n,); nan for those on call (NEVER)."""
     return np.where(steps == NEVER, np.nan, steps / steps_per_second)
 
 
 def captured_agents(cast: Placement, steps_per_second: int, radius: float) -> AgentsRecord:
-    """Return the agents of a captured crowd as recordings hold them; their bodies have the ``radius`` [m]."""
+    """Return the agents of a captured crowd as recordings hold them; their bodies all have the ``radius`` [m]."""
     goals = np.array([goals[0] for goals in cast.goals])
     starts = _facing(cast.starts, goals)
     return AgentsRecord(
@@ -165,10 +165,14 @@ def _mesh_record(solid: MeshSolid) -> MeshRecord:
 
 
 def labeled_points(route: AnnotatedPath) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
-    """Return points (P, 2) of a route [m], one at each change of behavior, too, and the behavior (P,) from each on."""
+    """Return points (P, 2) of a route [m], and the number of the behavior (P,) from each on.
+
+    There is also a point at each change of behavior.
+    """
     starts = np.array([section.start for section in route.sections])
     # Python's sort keeps the GIL; numpy's releases it and would then wait for other threads.
     arc = np.array(sorted({*route.arc.tolist(), *starts.tolist()}))
+    # The section of each point is the last one that starts there or before; the first one if rounding leaves none.
     section = np.maximum(np.searchsorted(starts, arc, side="right") - 1, 0)
     behaviors = np.array([route.sections[k].behavior for k in section], np.int8)
     return route.at(arc), behaviors

@@ -70,7 +70,8 @@ class RunMeasures:
         ``removed`` (N,) is True for agents that a command took out. ``expected`` and ``arrivals`` (N,) are those of
         :class:`crowdsim.crowd.crowd.Crowd`: agents not expected that were not removed are on call and were never added.
         """
-        # Agents may give way after they have arrived, or arrive in the step in which they enter.
+        # By arrivals, not by states: agents may give way after they have arrived, or arrive in the step in which they
+        # enter.
         to_come = arrivals < 0
         moving = (self._state == AgentState.MOVING) | (self._state == AgentState.WAITING)
         return {

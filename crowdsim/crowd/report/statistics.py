@@ -23,7 +23,7 @@ MARGIN_LIMIT = 1.0
 
 
 def shares_of(behaviors: Sequence[str], way: NDArray[np.float64]) -> dict[str, float]:
-    """Return by behavior its share of the way (B,) [m]; all shares are 0 if no agent walked."""
+    """Return by behavior its share of ``way`` (B,), the lengths walked in each [m]; all shares are 0 if none was."""
     total = way.sum()
     return {name: float(gone / total) if total else 0.0 for name, gone in zip(behaviors, way, strict=True)}
 
@@ -38,9 +38,10 @@ class Statistics:
     way: NDArray[np.float64] = field(init=False)
     """(areas + 1, B) length walked in each behavior, in total and by named area [m]."""
     closest: float = np.inf
-    """Smallest distance between two tracks [m]."""
+    """Smallest distance between two agents, positions of their tracks [m]; infinite if none was measured."""
     margin: NDArray[np.float64] = field(init=False)
-    """(layers,) smallest distance of a body disc of the present behavior to an obstacle [m]."""
+    """(layers,) smallest distance of a body disc of the present behavior to an obstacle [m]; negative if they overlap,
+    MARGIN_LIMIT at most."""
     feet: FootStatistics = field(init=False)
     _before: RecordedFrame | None = None
 
@@ -50,7 +51,10 @@ class Statistics:
         self.feet = FootStatistics(self.assets.motion, self.assets.steps_per_second)
 
     def add(self, frame: RecordedFrame) -> None:
-        """Add one step of all agents, in the environment as it is now: all but their gaps (:meth:`add_gaps`)."""
+        """Add one step of all agents, in the environment as it is now: margins, ways and feet, but not gaps.
+
+        :meth:`add_gaps` adds the gaps between agents.
+        """
         state = np.asarray(frame.state)
         present = np.flatnonzero(state != AgentState.ABSENT)
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
@@ -64,7 +68,8 @@ class Statistics:
         if before is not None:
             both = present[np.asarray(before.state)[present] != AgentState.ABSENT]
             x, y = np.asarray(frame.x)[both], np.asarray(frame.y)[both]
-            # Ways count for the behavior at their end, and for the areas in which they end.
+            # The way of an agent since the step before counts for the behavior at its end, and for the areas in which
+            # it ends.
             gone = hypot(x - np.asarray(before.x)[both], y - np.asarray(before.y)[both])
             how = np.asarray(frame.behavior)[both]
             np.add.at(self.way[0], how, gone)
@@ -75,7 +80,7 @@ class Statistics:
         self._before = frame
 
     def add_gaps(self, frame: RecordedFrame) -> None:
-        """Update the smallest distance between two agents by one step."""
+        """Update the smallest distance between two agents (``closest``) by one step."""
         places = np.column_stack([frame.x, frame.y])[np.asarray(frame.state) != AgentState.ABSENT]
         self.closest = min(self.closest, closest_pair(places, *sorted_places(places), self.closest))
 

@@ -49,7 +49,7 @@ class SteeredFeet:
         self._kept = [0] * SAMPLED
 
     def add(self, view: View) -> None:
-        """Add one step."""
+        """Add one step of those of the first SAMPLED agents that are in ``view``; of each, LONGEST steps at most."""
         for row in np.flatnonzero(view.agent < SAMPLED).tolist():
             agent = int(view.agent[row])
             if self._kept[agent] == LONGEST:
@@ -71,7 +71,10 @@ class SteeredFeet:
         self._step += 1
 
     def join(self, ranks: Ranks) -> None:
-        """Join the tracks with those of the same agents in other processes; the floor must not be periodic."""
+        """Join the tracks with those of the same agents in other processes; keep the first LONGEST steps of each.
+
+        All processes must call it at the same time. The floor must not be periodic.
+        """
         # Rows of id, step and the four values of the track, to be sorted by both.
         pieces = [np.empty((0, 6))]
         for number, track in self._tracks.items():
@@ -81,10 +84,11 @@ class SteeredFeet:
         self._tracks = {int(number): list(rows[rows[:, 0] == number][:LONGEST, 2:]) for number in np.unique(rows[:, 0])}
 
     def measure(self) -> tuple[float | None, float | None]:
-        """Return the mean speed of planted feet [m/s] and the height of the lowest foot point [m]; None if unknown.
+        """Return the mean speed of planted feet [m/s] and the height of the lowest foot point [m].
 
-        The height of a point is that above its height while the sole stands flat; negative if it is lower. A point of a
-        foot is planted by the same rule as in clips: slow, low and for a while (`planted_steps`).
+        Both are None if no track has SHORTEST steps; the speed is None also if no foot was ever planted. The height of
+        a point is that above its height while the sole stands flat; negative if it is lower. A point of a foot is
+        planted by the same rule as in clips: slow, low and for a while (`planted_steps`).
         """
         tracks = [np.array(track) for track in (*self._ended, *self._tracks.values()) if len(track) >= SHORTEST]
         if not tracks:

@@ -54,7 +54,10 @@ class SteeredStatistics:
         return np.asarray(self._ways * WAY_UNIT, np.float64)
 
     def add(self, view: View, steering: Steering) -> None:
-        """Add one step of the rows of ``view``: their ways, feet, and gaps to walls."""
+        """Add one step of the rows of ``view``, the columns of a steered crowd: their ways, feet, and gaps to walls.
+
+        The way of a step counts for the behavior and the areas at its end. ``steering`` has the walls.
+        """
         rows = view.row
         self.feet.add(view)
         if not len(rows):
@@ -72,7 +75,7 @@ class SteeredStatistics:
             self._margins[layer] = min(self._margins[layer], closest_wall(rows, walls, whole, leg_radius, GAP_LIMIT))
 
     def add_gaps(self, everybody: NDArray[Any], steering: Steering, numbers: NDArray[np.int64] | None = None) -> None:
-        """Add the gaps between bodies (ROW[n]) after a step; ``numbers`` (n,) are those of :meth:`Steering.sort`."""
+        """Add the gaps between bodies (ROW[n]) after a step; ``numbers`` (n,) are as in :meth:`Steering.sort`."""
         if not len(everybody):
             return
         crowd = steering.sort(everybody, numbers=numbers)

@@ -42,8 +42,8 @@ class Entering:
     """Let agents enter, those with the earliest time first.
 
     An agent whose place is taken tries again in the next step. After AWAITS_SECONDS it tries other places in its start
-    region, to which a straight line leads from its own. ``regions`` are the start regions of the groups, by number of
-    the group.
+    region, to which a straight line leads from its own; in steps in which there is none, it tries its own. ``regions``
+    are the start regions of the groups, by number of the group.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Entering:
         """Spawn the agents that enter in this step; note the step in ``entered``, and their places in the cast.
 
         They are in the world after its next ``apply_changes``. ``wanted`` (n,) says which agents may enter; all may if
-        it is None. No agent enters on a reserved segment of ``others``.
+        it is None. No agent enters within ROOM of a reserved segment of ``others``. ``shut_out`` is set, too.
         """
         cast = self._cast
         is_due = (self.entered < 0) & (cast.start_steps <= step)
@@ -141,7 +141,10 @@ class Entering:
         return places
 
     def _rows(self, agents: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[Any]:
-        """Return the rows (ROW) of agents as they enter at ``places`` (k, 2) [m]."""
+        """Return the rows (ROW[k]) of agents (k,) as they enter at ``places`` (k, 2) [m]; they choose exits.
+
+        Each faces its prescribed heading, else the way that guidance leads, else its goal.
+        """
         cast = self._cast
         rows = np.zeros(len(agents), ROW)
         rows["x"], rows["y"] = places.T
@@ -153,7 +156,7 @@ class Entering:
         rows["goal"] = self._errands.goal(agents, np.zeros(len(agents), np.int64))
         rows["id"] = agents
         self._place.guidance.write(rows, np.full(len(agents), PLAIN, np.int32))
-        # An agent without guidance faces its goal.
+        # An agent without guidance, and without a prescribed heading (nan), faces its goal.
         toward = self._errands.middles[rows["goal"]] - places
         guided = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)
         away = np.where(guided[:, None], np.column_stack((rows["gx"], rows["gy"])), toward)

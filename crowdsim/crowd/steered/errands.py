@@ -1,4 +1,7 @@
-"""Errands of steered agents: they walk to the regions of their goals in turn, and stand at some of them."""
+"""Errands of steered agents: they walk to the regions of their goals in turn, and stand at some of them.
+
+``view`` holds the agents in the world: the columns of :mod:`crowdsim.crowd.steered.components`.
+"""
 
 from __future__ import annotations
 
@@ -31,13 +34,14 @@ GIVES_UP = 4.0
 """Time stuck after which an agent in the region of its goal counts as standing, though it is off its spot [s]."""
 
 TAKES_SECONDS = 8.0
-"""An agent that is off its spot also counts as standing after this time, plus twice that of the free way there [s]."""
+"""An agent that is off its spot also counts as standing after this time plus twice the time of the straight way to the
+spot at its free speed [s]."""
 
 PUSHED_OFF = 0.5
 """Distance from its spot above which an agent that stays walks back to it [m]."""
 
 TURN_SECONDS = 3.0
-"""Longest time that an agent turns to the prescribed heading; then it counts as standing, however it faces [s]."""
+"""Longest time that an agent turns to the prescribed heading [s]; then it counts as standing, however it faces."""
 
 TURNED_OFF = 0.1
 """Angle to the prescribed heading above which a standing agent turns [rad]."""
@@ -109,7 +113,7 @@ class Errands:
             shapely.prepare(region)
 
     def free_goal(self) -> int:
-        """Return the number for another goal: that of a commanded goal no longer in use, else a new one."""
+        """Return a number for another goal: that of a goal given by a command and no longer in use, else a new one."""
         # In use are the goals of agents on their way, and of those that stay at one.
         goes = (self.arrived == NONE) | self._stays[self._itinerary]
         used = np.unique(self._goals[self._itinerary[goes]])
@@ -117,7 +121,10 @@ class Errands:
         return int(free[0]) if len(free) else len(self._regions)
 
     def redirect(self, view: View, agents: NDArray[np.int64], goal: NewGoal) -> None:
-        """Send agents (k,) to another goal instead of all their places, wherever they are."""
+        """Send agents (k,), in the world or not, to another goal instead of all their places.
+
+        They get an itinerary of their own, count as not arrived, and have no exit; in ``view``, errand and goal change.
+        """
         # Put the goal in place of an old one of that number, or behind all; its first spot serves as a point in it.
         shapely.prepare(goal.region)
         self._regions[goal.number : goal.number + 1] = [goal.region]
@@ -150,7 +157,7 @@ class Errands:
         self._itinerary[agents] = self._cast.group[agents]
 
     def goal(self, agents: NDArray[np.int64], reached: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Return the goals (k,) to which agents (k,) go after they have reached ``reached`` (k,) places."""
+        """Return the goals (k,) of agents (k,) that have reached ``reached`` (k,) places; NONE if no exit is chosen."""
         group = self._itinerary[agents]
         place = reached % self._places[group]
         goals = self._goals[group, place]
@@ -170,7 +177,7 @@ class Errands:
     def set_out(self, view: View, step: int) -> None:
         """Let standing agents go on whose time has come; call it before guidance is written."""
         go = np.flatnonzero((view.errand == Errand.STANDS) & (view.go_step <= step))
-        # Those that have reached nothing yet stood where they entered.
+        # Those that have reached nothing yet stood where they entered, which is no stand at a place.
         stood = go[view.reached[go] > 0]
         if len(stood):
             self._stood.append(self._how_they_stand(view, stood))
@@ -181,10 +188,10 @@ class Errands:
     def update(self, view: View, step: int) -> NDArray[np.int64]:
         """Update the errands in this step, after guidance has written the ways of all; return the rows that leave.
 
-        Agents that walk and are in the region of their goal leave, go on, or take their spot; others take their spot,
-        turn, or stand. Guidance gives the length to go (``togo`` [m]), which is LOST without a path. The column
-        ``lost_since`` gets the step since which an agent that walks has no path, NONE if it has one. The crowd reads
-        it, as a run does not wait for agents that have long been without a path.
+        Agents that walk and are in the region of their goal leave, go on, or take their spot; agents with other errands
+        take their spot, turn, or stand. Guidance gives the length to go (``togo`` [m]), which is LOST without a path.
+        The column ``lost_since`` gets the step since which an agent that walks has no path, NONE for all others. The
+        crowd reads this column, as a run does not wait for agents that have long been without a path.
         """
         # Test the regions of goals only for agents near the end of their path.
         rows = view.row
@@ -214,7 +221,7 @@ class Errands:
     def how_they_stood(self, view: View) -> tuple[Floats, Floats]:
         """Return distance to the spot [m] and angle to the prescribed heading [rad] (nan if none) of each stand, (k,).
 
-        A stand that an agent has ended counts as the agent stood then, others as agents stand now.
+        A stand is a stay of one agent at one place; one that has ended counts as the agent stood when it went on.
         """
         waits = (view.errand == Errand.STANDS) & (view.reached > 0)
         now = self._how_they_stand(view, np.flatnonzero(waits | (view.errand == Errand.STAYS)))
@@ -222,7 +229,7 @@ class Errands:
         return off, np.concatenate([each for _, each in (*self._stood, now)])
 
     def count_visits(self, visits: NDArray[np.int64]) -> None:
-        """Raise the number of places reached by each agent to ``visits`` (n,), those reached while it was captured."""
+        """Raise the numbers of places reached by agents to ``visits`` (n,), those counted while they were captured."""
         np.maximum(self._visits, visits, out=self._visits)
 
     def laps(self, ranks: Ranks = ONE_RANK) -> dict[str, int]:
@@ -248,7 +255,7 @@ class Errands:
         return within
 
     def _how_it_ends(self, view: View, rows: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return whether the goal of rows (k,) is their last place, and whether they are to stand there."""
+        """Return whether the goal of rows (k,) is their last place, and if they are to stand there; two (k,) bool."""
         group = self._itinerary[view.agent[rows]]
         last = view.reached[rows] + 1 == self._places_in_all[group]
         return last, np.where(last, self._stays[group], self._waits[group] > 0)
@@ -256,7 +263,8 @@ class Errands:
     def _reach(self, view: View, step: int, there: NDArray[np.int64]) -> NDArray[np.int64]:
         """Let the rows ``there`` (k,), in the region of their goal, leave, go on, or take their spot.
 
-        Return the rows that leave.
+        Those that are to stand there take their spot. Others leave at their last place, and go on at any other. Return
+        the rows that leave.
         """
         agents = view.agent[there]
         last, stands = self._how_it_ends(view, there)
@@ -277,7 +285,7 @@ class Errands:
     def _how_they_stand(self, view: View, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
         """Return distances to the spots [m] and angles to the prescribed headings [rad], nan if none, of rows (k,).
 
-        In ``reached``, the place where each of them stands counts already.
+        The column ``reached`` counts the place at which each of them stands already.
         """
         state, reached = view.row, view.reached[rows] - 1
         spot = self._spots(view, rows, reached)
@@ -298,8 +306,8 @@ class Errands:
         view.row["goal"][walks] = view.goal[walks]
 
     def _take_places(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
-        """Lead rows (k,) to their spots; those that are there, or give up, turn next."""
-        # ``go_step`` is the last step in which they may take their spot, then that in which they may turn.
+        """Lead rows (k,) straight to their spots; those that are there, or give up as they take too long, turn next."""
+        # ``go_step`` is the last step for this errand: first to take the spot, after that to turn.
         group = self._itinerary[view.agent[rows]]
         distance = self._lead(view, rows)
         is_there = distance <= self._within[group]
@@ -325,10 +333,10 @@ class Errands:
         self._go_on(view, stops[~last])
 
     def _stand(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Let rows (k,) stand in their prescribed headings; one that stays for good, but is off its spot, walks there.
+        """Let rows (k,) stand in their prescribed headings.
 
-        It may have been pushed off, or have given up before. Its time stuck stays 0, so that it gives way to all that
-        are stuck.
+        An agent that stays for good, but is more than PUSHED_OFF from its spot, walks there: it was pushed off, or has
+        given up before. The time stuck of agents that stay for good is 0, so that they give way to all that are stuck.
         """
         self._stop(view, rows)
         # Those that have reached a place turn as it prescribes; others stand where they entered.
@@ -340,7 +348,7 @@ class Errands:
         view.row["stuck"][stays] = 0.0
 
     def _stop(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Remove the guidance of rows (k,), and what it prescribes for their bodies (-1 for nothing)."""
+        """Remove the guidance of rows (k,): set gx, gy and togo to 0, turn and held to -1 (nothing is prescribed)."""
         state = view.row
         state["gx"][rows] = state["gy"][rows] = state["togo"][rows] = 0.0
         state["turn"][rows] = state["held"][rows] = -1.0
@@ -358,12 +366,12 @@ class Errands:
         return np.asarray(off)
 
     def _asked(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
-        """Return the prescribed headings (k,) at the places after ``reached`` (k,) others [rad], nan for any."""
+        """Return the headings (k,) of rows (k,) at the place after ``reached`` (k,) places [rad]; nan for any."""
         group = self._itinerary[view.agent[rows]]
         return np.asarray(self._headings[group, reached % self._places[group]])
 
     def _spots(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
-        """Return the spots (k, 2) of rows at the places after ``reached`` (k,) others [m]."""
+        """Return the spots (k, 2) of rows (k,) at the place that comes after ``reached`` (k,) places [m]."""
         agents = view.agent[rows]
         return np.asarray(self._own_spots[agents, reached % self._places[self._itinerary[agents]]])
 
@@ -381,5 +389,5 @@ class Errands:
 
 
 def _speed_near(distance: Floats, speed: Floats) -> Floats:
-    """Return the speeds (k,) at distances (k,) [m] from the spots of agents, at most ``speed`` (k,) [m/s]."""
+    """Return speeds (k,) [m/s] that fall as the distances (k,) [m] to spots do; at most ``speed`` (k,) [m/s]."""
     return np.minimum(speed, np.maximum(_SLOWING * distance, _SLOWEST))

@@ -26,10 +26,10 @@ BETTER = 0.8
 """An agent changes to an exit whose time, or length of the path, is at most this share of that of its own exit."""
 
 GAINS_SECONDS = 2.0
-"""It must also save at least this much time [s]."""
+"""An agent that takes the quickest exit changes only if it also saves at least this much time [s]."""
 
 GAINS_METERS = 2.0
-"""It must also save at least this length, if it goes to the nearest exit [m]."""
+"""An agent that takes the nearest exit changes only if it also saves at least this length [m]."""
 
 FLOW = 1.3
 """Flow per width that is expected of an exit before its queue has been observed [1/(m s)]."""
@@ -101,10 +101,11 @@ class ExitChoice:
         self._left_before = np.zeros(len(cast.goals), np.int64)
 
     def enter(self, agents: Ints, rows: NDArray[Any]) -> None:
-        """Let agents (k,) that enter, or have finished a route, choose an exit from the positions of ``rows`` (ROW[k]).
+        """Let agents (k,) that enter, or go to an exit next, choose one from the positions of ``rows`` (ROW[k]).
 
         Queues do not count yet: an agent chooses the exit that it reaches first, and may change soon
-        (:meth:`consider`). Members of a party go to the exit of its first member, if that has one.
+        (:meth:`consider`). Members of a party go to the exit of its first member, if that member has one. Agents
+        to which a command gave another goal choose none.
         """
         for group, mine in self._choosing(agents):
             times = self._costs(group, agents[mine], rows[mine], ())
@@ -117,7 +118,9 @@ class ExitChoice:
     def consider(self, view: View, step: int) -> None:
         """Let the agents whose turn it is change to an exit that is much better than theirs; their parties follow.
 
-        The turn of each agent comes every CONSIDERS_SECONDS. What is better, BETTER and the two constants after it say.
+        The turn of each agent comes every CONSIDERS_SECONDS. BETTER, GAINS_SECONDS and GAINS_METERS say how much better
+        an exit must be. ``view`` holds the columns of :mod:`crowdsim.crowd.steered.components`. Once a second, the
+        flows of exits are learned, too.
         """
         if not self._chooses.any():
             return
@@ -151,7 +154,10 @@ class ExitChoice:
         self._follow_the_first(view)
 
     def _ways(self, view: View) -> tuple[Floats, Ints]:
-        """Return the lengths of the ways (k,) [m] and the goals (k,) of all agents that may wait at an exit."""
+        """Return lengths of ways (k,) [m] and goals (k,) of all agents in the world, from which queues are counted.
+
+        If queues do not count, these are only the agents of this process.
+        """
         # One process has all agents; and without a group that takes the quickest exit, queues do not count.
         if self._ranks.size == 1 or not self._quickest.any():
             return view.row["togo"], view.row["goal"]
@@ -166,7 +172,7 @@ class ExitChoice:
         view.following[rows] = PLAIN  # the field followed so far leads to the old exit
 
     def _follow_the_first(self, view: View) -> None:
-        """Let members that walk to an exit go to that of the first member of their party, if it is in the world."""
+        """Let members that walk to an exit go to that of their party's first member, if this member is in the world."""
         there = np.zeros(len(self.goals), np.bool_)
         there[view.agent] = True
         first = self._cast.first[view.agent]
@@ -178,7 +184,10 @@ class ExitChoice:
         self._change(view, follows, goals[follows])
 
     def redirect(self, agents: Ints, goals: int) -> None:
-        """Remove the exits of agents (k,); there are ``goals`` goals now, of which the last are no exits."""
+        """Remove the exits of agents (k,), to which a command gave another goal; they choose none from now on.
+
+        ``goals`` is the number of goals now; those that commands have added, the last ones, are no exits.
+        """
         self.goals[agents] = NONE
         self._redirected[agents] = True
         more = goals - len(self._flows)
@@ -192,7 +201,7 @@ class ExitChoice:
         self._left += np.bincount(goals, minlength=len(self._left))
 
     def _choosing(self, agents: Ints) -> list[tuple[int, Ints]]:
-        """Return the groups that choose, each with the indices of its agents in ``agents``."""
+        """Return the groups that choose exits, each with the indices of its choosing agents in ``agents`` (k,)."""
         group = self._cast.group[agents]
         chooses = self._chooses[group] & ~self._redirected[agents]
         return [(number, np.flatnonzero(chooses & (group == number))) for number in np.unique(group[chooses]).tolist()]
@@ -200,9 +209,10 @@ class ExitChoice:
     def _costs(self, group: int, agents: Ints, rows: NDArray[Any], queues: Sequence[Floats]) -> Floats:
         """Return the time until each agent is through each exit [s], or the length of its path there [m], (k, e).
 
-        It is the time for a group that takes the quickest exit, else the length; infinite if there is no path.
-        ``agents`` (k,) are of one ``group``, with ``rows`` (ROW[k]). ``queues`` are, for each exit, the ascending
-        lengths of the paths of all agents that walk to it [m]; empty if no queue counts.
+        For a group that takes the quickest exit it is the time, else the length; infinite if there is no path.
+        ``agents`` (k,) are of the group with the number ``group``, which has e exits; their rows are ``rows`` (ROW[k]).
+        ``queues`` has, for each exit, the ascending lengths of the paths of all agents that walk to it [m]; it is ()
+        if no queue counts.
         """
         places = np.column_stack((rows["x"], rows["y"]))
         exits = self._cast.itineraries[group].exits.tolist()
@@ -219,12 +229,12 @@ class ExitChoice:
 
     def _learn(self, view: View) -> None:
         """Update the expected flows of exits that have a queue, by the numbers that left in the last second."""
-        # ``left`` and ``queued`` are numbers of agents by goal.
+        # By goal: numbers of agents that have left until now (``left``) and that are held up on their way (``queued``).
         row = view.row
         held_up = (hypot(row["vx"], row["vy"]) < HELD_UP * view.pace) & (row["goal"] >= 0)
         queued = self._ranks.sum(np.bincount(row["goal"][held_up], minlength=len(self._flows)))
         left = self._ranks.sum(self._left)
-        # Before the first agent has left at an exit, its queue says nothing.
+        # Only the queue of an exit at which an agent had left before this second says how fast it is.
         shows = (queued >= QUEUES) & (self._left_before > 0)
         # Exponential average of the numbers that left in each second.
         flow = self._flows + LEARNS * (left - self._left_before - self._flows)

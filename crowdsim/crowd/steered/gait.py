@@ -18,18 +18,19 @@ STANDS_BELOW = 0.1
 
 
 def walk_on(view: View, headings_before: NDArray[np.float64], asked: NDArray[np.float64]) -> None:
-    """Advance the phases of the gait by the step taken, and set behavior and state of all rows.
+    """Advance phases and anchors of the gait by the step taken, and set behavior and state of all rows.
 
-    ``headings_before`` (n,) are the headings before the step [rad]; ``asked`` (behaviors, 2) the turn [rad] and half
-    length with arms held in [m] that each behavior prescribes, -1 for none.
+    ``view`` holds the columns of :mod:`crowdsim.crowd.steered.components`. ``headings_before`` (n,) are the headings
+    before the step [rad]. ``asked`` (behaviors, 2) are the turn [rad] and the half length with arms held in [m] that
+    each behavior prescribes, -1 for none.
     """
     rows = view.row
     places = np.column_stack((rows["x"], rows["y"], rows["heading"]))
     velocities = np.column_stack((rows["vx"], rows["vy"]))
     turns = wrap_angle(rows["heading"] - headings_before) * STEERING_RATE
     advance_phases(places, velocities, turns, 1.0 / STEERING_RATE, view.phase, view.anchor)
-    # The behavior is the one whose turn and arms guidance prescribes, of several alike the widest; else the last,
-    # preferred one.
+    # The behavior is the one whose turn guidance prescribes, and that holds the arms in if guidance prescribes this. Of
+    # several such, it is the widest; if there is none, it is the last, preferred one.
     view.behavior[:] = len(asked) - 1
     for number, (turn, held) in enumerate(asked[:-1]):
         view.behavior[(rows["turn"] == turn) & ((rows["held"] >= 0.0) == (held >= 0.0))] = number

@@ -1,7 +1,8 @@
 """Parties walk together: members ahead wait for those behind, and members aside come closer.
 
 Parties only change the speeds and directions that their members want; the commit keeps their steps free of contact. The
-last member of a party never waits, and no member waits for long, so a party blocks nothing for good.
+last member of a party never waits, and no member waits for long, so a party blocks nothing for good. ``view`` holds the
+agents in the world: the columns of :mod:`crowdsim.crowd.steered.components`.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ ABREAST = 0.6
 """Distance to the side within which a member does not turn towards the others of its party [m]."""
 
 COMES_CLOSER = 2.0
-"""Turn towards the others for each meter that they are farther to the side [1/m], as the tangent of the angle."""
+"""Turn towards the others for each meter that they are farther to the side than ABREAST, as the tangent of the angle
+[1/m]."""
 
 TURNS_MOST = 2.0
 """Largest tangent of that angle."""
@@ -47,13 +49,13 @@ STRAIGHT = 2.0
 """Length to go below which a member heads for the goal only [m]."""
 
 PATIENCE = 15.0
-"""Time that a member waits before it goes on for as long without those behind [s]."""
+"""Time that a member waits for those behind [s]; then it goes on for as long without them."""
 
 HELD_UP = 1.0
 """Distance within which a waiting member notices stuck agents [m]."""
 
 STUCK = 0.5
-"""Time stuck above which such agents count [s]."""
+"""Time stuck above which an agent counts as stuck here [s]."""
 
 URGENCY = 8
 """Factor by which the patience of a member runs out faster while it notices a stuck agent: the members for which it
@@ -99,11 +101,14 @@ class Parties:
         return len(self._firsts) > 0
 
     def part(self, agents: Ints) -> None:
-        """Let agents (k,) walk on their own from now on."""
+        """Let agents (k,) walk on their own from now on: their parties neither wait for them nor turn to them."""
         self._alone[agents] = True
 
     def keep_together(self, view: View) -> None:
-        """Write the wanted speeds and directions of walking members of parties to their rows, after guidance."""
+        """Write the wanted speeds and directions of walking members of parties to their rows, after guidance.
+
+        Fields ``speed``, ``gx`` and ``gy`` of ROW change. Nothing changes for a member that walks without others.
+        """
         if not self:
             return
         rows = self._rows(view)
@@ -118,9 +123,9 @@ class Parties:
             self._head_for(state, at, middle_x, middle_y)
 
     def _rows(self, view: View) -> Ints:
-        """Return the rows (p, k) of walking members, NONE for others; only parties of which two or more walk.
+        """Return the rows (p, k) of the p parties of which two or more members walk; NONE for those that do not.
 
-        There are p such parties, of up to k members each.
+        A party has up to k members; in a smaller one, the last columns are NONE, too.
         """
         row_of = np.full(len(self.first), NONE, np.int64)
         # Members without a path are not waited for.
@@ -137,9 +142,9 @@ class Parties:
     def _company(self, view: View, rows: Ints, k: int) -> tuple[Floats, Floats, Floats]:
         """Return the lead of member ``k`` over the last member [m], and the vector to the middle of the others [m].
 
-        ``rows`` (p, size) are the rows of parties whose member ``k`` walks; results are (p,). For the last member, the
-        lead is minus its lag behind the next one. The middle is that of all others nearer than OUT_OF_SIGHT; without
-        any, the vector is (0, 0).
+        ``rows`` (p, size) are the rows of parties whose member ``k`` walks; results are (p,). If member ``k`` is the
+        last itself, its lead is negative: minus its lag behind the next one. The middle is that of all other members
+        nearer than OUT_OF_SIGHT; without any, the vector is (0, 0).
         """
         state, mine = view.row, rows[:, k]
         lead = np.full(len(rows), -np.inf)
@@ -154,8 +159,9 @@ class Parties:
             )
             distance = hypot(dx, dy)
             passed = view.reached[mine] - view.reached[at]
-            # Lead over the other member: by the ways left. If one of both walks to a later place already, it leads by
-            # the distance between both. A floor is periodic along one axis at most, and ways left jump by its period.
+            # Lead over the other member: the difference of the ways left. If one of the two walks to a later place
+            # already, it leads by the distance between them. A floor is periodic along one axis at most; ways left
+            # change by its period where agents cross an end.
             behind = shorter_ways(state["togo"][at] - state["togo"][mine], max(self._span))
             over = np.where(passed == 0, behind, np.sign(passed) * distance)
             lead = np.where(there, np.maximum(lead, over), lead)
@@ -167,9 +173,10 @@ class Parties:
         return lead, middle_x / many, middle_y / many
 
     def _pace(self, view: View, rows: Ints, lead: Floats) -> Floats:
-        """Return the speeds (k,) of ``rows`` (k,) with the leads ``lead`` (k,) [m] over the last member of their party.
+        """Return the speeds (k,) [m/s] of ``rows`` (k,) by their leads ``lead`` (k,) [m] over the last member.
 
-        Speeds are in m/s. Count the steps that each row waits.
+        A lead is negative for the last member. Update the number of steps that each row has waited, and whether its
+        patience is over.
         """
         agents = view.agent[rows]
         # Slow down linearly with the lead.
@@ -190,14 +197,15 @@ class Parties:
         return np.asarray(view.pace[rows] * share * hurry)
 
     def _hold_up(self, view: View, rows: Ints) -> NDArray[np.bool_]:
-        """Return which of ``rows`` have a stuck agent of another party beside them."""
+        """Return which of ``rows`` (k,) have a stuck agent of another party within HELD_UP, (k,) bool."""
         places = np.column_stack((view.row["x"], view.row["y"]))
         return stuck_beside(places, self.first[view.agent], rows, np.flatnonzero(view.row["stuck"] > STUCK))
 
     def _head_for(self, state: NDArray[Any], rows: Ints, dx: Floats, dy: Floats) -> None:
         """Turn the directions of ``rows`` (k,) towards the middle of the others, if it is to the side and in sight.
 
-        ``(dx, dy)`` (k,) lead from each row to that middle [m].
+        ``state`` (ROW[n]) are all rows, whose ``gx`` and ``gy`` change; ``(dx, dy)`` (k,) lead from each of ``rows`` to
+        that middle [m]. A row near its goal (STRAIGHT) does not turn.
         """
         gx, gy = state["gx"][rows], state["gy"][rows]
         side = gx * dy - gy * dx  # distance to the left of the way [m]
@@ -209,6 +217,7 @@ class Parties:
         at = rows[turns]
         begin = np.column_stack((state["x"][at], state["y"][at]))
         end = begin + np.column_stack((dx[turns], dy[turns]))
+        # In sight: the straight line to the middle stays on free floor.
         turns = turns[shapely.covers(self._free, shapely.linestrings(np.stack((begin, end), axis=1)))]
         tangent = np.where(side[turns] > 0.0, turn[turns], -turn[turns])
         x, y = gx[turns] - tangent * gy[turns], gy[turns] + tangent * gx[turns]

@@ -38,6 +38,7 @@ def laid_three_times(environment: Environment, span: tuple[float, float]) -> Env
         return environment
 
     def repeated(layer: ClearanceLayer) -> ClearanceLayer:
+        """Return the layer with its free area three times, one period apart."""
         copies = [translate(layer.free, k * span[0], k * span[1]) for k in (-1, 0, 1)]
         return replace(layer, free=polygons_only(shapely.union_all(copies, grid_size=_SNAPPED)))
 
@@ -59,7 +60,10 @@ class PeriodicBoundary:
             self._span = self._high - self._low
 
     def with_copies(self, rows: NDArray[Any]) -> NDArray[Any]:
-        """Return the rows (ROW), followed by copies of those near an end, moved beyond the other end."""
+        """Return ``rows`` (ROW[n]), followed by copies of those near an end, moved beyond the other end.
+
+        Copies have ids of their own and the guidance of their new places. On other floors, return ``rows`` itself.
+        """
         if self._name is None:
             return rows
         at = rows[self._name]
@@ -74,7 +78,7 @@ class PeriodicBoundary:
         return joined(rows, copies)
 
     def wrap(self, view: View) -> None:
-        """Move the agents that have left at one end to the other end, with the anchors of their gait."""
+        """Move agents that have left at one end to the other end, with the anchors of their gait; guide them anew."""
         if self._name is None:
             return
         at = view.row[self._name]
@@ -87,7 +91,10 @@ class PeriodicBoundary:
         view.anchor[left, self._axis] += by
 
     def _guide(self, rows: NDArray[Any]) -> None:
-        """Write the guidance of ``rows`` (ROW[k]) that were moved; their keys change as the lengths to go do."""
+        """Write the guidance of ``rows`` (ROW[k]) that were moved, by the first field of their goals.
+
+        The keys of those with a goal change by as much as their lengths to go.
+        """
         before = rows["togo"].copy()
         walks = rows["goal"] >= 0
         self._guidance.write(rows, np.full(len(rows), PLAIN, np.int32))

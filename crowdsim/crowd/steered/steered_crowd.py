@@ -68,9 +68,9 @@ class SteeredCrowd:
         ranks: Ranks = ONE_RANK,
     ) -> None:
         self.hash = 0
-        """64-bit hash of all states so far; of one of several processes, that of its own agents only."""
+        """64-bit hash of all states so far; if several processes share the run, of the agents of this process only."""
         self.digest = 0
-        """Sum of the digests of the rows after the last step."""
+        """Sum of the digests of the rows of this process after the last step."""
         self.ranks = ranks
         self._step = 0
         self.behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
@@ -89,7 +89,7 @@ class SteeredCrowd:
         self.entering = Entering(
             self.world, self.place, self.cast, self.exits, self.errands, self.boundary, regions, ranks
         )
-        # One by behavior, the preferred one last.
+        # Clips of the gait, one for each behavior, that of the preferred one last.
         self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
             behaviors,
@@ -149,14 +149,14 @@ class SteeredCrowd:
 
     @property
     def waiting(self) -> int:
-        """Return the number of agents that are on their way but do not move."""
+        """Return the number of agents that walk to a goal but hardly move; all processes must read it."""
         view = self.world.view()
         here = ((view.state == AgentState.WAITING) & (view.errand == Errand.WALKS)).sum()
         return int(self.ranks.sum(np.array([here], np.int64))[0])
 
     @property
     def unreachable(self) -> dict[str, str]:
-        """Return by agent the reason why it has no path."""
+        """Return by agent the reason why it has no path or cannot enter; all processes must read it."""
         lost, _ = self.ranks.together(self.world.column("agent")[self.world.column("lost_since") != NONE])
         reason = "no path leads from its position to its goal; look for obstacles in the way"
         return {
@@ -175,7 +175,7 @@ class SteeredCrowd:
     def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
         """Send agents (k,) to ``region`` instead of all their goals; they leave their parties.
 
-        ``places`` (k, 2) are their spots [m] if they are to stay.
+        If ``stays`` is True, they stay there, at their spots ``places`` (k, 2) [m]; else they leave the world there.
         """
         number = self.errands.free_goal()
         self.place.guidance.put(number, region)
@@ -208,7 +208,10 @@ class SteeredCrowd:
         view.row["speed"][walks] = speed
 
     def advance(self) -> None:
-        """Run all stages of a step, in order; rows are added and removed at ``apply_changes`` only."""
+        """Run all stages of a step, in order: events, entries, motion (:meth:`act`), hash.
+
+        Rows are added and removed at ``apply_changes``, and by exchange with other processes (:meth:`meet`).
+        """
         if self.place.apply_events(self._step, self.world.column("row")):
             self.steering.set_walls(*self.place.walls)
         self.entering.enter(self._step, self.steering)
@@ -222,7 +225,10 @@ class SteeredCrowd:
         self.hash = chained_hash(self.digest, self.place.state(), self._step, self.hash)
 
     def act(self, others: Others = NOBODY_ELSE) -> None:
-        """Guide all rows, remove those that leave, and let the rest take a step that keeps clear of ``others``."""
+        """Guide all rows, remove those that leave, and let the rest take a step that keeps clear of ``others``.
+
+        Walking rows must have their free speeds before. Rows are also exchanged with other processes.
+        """
         world, place = self.world, self.place
         view = world.view()
         # Renew a field, let agents whose wait is over go on, and reconsider exits. Then write the guidance of all rows;
@@ -304,13 +310,16 @@ class SteeredCrowd:
         return frame_of_rows(present_rows(self.world.view()), self.count)
 
     def exits_used(self, arrived: NDArray[np.int64]) -> dict[str, Any]:
-        """Return how many agents left through each exit; ``arrived`` (n,): step in which each did, NONE before."""
+        """Return how many agents left through each exit, and when the last one did.
+
+        ``arrived`` (n,) is the step in which each agent reached its last goal, NONE before.
+        """
         names, numbers = zip(*self.cast.exits.items(), strict=True) if self.cast.exits else ((), ())
         goals = self.errands.last_goals()
         return exits_summary(names, np.array(numbers, np.int32), goals, arrived, STEERING_RATE)
 
     def measure(self, frame: RecordedFrame) -> None:
-        """Add the present step to the statistics."""
+        """Add the present step to the statistics; ``frame`` is not needed."""
         view = self.world.view()
         self.statistics.add(view, self.steering)
         # Several processes measure gaps when they exchange agents; see `meet`.
@@ -321,6 +330,7 @@ class SteeredCrowd:
         """Take in the results of other processes, after the last step: arrivals, exits, and statistics."""
         ranks = self.ranks
         self.meet(np.zeros(0, np.int64))  # measures the gaps after the last step
+        # The process in which an agent arrived knows its exit.
         came = self.errands.arrived != NONE
         self.exits.goals[:] = ranks.most(np.where(came, self.exits.goals, NONE))
         self.errands.arrived[:] = ranks.most(self.errands.arrived)

@@ -108,7 +108,7 @@ class SteeredPlace:
         return state_of(self._placings)
 
     def apply_events(self, step: int, state: NDArray[Any]) -> bool:
-        """Let due events happen if no body of ``state`` (ROW) is in the way; return True if walls changed.
+        """Let due events happen if no body of ``state`` (ROW[n]) is in the way; return True if walls changed.
 
         An event that has to wait is announced: fields already lead around it, so that all agents leave its place.
         """
@@ -129,7 +129,7 @@ class SteeredPlace:
         return self.change(happening, waiting)
 
     def is_taken(self, taken: Footprints, state: NDArray[Any]) -> bool:
-        """Return True if a body of ``state`` (ROW) is in the way of a movable that is to cover ``taken``."""
+        """Return True if a body of ``state`` (ROW[n]) is within KEPT_OFF of a movable that is to cover ``taken``."""
         outline = shapely.union_all([shape for shape in taken if shape])
         return bool((shapely.distance(_cores(state), outline) < state["radius"] + KEPT_OFF).any())
 
@@ -180,7 +180,7 @@ class SteeredPlace:
         return np.asarray(shapely.contains_xy(self._standing, places))
 
     def leads_straight(self, places: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return for which positions (n, 2) no wall is on the straight line to the one in ``others`` (n, 2) [m].
+        """Return for which rows no wall is on the straight line from ``places`` to ``others``, both (n, 2) [m].
 
         Walls are those of the lowest layer, and all movables present.
         """
@@ -199,9 +199,9 @@ class SteeredPlace:
     def lead_out(self, state: NDArray[Any], lost: NDArray[np.int64]) -> None:
         """Lead rows that have no path straight away from where a movable waits to appear, if they are in its way.
 
-        ``lost`` (k,) are the rows of ``state`` (ROW) without a path. They are in the way inside of the movable's
-        outline and up to 0.5 m from it: fields lead around the outline with a clearance, so that bodies just outside
-        may have no path.
+        ``lost`` (k,) are the rows of ``state`` (ROW[n]) without a path; ``gx`` and ``gy`` of those in the way change.
+        Rows are in the way inside of the movable's outline and up to 0.5 m from it: fields lead around the outline with
+        a clearance, so that bodies just outside may have no path.
         """
         if not self._announced or not len(lost):
             return
@@ -210,7 +210,8 @@ class SteeredPlace:
         inside = shapely.contains(outline, places)
         near = inside | (shapely.distance(outline, places) < 0.5)
         ends = shapely.get_coordinates(shapely.shortest_line(places, outline.boundary)).reshape(-1, 2, 2)
-        # Head for the nearest point of the outline; from outside, in the opposite direction.
+        # Head for the nearest point of the outline; from outside, in the opposite direction. On the outline itself
+        # there is no direction.
         away = np.where(inside[:, None], 1.0, -1.0) * (ends[:, 1] - ends[:, 0])
         length = np.sqrt((away * away).sum(axis=1))
         go = near & (length > 0.0)
@@ -218,7 +219,7 @@ class SteeredPlace:
         state["gx"][rows], state["gy"][rows] = (away[go] / length[go][:, None]).T
 
     def refresh(self, step: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Renew the field to the goal whose turn it is in the present crowd, if it is time; agents may change to it.
+        """If it is time, renew the field to the goal whose turn it is, in the present crowd; agents may change to it.
 
         ``state`` (ROW[n]) are the agents of this process; ``following`` (n,), the numbers of the fields that they
         follow, is updated.
@@ -240,7 +241,7 @@ class SteeredPlace:
         following[:] = followed[mine]
 
     def _footprints(self, movable: int, placing: Placing) -> Footprints:
-        """Return the area that a movable covers on each layer if it stands at ``placing``."""
+        """Return the area that a movable covers on each layer if it stands at ``placing``, None for no area."""
         return footprints_of(self.agenda.timetable.movables[movable], self._layers, placing)
 
     def _union_of_things(self) -> BaseGeometry:
@@ -277,7 +278,7 @@ def _union(things: Sequence[Footprints]) -> BaseGeometry:
 
 
 def _bytes_of(arrays: Sequence[Any]) -> int:
-    """Return the bytes of the arrays among some values."""
+    """Return the bytes of the arrays among some values, such as the fields of Walls."""
     return sum(each.nbytes for each in arrays if isinstance(each, np.ndarray))
 
 
@@ -289,6 +290,6 @@ def _cores(state: NDArray[Any]) -> Any:
 
 
 def _window_of(taken: Sequence[BaseGeometry | None]) -> Bounds:
-    """Return left, bottom, right and top of the areas of a movable on all layers [m]."""
+    """Return left, bottom, right and top of the areas of a movable on all layers together [m]; None is no area."""
     bounds: Bounds = tuple(shapely.total_bounds([shape for shape in taken if shape]).tolist())
     return bounds

@@ -87,11 +87,14 @@ class Events:
 
 
 def reserved_lines(timelines: NDArray[np.float64], starts: NDArray[np.int64], slot: int) -> NDArray[Any]:
-    """Return the rest of reserved timelines (N, K, 13), from ``slot`` on, as (N,) lines.
+    """Return the rest of N reserved timelines, from ``slot`` on, as (N,) lines of shapely [m].
 
-    ``starts`` (N,) are the slots of their first samples. A timeline that is over gives a line of length 0.
+    ``timelines`` (N, K, SAMPLE) hold K samples each, of which x and y are used; see
+    :data:`crowdsim.crowd.state.components.SAMPLE`. ``starts`` (N,) are the slots of their first samples. A timeline
+    that is over gives a line of length 0.
     """
-    # Indices of the samples, clamped: a timeline stays at its last sample.
+    # Indices of the samples, clamped: a timeline that starts after ``slot`` counts as a whole, and one that ends before
+    # the line has K points stays at its last sample.
     last = timelines.shape[1] - 1
     first = np.clip(slot - starts, 0, last)
     ahead = np.minimum(first[:, None] + np.arange(last + 1), last)

@@ -42,7 +42,10 @@ def pack_bodies(block: Block, skeleton: Skeleton, most_present: int) -> dict[str
 
 
 def pack_looks(block: Block, skeleton: Skeleton, agents: Ints) -> None:
-    """Add the looks of ``agents`` (n,) to the block: colors of tissues; stature, girth [m], and shade of the shirt."""
+    """Add the looks of ``agents`` (n,) to the block: ``looks`` (n, tissues, 3) RGB, and ``builds`` (n, 3).
+
+    The columns of ``builds`` are stature (a multiple of the skeleton's), girth [m], and shade of the shirt.
+    """
     count = int(agents.max(initial=-1)) + 1
     block.add("looks", looks_of(count)[agents])
     block.add("builds", np.column_stack([builds_of(count, skeleton), shades_of(count)])[agents].astype(np.float32))

@@ -74,7 +74,11 @@ def pack_feet(block: Block, recording: Recording, chosen: Chosen, played: Ints, 
 def _feet_in_step(
     recording: Recording, table: FootTable, chosen: Chosen, step: int, scale: Floats
 ) -> tuple[Ints, Ints, Ints, Ints, Ints, Ints]:
-    """Return the columns of :func:`pack_feet` of the captured agents in a step; poses in units of ``scale`` (3,)."""
+    """Return the columns of :func:`pack_feet` of the m captured agents in a step, (2 m,) each, left foot first.
+
+    They are mode, first frame and number of frames of a fading foot [1 / FRAMES of a frame], and the displacement x, y
+    and turn, coded by zigzag. ``scale`` (3,) holds the units of the displacement, per meter, meter and radian.
+    """
     now = played_in(RecordedFrame(*(getattr(recording, name)[step][chosen.agents] for name in RecordedFrame._fields)))
     some = np.flatnonzero(now.node != NONE)
     now = Played(now.node[some], now.previous[some], now.frame[some], now.track[some])
@@ -91,7 +95,11 @@ def _feet_in_step(
 
 
 def _moved(recording: Recording, table: FootTable, now: Played, states: Floats) -> Floats:
-    """Return the displacements (2 n, 3) of standing feet from where n bodies are posed: x, y [m] and turn [rad]."""
+    """Return the displacements (2 n, 3) of standing feet from where n bodies are posed: x, y [m] and turn [rad].
+
+    ``states`` (2 n, COLUMNS) are those of both feet, left first, with the columns that
+    :mod:`crowdsim.motion.planted.pin_kernels` names. Rows of feet that do not stand mean nothing.
+    """
     poses = recording.pose_table
     positions = np.empty((len(now.node), len(poses.parents), 3), np.float32)
     rotations = np.empty((len(now.node), len(poses.parents), 4), np.float32)
@@ -112,7 +120,10 @@ def _moved(recording: Recording, table: FootTable, now: Played, states: Floats) 
 
 
 def _place_in_clip(recording: Recording, table: FootTable, node: NDArray[np.int32], frame: Floats, foot: int) -> Floats:
-    """Return places (n, 3) of a foot [m], [rad] in frames (n,) of nodes (n,), interpolated between rows."""
+    """Return places (n, 3) of a foot in frames (n,) of nodes (n,), interpolated between rows: x, y [m], heading [rad].
+
+    They are relative to the first rows of the nodes.
+    """
     poses = recording.pose_table
     whole = np.minimum(np.floor(frame).astype(np.int64), poses.node_frames[node])
     first = poses.node_first[node].astype(np.int64)

@@ -75,7 +75,7 @@ def _add_mesh(block: Block, name: str, mesh: FlatMesh) -> None:
 
 
 def _pack_movables(block: Block, recording: Recording, chosen: Chosen) -> NDArray[np.float64]:
-    """Add the meshes of movables, one for each time that a movable has one footprint.
+    """Add the meshes of movables, one for each span of steps in which a movable has the same footprint.
 
     Each vertex comes with two steps, counted from the first of the page: the first one in which its mesh is shown, and
     the one after the last. Return the corners (n, 3) of all triangles [m].
@@ -133,6 +133,7 @@ def pack_paths(block: Block, recording: Recording, chosen: Chosen) -> int:
     """
     rows = {agent: row for row, agent in enumerate(chosen.agents.tolist())}
     last = chosen.first + chosen.steps
+    # A path of one point has nothing to draw.
     paths = [path for path in recording.paths if path.agent in rows and path.step < last and len(path.points) > 1]
     # Keep the path that each agent follows at the first step, and all later ones.
     latest = {path.agent: path.step for path in paths if path.step <= chosen.first}
@@ -188,7 +189,7 @@ def pack_density(block: Block, recording: Recording, chosen: Chosen, bounds: dic
     for first in range(chosen.first, chosen.first + chosen.steps, _STEPS_AT_ONCE):
         rows = slice(first, min(first + _STEPS_AT_ONCE, chosen.first + chosen.steps))
         x, y = recording.x[rows][:, chosen.agents], recording.y[rows][:, chosen.agents]
-        here = recording.state[rows][:, chosen.agents] > 0
+        here = recording.state[rows][:, chosen.agents] > 0  # 0 is ABSENT
         column = np.clip(((x[here] - low[0]) / cell).astype(np.int64), 0, columns - 1)
         line = np.clip(((y[here] - low[1]) / cell).astype(np.int64), 0, lines - 1)
         total += np.bincount(line * columns + column, minlength=len(total))

@@ -96,8 +96,9 @@ def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> PackedS
     """Add the stretches in which agents are steered to the block; return them with the phases of their bodies.
 
     Each of ``parts`` holds agents (A,), as indices into those of the page, and their stretches, whose columns are
-    indices into these (A,). The four rows of a stretch ascend: begin, first, end, stop. ``begin`` is written as it is,
-    each of the others as its difference from the one before. Phases are coded with the tracks.
+    indices into these (A,), and whose rows are steps of the page. Four steps of a stretch ascend: begin, first, end,
+    stop. ``begin`` is written as it is, each other one as its difference from the one before. Phases are coded with the
+    tracks.
     """
     columns: list[list[Ints]] = [[], [], [], [], []]
     phases: list[NDArray[np.float64]] = []

@@ -53,7 +53,7 @@ def zigzag(values: Ints) -> Ints:
 
 
 def varints(values: Ints) -> NDArray[np.uint8]:
-    """Encode integers >= 0 with seven bits per byte, the lowest first; the highest bit says that more bytes follow."""
+    """Encode integers >= 0 (n,) with seven bits per byte, the lowest first; the top bit says that more bytes follow."""
     values = np.asarray(values, np.int64)
     if not len(values):
         return np.zeros(0, np.uint8)

@@ -60,7 +60,7 @@ class _Scene:
         self._bodies: dict[int, int] = {}
         times = np.arange(len(choice.steps)) / choice.rate
         self._times = times.astype(np.float32)
-        self._time_view = self._buffer.add_view(self._times) if len(times) else -1
+        self._time_view = self._buffer.add_view(self._times) if len(times) else -1  # not used without frames
         self._looks = paints(VARIETY)
         self._add_place()
         self._add_body()
@@ -141,7 +141,7 @@ class _Scene:
         return self._bodies[look]
 
     def add_character(self, motion: BodyMotion) -> None:
-        """Add an agent with its skeleton, skin and motion."""
+        """Add an agent with its skeleton, skin and motion; agents with the same look share a mesh."""
         skeleton, agent = self._skeleton, motion.agent
         # Quaternions as (x, y, z, w). Joints that never turn get a rotation of their node instead of an animation.
         packed = np.rint(motion.rotations[..., [1, 2, 3, 0]] * _FULL).astype(np.int16)
@@ -166,7 +166,7 @@ class _Scene:
         turning = np.flatnonzero(~still)
         times = self._time_accessor(motion.frames)
         columns = np.ascontiguousarray(packed[:, turning].transpose(1, 0, 2))
-        view = self._buffer.add_view(columns) if len(turning) else -1
+        view = self._buffer.add_view(columns) if len(turning) else -1  # not used if no joint turns
         for place, joint in enumerate(turning.tolist()):
             values = self._buffer.add_accessor(view, columns[place], place * columns[place].nbytes, normalized=True)
             self._animate(first + joint, "rotation", times, values)

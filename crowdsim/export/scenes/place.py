@@ -92,12 +92,16 @@ def _part(name: str, paint: Paint, mesh: FlatMesh, shown: tuple[int, ...] | None
 
 
 def _stands(recording: Recording, choice: Choice) -> list[tuple[SolidRecord, tuple[int, ...]]]:
-    """Return each movable at each of its positions, and the frames at which it appears and disappears there."""
+    """Return each movable at each of its positions, and the frames at which it appears and disappears there.
+
+    Positions are left out at which it is in no frame of the choice.
+    """
     steps = choice.steps
     # Frames at which each movable appears and disappears, in turn, by its footprint; and the present footprint of each.
     stands: dict[tuple[int, str], list[int]] = {}
     standing: dict[int, str] = {}
     for change in recording.changes:
+        # The first frame in or after the step of the change.
         frame = int(np.searchsorted(steps, change.step))
         before = standing.pop(change.movable, None)
         if before is not None:

@@ -310,6 +310,7 @@ class ShownBodies(ABC):
 
     @cached_property
     def _node_tracks(self) -> NodeTracks:
+        """Return the tracks of all nodes; without rows if the recording is too old to have them."""
         from crowdsim.recording.shown.planted_feet import tracks_of
 
         return tracks_of(self.header.motion)
@@ -332,6 +333,7 @@ class ShownBodies(ABC):
 
     @cached_property
     def _steered_poses(self) -> SteeredPoses:
+        """Return the poses of steered agents, which are planned block by block."""
         from crowdsim.recording.shown.steered_poses import SteeredPoses
 
         return SteeredPoses(self, self.gait_clips)
@@ -350,6 +352,7 @@ class ShownBodies(ABC):
 
     @cached_property
     def _switch_blends(self) -> SwitchBlends:
+        """Return the blends of bodies after switches between the levels."""
         from crowdsim.recording.shown.switch_blends import SwitchBlends
 
         return SwitchBlends(self, self.switches, self._steered_poses)

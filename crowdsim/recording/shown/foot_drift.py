@@ -61,8 +61,8 @@ def shown_stances(recording: ShownBodies, rate: int = RATE) -> Stances:
         raise no_tracks_in(recording.name)
     tracks = motion.pool_tracks.astype(np.float64)
     rows = planted_rows(recording.pose_table, motion.skeleton, tracks)
-    # Feet that stand, by agent and foot: when that began, and the moves (shown, own) since then. Then the stances that
-    # have ended: agent and foot, begin, end, moves.
+    # Feet that stand, by agent and foot: the time at which they came to stand [s], and the moves (shown, own) since
+    # then. Then the stances that have ended: agent and foot, begin and end [s], moves.
     standing: dict[tuple[int, int], tuple[float, list[tuple[Floats, Floats]]]] = {}
     found: list[tuple[tuple[int, int], float, float, list[tuple[Floats, Floats]]]] = []
     before: _Moment | None = None
@@ -105,8 +105,8 @@ def _moves(
 ) -> dict[tuple[int, int], tuple[Floats, Floats]]:
     """Return how far each foot that stands moves between two moments, as shown and in its clips, by agent and foot.
 
-    Each is a displacement (2,) in the world [m]. ``tracks`` (T, 3) are the header's ``pool_tracks``, ``ends`` its ends
-    of a periodic floor.
+    Only agents are taken that are captured at both moments. Values are two displacements (2,) in the world [m]: as
+    shown, and in clips. ``tracks`` (T, 3) are the header's ``pool_tracks``, ``ends`` its ends of a periodic floor.
     """
     both, old, new = np.intersect1d(before.agents, now.agents, assume_unique=True, return_indices=True)
     node, old_node, at, old_at = now.node[new], before.node[old], now.at[new], before.at[old]
@@ -130,14 +130,15 @@ def _moves(
 def _in_clip(
     rows: PlantedRows, tracks: Floats, node: NDArray[np.int32], span: tuple[Floats, Floats], heading: Floats, at: Floats
 ) -> Floats:
-    """Return how far points of the feet move in clips from frame ``span[0]`` to ``span[1]`` of nodes (n, 2, P, 2) [m].
+    """Return the displacements (n, 2, P, 2) of points of the feet in clips [m], turned as bodies are in the world.
 
-    The clips are turned to the directions ``heading`` (n,) that bodies have at frames ``at`` [rad]; ``tracks`` (T, 3)
-    are the header's ``pool_tracks``.
+    They go from frame ``span[0]`` (n,) of ``node`` (n,) to frame ``span[1]`` (n,). ``heading`` (n,) are the headings
+    that bodies have at frames ``at`` (n,) [rad]. ``tracks`` (T, 3) are the header's ``pool_tracks``.
     """
     first = rows.table.node_first[node]
     begin, end = (_between_rows(rows.feet.points, first, frames)[..., :2] for frames in span)
     turn = np.zeros((len(node), 1, 1, 3))
+    # By the heading in the clip, that of the nearest row.
     turn[:, 0, 0, 2] = heading - tracks[first + np.rint(at).astype(np.int64), 2]
     return transform_points(turn, end - begin)
 

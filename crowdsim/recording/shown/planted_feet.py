@@ -81,27 +81,29 @@ class PlantedFeet:
             ticks.append(_ticks((step - 1.0 + share) / recording.steps_per_second))
             events.append(state)
         row, tick, event = np.concatenate(rows), np.concatenate(ticks), np.concatenate(events)
-        # Row and tick in one number, sorted by row, then by time; ticks are less than _most.
+        # Row (2 * agent + foot) and tick in one number, sorted by row, then by time; ticks are less than _most.
         self._most = int(tick.max(initial=0)) + 2
         key = row * self._most + tick
         order = np.argsort(key, kind="stable")
         self._keys, self._rows, self._events = key[order], row[order], event[order]
 
     def states_at(self, time: float, agents: Ints, node: NDArray[np.int32], frame: Floats) -> Floats:
-        """Return the states (n, 2, COLUMNS) of the feet of ``agents`` (n,), which play ``frame`` of ``node`` (n,).
+        """Return the states (n, 2, COLUMNS) of the feet of ``agents`` (n,), which play ``frame`` (n,) of ``node`` (n,).
 
-        ``time`` is the time in the recording [s]. The state is zeros, for a foot that is not corrected, if no change
-        holds in its frame.
+        ``time`` is the time in the recording [s]. :mod:`crowdsim.motion.planted.pin_kernels` names the columns. If no
+        change holds in its frame, the state of a foot is zeros: the foot is not corrected.
         """
         states = np.zeros((len(agents), 2, COLUMNS))
         if not len(self._keys):
             return states
+        # Limited, so that no number is that of the next row.
         tick = min(int(_ticks(time)), self._most - 1)
         for foot in (0, 1):
             row = 2 * agents + foot
             last = np.searchsorted(self._keys, row * self._most + tick, side="right") - 1
             missing = np.ones(len(agents), bool)
-            # Rounding may put a change just before or behind the time: it holds in its own node only.
+            # Take the last change up to the time that holds: only in its own node, and from its frame on. Rounding may
+            # put a change just before or behind the time (by up to 1e-3 frames), so also try the changes beside it.
             for number in (last, last - 1, last + 1):
                 place = np.clip(number, 0, len(self._keys) - 1)
                 found = self._events[place]

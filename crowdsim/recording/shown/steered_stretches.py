@@ -20,6 +20,8 @@ CONTINUED = 2.0
 """Time before and after a stretch over which it is extended [s]: about two cycles."""
 _QUICKEST = 2.4
 """Phase rate above which the phase of a node jumps, as it may while the body stands [cycles/s]."""
+_JUMP = 0.25
+"""Phase difference of two frames above which the phase jumps between them [cycles]. Walking advances it by far less."""
 IN_STEP = 0.8
 """Time after a switch, and before one, over which a steered gait gets in phase with the nodes [s]."""
 _OUT_OF_STEP = 0.2
@@ -125,15 +127,20 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
 def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rate: int) -> Stretches:
     """Return the stretches with phases equal to those of the nodes at both switches, and their own after IN_STEP.
 
-    Phases that differ there by more than _OUT_OF_STEP stay. Short stretches have their own phases in their middle only.
+    If the phases differ by more than _OUT_OF_STEP at a switch, or no node is played there, they stay as they are. Short
+    stretches have their own phases in their middle only. No phase goes back.
+
     ``played`` (rows, columns) are the phases of nodes, as of :func:`played_phases`; ``rate`` the steps per second.
-    ``since`` and ``until`` (N,) are the rows from the first steered row, and to the first captured one, of each phase.
+    ``since`` (N,) is the number of rows from the first steered row of a stretch to that of each phase, ``until`` (N,)
+    from there to the first captured row after the stretch. In extended rows, ``since`` is below 0 before the stretch,
+    and ``until`` is 0 or below 0 after it.
     """
     counts = stretches.stops - stretches.begins
     # Rows that a correction takes: at most half of the stretch, so that those of both ends do not meet.
     most = np.minimum(IN_STEP * rate, 0.5 * (stretches.ends - stretches.firsts))
     phases = stretches.phases.copy()
-    # At either end of a stretch: phase difference to the node, to the nearest whole cycle, times 1 - smoothstep.
+    # At either end of a stretch: phase difference to the node, less whole cycles, times 1 - smoothstep of the distance
+    # ``far`` from that end [rows]. Rows beyond the end get the whole difference.
     for meeting, far in ((stretches.firsts, since + 1), (stretches.ends, until)):
         row = np.minimum(meeting, stretches.stops - 1)
         off = played[row, stretches.columns] - stretches.phases_at(np.arange(len(row)), row)
@@ -152,7 +159,11 @@ def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rat
 def played_phases(
     recording: RecordedTracks, levels: NDArray[np.int8], node: NDArray[np.int32], frame: NDArray[np.float32]
 ) -> Floats:
-    """Return the phases of the frames that captured agents play, in [0, 1) cycles, shaped as ``node``; else nan."""
+    """Return the phases of the frames that captured agents play, in [0, 1) cycles; nan for all others.
+
+    ``levels``, ``node`` and ``frame``, and the phases, are arrays of one shape. ``frame`` may lie between two frames.
+    If the phase jumps between them, as it may while a body stands, the nearer frame gives it.
+    """
     motion = recording.header.motion
     captured = levels == Level.CAPTURED
     node, frame = np.where(captured, node, 0), np.where(captured, frame, 0.0).astype(np.float64)
@@ -161,19 +172,24 @@ def played_phases(
     before, after = (
         motion.pool_phases[some].astype(np.float64) for some in (rows, rows + (whole < motion.node_frames[node]))
     )
-    # Interpolate between two frames along the shorter arc: they are less than half a cycle apart.
-    phases = np.mod(before + (frame - whole) * (np.mod(after - before + 0.5, 1.0) - 0.5), 1.0)
+    # Interpolate along the shorter arc, but not across a jump by about half a cycle, in which a foot would swing.
+    share, arc = frame - whole, np.mod(after - before + 0.5, 1.0) - 0.5
+    share = np.where(np.abs(arc) > _JUMP, np.rint(share), share)
+    phases = np.mod(before + share * arc, 1.0)
     return np.where(captured, phases, np.nan)
 
 
 def phase_advances(levels: NDArray[np.int8], phase: Floats, played: Floats, rate: int) -> Floats:
     """Return the advance of phases (rows, N) from the row before [cycles], on any level; 0 in the first row.
 
-    ``phase`` holds the phases of steered agents, ``played`` those of captured ones in [0, 1). Across a switch the phase
-    advances as in the steered step next to it.
+    ``levels``, ``phase`` and ``played`` are (rows, N). ``phase`` holds the phases of steered agents, ``played`` those
+    of captured ones in [0, 1); both are nan for others. Across a switch the phase advances as in the steered step next
+    to it, or at _USUAL if there is none. It does not advance if the phase of a node jumps, nor from or to a row in
+    which the agent is NOBODY. ``rate`` is in steps per second.
     """
     ahead = np.zeros(levels.shape)
-    # Levels of a row and the one before: 3 both steered, 2 becomes steered, 1 becomes captured, 0 both captured.
+    # Levels of a row and the one before: 3 both steered, 2 becomes steered, 1 becomes captured, 0 both captured. Absent
+    # agents (-1) also give some of these; they are set to 0 below.
     both = levels[1:] * 2 + levels[:-1]
     steered = np.diff(phase, axis=0)
     usual = _USUAL / rate
@@ -192,7 +208,10 @@ def phase_advances(levels: NDArray[np.int8], phase: Floats, played: Floats, rate
 
 
 def _runs(there: NDArray[np.bool_]) -> tuple[Ints, Ints, Ints]:
-    """Return columns, first rows and ends of all runs of True in the columns of an array, column by column."""
+    """Return column, first row, and row after the last of all runs of True in the columns of ``there`` (rows, columns).
+
+    Runs are sorted by column, then by row.
+    """
     edge = np.zeros((1, there.shape[1]), bool)
     changes = np.diff(np.concatenate([edge, there, edge]).astype(np.int8), axis=0).T
     columns, firsts = np.nonzero(changes > 0)

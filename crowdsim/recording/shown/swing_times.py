@@ -28,7 +28,7 @@ LONGEST = max(_STANDS) + _LITTLE_STEP
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_STANDING, _LATE, _SWINGING, _RIGHT = 0, 1, 2, 3
+_STANDING, _LATE, _SWINGING, _DONE = 0, 1, 2, 3
 """States of a foot after a switch: planted with its offset; in a swing that began before the switch; in a swing that
 removes the offset; without offset."""
 
@@ -55,7 +55,7 @@ class SwingTimes(NamedTuple):
 
 
 def swing_times_after(recording: RecordedTracks, switches: Switches, some: Ints) -> SwingTimes:
-    """Return the times of the feet after the switches ``some`` (n,) of ``switches``, at least one."""
+    """Return the times of the feet after the switches ``some`` (n,), rows of ``switches``, at least one."""
     rate = recording.steps_per_second
     # Follow each foot through its states, row by row; rows are steps from the switch on. At first, all feet are held
     # until they take a small step.
@@ -74,17 +74,19 @@ def swing_times_after(recording: RecordedTracks, switches: Switches, some: Ints)
         # Part of the step after which it lifts (phase STANCE) or lands (phase 1), and the time of that.
         part = np.clip(np.where(lifts, STANCE - shares[row], 1.0 - shares[row]) / np.maximum(ahead, 1e-9), 0.0, 1.0)
         at = now + part / rate
-        # A planted foot lifts: its offset vanishes until it lands, or for a usual swing if the landing is not recorded.
+        # A planted foot lifts before its small step: its offset vanishes until it lands, or over a usual swing if the
+        # landing is not recorded.
         begins = lifts & (state == _STANDING) & (at < hold)
         hold, end = np.where(begins, at, hold), np.where(begins, at + _USUAL_SWING, end)
         # A foot that was swinging at the switch lands: use the rest of that swing if it is long enough.
         in_time = lands & (state == _LATE) & (at - times[:, None] >= _SHORTEST_SWING)
         hold = np.where(in_time, times[:, None], hold)
         end = np.where(in_time, np.minimum(at, times[:, None] + FADE), end)
-        # The swing ends in which an offset vanishes; a phase that jumps must not end it at once.
+        # A foot lands whose offset vanishes in this swing: the swing ends. It takes _SHORTEST_SWING at least, as the
+        # phase may have jumped over the swing.
         landed = lands & (state == _SWINGING)
         end = np.where(landed, np.maximum(at, hold + _SHORTEST_SWING), end)
-        state = np.where(begins, _SWINGING, np.where(in_time | landed, _RIGHT, state))
+        state = np.where(begins, _SWINGING, np.where(in_time | landed, _DONE, state))
         # A late foot that lands too soon keeps its offset and waits for the next swing.
         state = np.where(lands & (state == _LATE), _STANDING, state)
     # Feet that swing at the switch, and whose landing is not recorded, lose their offset with the rest of the body.
@@ -99,9 +101,9 @@ def _foot_phases(
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the phase (T, n, 2) of each foot in its own cycle, 0 when it lands, in the T steps from each switch on.
 
-    Phases are in [0, 1) cycles. The switches are ``some`` (n,). Once the level has changed again, phases are 0 (left)
-    and 0.5 (right). Also return (T, n) bool: whether the agent has stayed on the new level until then, and whether it
-    is absent.
+    Phases are in [0, 1) cycles. The switches are ``some`` (n,), rows of ``switches``. Also return (T, n) bool: whether
+    the agent has stayed on the new level up to each step, and whether it is absent in it. From the step on in which it
+    has left that level, or beyond the end of the recording, phases are 0 (left) and 0.5 (right).
     """
     rate = recording.steps_per_second
     shown, agents, steered = switches.shown[some], switches.agents[some], switches.steered[some]

@@ -53,6 +53,7 @@ class SwitchBlends:
         self._steered = steered
         self._skeleton = recording.header.motion.skeleton
         rate = recording.steps_per_second
+        # Block of time in which each switch is shown.
         self._block_of = switches.shown * TICKS_PER_SECOND // rate // BLOCK_TICKS
         self._blocks: dict[int, _Block] = {}
 
@@ -79,7 +80,7 @@ class SwitchBlends:
         changed : (n,) bool
             Agents that a switch still affects.
         positions, rotations : (m, J, 3), (m, J, 4) float64
-            World positions [m] and rotations of their joints.
+            Joints of the m agents that are changed, in the world: positions [m], and rotations (w, x, y, z).
         """
         while len(self._blocks) > _BLOCKS_KEPT:
             del self._blocks[next(iter(self._blocks))]
@@ -107,7 +108,10 @@ class SwitchBlends:
         return times
 
     def _left(self, numbers: Ints, time: float | Floats) -> NDArray[np.bool_]:
-        """Return (n,) whether an offset of each switch is left at ``time`` [s]."""
+        """Return (n,) whether an offset of each switch is left at ``time`` [s], one for all or (n,).
+
+        None is left from the time on at which the agent disappears.
+        """
         left = np.zeros(len(numbers), bool)
         times = np.broadcast_to(np.asarray(time, np.float64), left.shape)
         for number in np.unique(self._block_of[numbers]).tolist():
@@ -118,7 +122,7 @@ class SwitchBlends:
         return left
 
     def _offsets(self, numbers: Ints) -> Offsets:
-        """Return the offsets of switches ``numbers``, in their order."""
+        """Return the offsets of switches ``numbers`` (n,), in their order; measure those that are not measured yet."""
         parts, order = [], []
         for number in np.unique(self._block_of[numbers]).tolist():
             mine = np.flatnonzero(self._block_of[numbers] == number)
@@ -131,7 +135,7 @@ class SwitchBlends:
         return Offsets(*(np.concatenate(values)[back] for values in zip(*parts, strict=True)))
 
     def _block(self, number: int) -> _Block:
-        """Return all switches that are shown in a block of time."""
+        """Return all switches that are shown in a block of time; keep the block."""
         if number not in self._blocks:
             numbers = np.flatnonzero(self._block_of == number)
             feet = swing_times_after(self._recording, self._switches, numbers)
@@ -244,7 +248,11 @@ def _put(into: Body, mine: NDArray[np.bool_], body: Body) -> None:
 
 
 def _empty(times: Floats, feet: SwingTimes, joints: int) -> Offsets:
-    """Return zero offsets with their times and those of the feet; the rest is measured later."""
+    """Return zero offsets with their times and those of the feet; the rest is measured later.
+
+    ``times`` (n,) are those of the switches [s], ``joints`` is the number of joints.
+    """
+    # Shapes of the other fields of Offsets, in their order: eight before ``hold``, and ``rise``.
     shapes = ((3,), (3,), (joints, 3), (joints, 3), (2, 3), (2, 3), (2,), (2, 3), (2,))
     values = [np.zeros((len(times), *shape)) for shape in shapes]
     return Offsets(*[times, *values[:8], feet.hold, feet.end, values[8]])

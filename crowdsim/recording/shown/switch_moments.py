@@ -44,7 +44,8 @@ def choose_moments(recording: RecordedTracks, switches: Switches) -> Switches:
     follows = np.append(False, switches.agents[1:] == switches.agents[:-1])
     before, after = np.append(0, steps[:-1]), np.append(steps[1:], 0)
     kept = _keep_their_step(switches, follows, rate)
-    # First and last captured step in which each may be shown, and the last one in which it should be.
+    # First and last captured step in which each may be shown, of the captured time before a switch to steered or after
+    # one to captured; and the last step in which it should be shown.
     low = np.where(steered, steps - 1 - round(_EARLIEST * rate), steps)
     low = np.maximum(low, np.where(follows, before, 0))
     high = np.where(steered, steps - 1, steps + round(_LATEST * rate))
@@ -83,8 +84,8 @@ def _keep_their_step(switches: Switches, follows: NDArray[np.bool_], rate: int) 
     """Return (S,) which switches are not moved: those around a steered time that is too short to come in step.
 
     follows: (S,) whether a switch is of the same agent as the one before it. rate: steps per second [1/s]. A gait comes
-    in step during IN_STEP after a steered time begins, and before it ends. If one of the two switches around a short
-    captured time is not moved, neither is the other, as both would be shown at one moment.
+    in step during IN_STEP after a steered time begins, and again during IN_STEP before it ends. If one of the two
+    switches around a short captured time is not moved, neither is the other, as both would be shown at one moment.
     """
     steps, steered = switches.steps, switches.steered
     close = np.flatnonzero(follows[1:] & steered[:-1] & (np.diff(steps) < round(2.0 * IN_STEP * rate)))

@@ -181,7 +181,10 @@ def feet_of_body(skeleton: Skeleton, body: Body) -> Feet:
 
 
 def faded(skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats) -> Body:
-    """Return the bodies ``new`` of new motions at ``time`` [s] with what is left of their ``offsets`` added."""
+    """Return the bodies ``new`` of n new motions at ``time`` [s], with what is left of their ``offsets`` added.
+
+    ``time`` is one for all, or (n,). Before its switch, a body has the whole offset.
+    """
     since = np.maximum(time - offsets.times, 0.0)
     keep, drift = _weights(since, np.full(len(since), FADE))
     roots = new.roots + keep[:, None] * offsets.roots + drift[:, None] * offsets.root_speeds
@@ -196,7 +199,7 @@ def _foot_targets(
 ) -> tuple[Feet, Floats]:
     """Return the feet of ``new`` with their offsets at ``time`` [s] added, and their ankles (n, 2, 3) [m].
 
-    ``keep`` (n,) is the share of the offsets of whole bodies that is left.
+    ``time`` is one for all n bodies, or (n,). ``keep`` (n,) is the share of the offsets of whole bodies that is left.
     """
     places, _ = forward_kinematics(skeleton, new.roots, new.rotations)
     ankles = [skeleton.joint(f"{side}_ankle") for side in ("left", "right")]

@@ -34,7 +34,10 @@ class Switches(NamedTuple):
     steered: NDArray[np.bool_]
 
     def last(self, agents: Ints, step: int | Ints) -> Ints:
-        """Return (n,) the row of the latest switch of each of ``agents`` shown by ``step``; NONE if there is none."""
+        """Return (n,) the row of the latest switch of each of ``agents`` (n,) that is shown in ``step`` or before.
+
+        NONE if there is none. ``step`` is one for all, or (n,).
+        """
         # Agent and step in one sorted number: agent * most + step, with ``most`` above all steps shown. Later steps are
         # limited, so that their numbers are those of no other agent. NONE in front is found if nothing else is.
         most = int(self.shown.max(initial=0)) + 1
@@ -44,8 +47,11 @@ class Switches(NamedTuple):
         return last
 
     def at(self, agents: Ints, steps: Ints) -> Ints:
-        """Return (n,) the row of the switch that each of ``agents`` makes in ``steps`` (n,); NONE if it makes none."""
-        # Numbers as in last(). Beyond all numbers, the -1 at the end is found, which equals none.
+        """Return (n,) the row of the switch that each of ``agents`` (n,) makes in ``steps`` (n,).
+
+        NONE if it makes none then.
+        """
+        # Numbers as in last(). Beyond all numbers, the -1 at the end is found, which equals no number.
         most = int(max(self.steps.max(initial=0), np.max(steps, initial=0))) + 1
         numbers = np.append(self.agents * most + self.steps, -1)
         wanted = agents * most + steps

@@ -172,9 +172,10 @@ def _read_part(
 
 
 def _across(places: NDArray[np.float64], starts: Ints, ends: Ends) -> NDArray[np.float64]:
-    """Return the coordinates of concatenated tracks along the axis of a periodic floor, continued across its ends.
+    """Return the coordinates of concatenated tracks along the axis of a periodic floor, continued across its ends [m].
 
-    ``starts`` (A + 1,) are the indices at which the tracks begin, and the number of all coordinates.
+    ``places`` (N,) are the coordinates wrapped into the floor. ``starts`` (A + 1,) are the indices at which the tracks
+    begin, and N.
     """
     if not len(places):
         return places
@@ -206,15 +207,15 @@ def _needed(
         phase[starts[:-1] + np.clip(tick - first_ticks, 0, lengths - 1)] if len(lengths) else np.zeros(0)
         for tick in (block_first, block_end)
     )
-    # Smoothing needs samples beyond each end at which the track was cut.
+    # Keep samples from the last one that is _CYCLES before the block to the first one that is as far after it, and
+    # _SPARE more. Smoothing needs ``reach`` samples beyond each end at which the track was cut: do not keep these.
     reach = smoothing_reach()
     earlier = np.bincount(body, phase <= (at_first - _CYCLES)[body], len(lengths)).astype(np.int64)
     lacking = cut_before & (earlier <= reach + _SPARE)
     begin = np.maximum(earlier - 1 - _SPARE, np.where(cut_before, reach, 0))
     before_end = np.bincount(body, phase < (at_end + _CYCLES)[body], len(lengths)).astype(np.int64)
     end = np.minimum(before_end + _SPARE, lengths - np.where(cut_after, reach, 0))
-    # From the last sample that is _CYCLES before the block to the first that is as far after it, and _SPARE more.
-    # In the middle of a stand the phase is equal _OF_A_STAND ticks before and after.
+    # Leave out the middle of a stand before the block, in which the phase is equal _OF_A_STAND ticks before and after.
     numbers = np.arange(len(phase))
     old, new = (np.clip(numbers + k, 0, max(len(phase) - 1, 0)) for k in (-_OF_A_STAND, _OF_A_STAND))
     standing = (body[old] == body) & (body[new] == body) & (place >= _OF_A_STAND) & (phase[old] == phase[new])
@@ -225,7 +226,8 @@ def _needed(
 def _last(keep: NDArray[np.bool_], tracks: JoinedTracks) -> Ints:
     """Return (A,) the last kept sample of each track.
 
-    For a track that keeps none, it is the last kept one of the tracks before, or the number of all samples without any.
+    If a track keeps none, it is the last one kept of the tracks before it. If these keep none either, it is the number
+    of all samples, which is no index.
     """
     kept = np.flatnonzero(keep)
     ends = np.searchsorted(kept, tracks.starts[1:])

@@ -59,6 +59,7 @@ def checked_chunks(file: h5py.File) -> Ranges:
     found: list[tuple[int, int]] = []
 
     def visit(_: str, item: Any) -> None:
+        """Note the ranges of a dataset's chunks if HDF5 checks them."""
         if isinstance(item, h5py.Dataset) and item.fletcher32:
             item.id.chunk_iter(lambda chunk: found.append((chunk.byte_offset, chunk.byte_offset + chunk.size)))
 
@@ -70,7 +71,10 @@ def checked_chunks(file: h5py.File) -> Ranges:
 
 
 def checksum_frame(stream: _Bytes, size: int, chunks: Ranges) -> bytes:
-    """Return the frame to append to the ``size`` bytes of HDF5 in ``stream``."""
+    """Return the frame to append to the ``size`` bytes of HDF5 in ``stream``.
+
+    ``chunks`` (n, 2) are those of :func:`checked_chunks`.
+    """
     head = _HEAD.pack(size, _checksum_outside(stream, size, chunks))
     listed = chunks.astype("<u8").tobytes()
     length = FRAME_HEAD + len(head) + len(listed) + _TAIL.size
@@ -140,5 +144,6 @@ def _checksum_outside(stream: _Bytes, size: int, chunks: Ranges) -> int:
 
 
 def _read(stream: _Bytes, first: int, end: int) -> bytes:
+    """Return the bytes of a file from ``first`` to before ``end``."""
     stream.seek(first)
     return stream.read(end - first) or b""

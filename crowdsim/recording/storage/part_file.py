@@ -116,7 +116,10 @@ class PartFile(io.RawIOBase):
         return self._size
 
     def readinto(self, buffer: Any, /) -> int:
-        """Fill ``buffer`` from the position on, from changed blocks in memory or else from the disk."""
+        """Fill ``buffer`` from the position on, from changed blocks in memory or else from the disk; return its length.
+
+        Bytes behind the end of HDF5 are zeros.
+        """
         wanted = memoryview(buffer).cast("B")
         for first, count, number, inside in _pieces(self._place, len(wanted)):
             block = self._blocks.get(number)

@@ -59,6 +59,7 @@ def _is_sound(heap: bytes) -> bool:
     HDF5 file format specification, "Global Heap": signature and size of the collection, 8 bytes each, then the objects.
     """
     at = 16
+    # Fewer bytes than the head of an object may be left at the end.
     while at + _OBJECT.size <= len(heap):
         number, _, size = _OBJECT.unpack_from(heap, at)
         # Object 0 is the free rest, whose size includes its head; others are padded to whole 8 bytes behind theirs.

@@ -21,17 +21,19 @@ BEFORE = 0.7
 """Distance before a narrow stretch from which on the body is already held as the stretch needs [m]."""
 
 ASIDE = np.array([0.0, 0.15, -0.15, 0.3, -0.3])
-"""Offsets across the path at which a wider behavior may fit [m]: an agent that walks along a wall need not turn."""
+"""Offsets across the path at which it is tested if a wider behavior fits [m]: an agent that walks along a wall need not
+turn."""
 
 OFF = 0.3
-"""Offset off the nearest wall for the same purpose [m]: an agent that walks away from a wall need not turn either."""
+"""Offset away from the nearest wall, for the same test [m]: an agent that walks away from a wall need not turn
+either."""
 
 
 @helper
 def _off_the_wall(ground, box, x, y):
-    """Return the unit vector from the nearest wall to a position (x, y) [m].
+    """Return the unit vector from the nearest point of a wall to a position (x, y) [m].
 
-    ``box`` is the number of the box that contains the position; ``ground.lists`` names the walls near each box. The
+    ``box`` is the number of the box that contains the position; walls are those that ``ground.lists`` names for it. The
     result is (0, 0) if no wall is near or the position is on one.
     """
     nearest = math.inf
@@ -59,9 +61,9 @@ def _off_the_wall(ground, box, x, y):
 def _passage(ground, x, y, dx, dy):
     """Return the widest behavior that fits at the position (x, y) [m] or beside it.
 
-    If none fits, return the widest of all, which prescribes nothing. Positions beside it are those at the offsets ASIDE
-    across the path, whose unit vector is (dx, dy), and one at OFF from it away from the nearest wall: an agent at a
-    wall need not be so near to it.
+    If none fits, return the widest of all, which prescribes nothing. Positions beside (x, y) are those at the offsets
+    ASIDE across the path, whose unit vector is (dx, dy), and one at OFF away from the nearest wall: an agent at a wall
+    need not be so near to it.
     """
     top = len(ground.costs) - 1
     widest = -1
@@ -115,7 +117,7 @@ def ask(ground, points, field, state, asks, slots):
         asks[box] = -1
         slots[box] = numbered
         numbered += 1
-        # Without a path: agents that are there look for a free line to a box around, so it keeps its slot.
+        # Without a path: agents that are there look for a free line to a box around, so this box keeps its slot.
         if state[box] < CLOSED:
             continue
         row = box // ground.columns
@@ -150,11 +152,12 @@ def ask(ground, points, field, state, asks, slots):
             dx = sx - x
             dy = sy - y
             length = math.sqrt(dx * dx + dy * dy)
+            # The path ends here.
             if length == 0.0:
                 break
             asks[box] = min(asks[box], _passage(ground, x, y, dx / length, dy / length))
-            # Advance by one pace, past as many anchors as lie within it. The path ends at a point of the goal, or at a
-            # pin that is its own anchor.
+            # Advance by one pace, past as many anchors as lie within it; after the last point this is not needed. The
+            # path ends at a point of the goal, or at a pin that is its own anchor.
             rest = pace
             while n + 1 < paces and length <= rest and anchor < boxes and field.anchor[anchor] != anchor:
                 rest -= length

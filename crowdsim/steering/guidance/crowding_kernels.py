@@ -26,9 +26,10 @@ CHAIN = 4096
 def add_agents(places, counts, left, bottom, cell, weights):
     """Add the agents at ``places`` (float64[n, 2] [m]) to the density ``weights`` (int64[rows, columns]).
 
-    Each adds as much as ``counts`` (float64[n]) agents. Epanechnikov kernel of radius R:
-    2 / (pi R^2) (1 - d^2 / R^2), whose integral is one agent. ``left`` and ``bottom`` are the corner of the grid,
-    ``cell`` is the side of a cell [m].
+    Each adds as much as ``counts`` (float64[n]) agents, spread over the cells around it by an Epanechnikov kernel of
+    radius R = SMOOTHING: 2 / (pi R^2) (1 - d^2 / R^2), whose integral is one agent; d is the distance to the center of
+    a cell. ``left`` and ``bottom`` are the corner of the grid, ``cell`` is the side of a cell [m]. Cells beyond the
+    grid get nothing.
     """
     rows, columns = weights.shape
     height = 2.0 / (math.pi * SMOOTHING * SMOOTHING)
@@ -55,9 +56,9 @@ def add_agents(places, counts, left, bottom, cell, weights):
 def set_load(weights, gain, free, load, quiet):
     """Set the factor of the crowd on the cost of a meter: ``load`` = 1 + gain * max(0, density - free).
 
-    ``free`` is the density up to which it stays 1 [1/m2]; ``gain`` is in m2. ``load`` is float32[rows, columns];
-    ``quiet`` (uint8[rows, columns]) gets the number of cells to the next one with a factor above 1, in the maximum
-    norm, 255 at most. Return the number of cells with a factor above 1.
+    ``free`` is the density up to which the factor stays 1 [1/m2]; ``gain`` is in m2. ``load`` is float32[rows,
+    columns]; ``quiet`` (uint8[rows, columns]) gets the number of cells to the next one with a factor above 1, in the
+    maximum norm, 255 at most. Return the number of cells with a factor above 1.
     """
     rows, columns = weights.shape
     dearer = 0
@@ -120,9 +121,9 @@ def nearest_way(ground, field, x, y):
 def price_of(ground, crowding, field, box, prices, chain):
     """Return the cost of a box's path over its anchors in the present crowd, whatever it was when the field was made.
 
-    The path goes from the pin of the box to that of its anchor, on to the anchor of that one, and so to the goal: a
-    point of the goal, or a box that is its own anchor. The cost is infinite if there are more than CHAIN anchors.
-    ``prices`` (float64[boxes]) holds the costs found so far, negative if unknown, and gets those found here. ``chain``
+    The path goes from the pin of the box to its anchor, from there to the next anchor, and so on. It ends at a point of
+    the goal, or at a box that is its own anchor. The cost is infinite if there are more than CHAIN anchors. ``prices``
+    (float64[boxes]) holds the costs found so far, negative if unknown, and gets those found here. ``chain``
     (int64[CHAIN]) is scratch.
     """
     boxes = len(ground.widest)
@@ -154,10 +155,11 @@ def price_of(ground, crowding, field, box, prices, chain):
 def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, chain, changes):
     """Find the agents that change from the field ``old``, which they follow, to the field ``new``.
 
-    Both paths are priced in the present crowd: the old path as it leads, the new one as its field has it. An agent
-    changes if the new path costs less than ``weighing.share`` of the old one; or less than ``weighing.around`` of it,
-    if the crowd's part of the new cost is below ``weighing.jam`` of the crowd's part of the old cost; or if only the
-    new field has a path. Narrow places count to the crowd's part.
+    Both paths are priced in the present crowd: the old path by :func:`price_of`, the new one by the cost in its field.
+    An agent changes in three cases: the new path costs less than ``weighing.share`` of the old one; it costs less than
+    ``weighing.around`` of the old one, and the crowd's part of its cost is below ``weighing.jam`` of the crowd's part
+    of the old cost; only the new field has a path. The crowd's part of a cost is all that exceeds the length with the
+    widest behavior, so narrow places add to it.
 
     Parameters
     ----------
@@ -168,7 +170,8 @@ def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, c
     places : (n, 2) float64
         Positions of the agents [m].
     weighing : Weighing
-        Shares ``share``, ``around`` and ``jam``.
+        Constants (Weighing of :mod:`crowdsim.steering.guidance.guidance`), of which ``share``, ``around`` and ``jam``
+        are read.
     prices : (boxes,) float64
         Costs of the old paths found so far, from the pin of each box; negative before. Agents in one box share them.
     chain : (CHAIN,) int64

@@ -20,7 +20,7 @@ from crowdsim.steering.guidance.ground_kernels import BOX, PIN_UNIT
 from crowdsim.steering.guidance.sample_kernels import end_of_way, sample, ways_at
 
 SIDEWAYS = math.pi / 2.0
-"""Turn of the body against its path that a turned behavior prescribes [rad]."""
+"""Angle between heading and path that a turned behavior prescribes [rad]."""
 
 SPACING = 0.1
 """Spacing of the points of a goal that is too small to contain pins [m]."""
@@ -63,9 +63,10 @@ class Ways(NamedTuple):
     """Paths from k positions, as a field gives them."""
 
     direction: NDArray[np.float64]
-    """float64[k, 2]: unit vectors; (0, 0) in the goal, exactly at a target, and without a path."""
+    """float64[k, 2]: unit vectors; (0, 0) in the goal, exactly at the point that the path heads for, and without a
+    path."""
     cost: NDArray[np.float64]
-    """float64[k]: cost to the goal, infinite without a path."""
+    """float64[k]: cost to the goal, in the unit of ``Ground.costs`` times meters; infinite without a path."""
     length: NDArray[np.float64]
     """float64[k]: length of the path [m], infinite without one."""
     behavior: NDArray[np.int64]
@@ -146,10 +147,12 @@ def asked_of(behaviors: Sequence[Behavior], radius: float = 0.125) -> NDArray[np
     Returns
     -------
     (n, 2) float64
-        Turn against the path [rad], and half length of the core with the arms held in [m]; -1 if not prescribed. All
-        but the last hold the arms as the narrowest upright one does; the last behavior leaves them free.
+        Angle between heading and path [rad], and half length of the core with the arms held in [m]; -1 if not
+        prescribed. All behaviors but the last one hold the arms in, as far as the narrowest upright (not turned)
+        behavior does; the last one leaves them free.
     """
-    # The last radius is that on the uppermost layer, which the arms meet.
+    # The last radius is that on the uppermost layer, which the arms meet. If no behavior is upright, or the body is no
+    # broader than the capsule, the core has length 0.
     upright = [float(each.radii[-1]) for each in behaviors if not each.turned]
     arms_in = max((min(upright) if upright else 0.0) - radius, 0.0)
     rows = []
@@ -164,7 +167,8 @@ def guide(
 ) -> int:
     """Write gx, gy, togo, turn and held, as a field gives them, to the rows ``agents`` (k,) of ``state`` (ROW[n]).
 
-    ``asked`` is the array that :func:`asked_of` returns. Return the number of these agents that have no path.
+    ROW is that of :mod:`crowdsim.steering.row_kernels`; ``asked`` is the array that :func:`asked_of` returns. Return
+    the number of these agents that have no path.
     """
     return int(sample(ground, NOBODY, field, asked, agents, state))
 
@@ -186,7 +190,8 @@ def _goal_of(ground: Ground, goal: BaseGeometry | ArrayLike) -> tuple[NDArray[np
         raise GeometryError("a goal needs finite coordinates")
     inside = _pins_within(ground, goal)
     points = np.empty((0, 2))
-    # A region with few pins: points of its outline, and one inside, make its shape count.
+    # A region with few pins: points of its outline, and one inside, make its shape count. Lines and points, which have
+    # no area, are taken as they are.
     if (ground.widest[inside] >= 0).sum() < FEW:
         outline = goal.boundary if goal.area > 0.0 else goal
         points = shapely.get_coordinates(shapely.segmentize(outline, SPACING))

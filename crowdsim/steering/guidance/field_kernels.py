@@ -28,11 +28,12 @@ from crowdsim.steering.guidance.ground_kernels import (
 
 NEW, GUESSED, KNOWN, KNOWN_PURE, CLOSED, CLOSED_PURE = range(6)
 """States of a box: NEW has no cost yet; GUESSED has an untested estimate (lazy); KNOWN has a tested cost, and CLOSED a
-final one. _PURE: the widest behavior fits on the whole line to its anchor, and no crowd is on it."""
+final one. _PURE: the widest behavior fits on the whole line to its anchor, and no crowd is on that line. States are
+compared by their order: a box is final from CLOSED on."""
 
 PARTS = 4
-"""Number of parts along each side of a box; agents in one part head for the same point, if those of the whole box do
-not."""
+"""Number of parts along each side of a box. If not all agents in a box head for the same point, those in one part
+do."""
 
 UNKNOWN = -2
 """Target of a part of a box that no agent has been in yet."""
@@ -61,7 +62,10 @@ def anchor_cost(field, boxes, anchor):
 
 @helper
 def eighth_of(dx, dy):
-    """Return the octant k of (dx, dy), 0 to 7: the vector lies between STEPS[k] and the next of STEPS."""
+    """Return the octant k of the vector (dx, dy), 0 to 7, which lies between STEPS[k] and STEPS[(k + 1) % 8].
+
+    The vector (0, 0) is in octant 0.
+    """
     if dy >= 0.0:
         return (0 if dx >= dy else 1) if dx >= 0.0 else (2 if -dx < dy else 3)
     return (4 if -dx >= -dy else 5) if dx < 0.0 else (6 if dx < -dy else 7)
@@ -69,17 +73,17 @@ def eighth_of(dx, dy):
 
 @helper
 def is_quiet(crowding, x, y):
-    """Return True if no crowd raises the cost at a position."""
+    """Return True if no crowd raises the cost at a position (x, y) [m]."""
     return not crowding.crowded or load_at(crowding, x, y)[0] == 1.0
 
 
 @helper
 def leads_alike(ground, field, anchor, other, sx, sy):
-    """Return True if anchor ``other`` is ``anchor``, which is at (sx, sy), or an adjacent pin in the goal."""
+    """Return True if anchor ``other`` is ``anchor`` itself, at (sx, sy), or if both are adjacent pins in the goal."""
     if other == anchor:
         return True
     boxes = len(ground.widest)
-    # Both must be pins in the goal (cost 0), at most a diagonal of a box apart.
+    # Pins in the goal have cost 0. Adjacent ones are at most a diagonal of a box apart here.
     if anchor >= boxes or other >= boxes or field.cost[anchor] != 0.0 or field.cost[other] != 0.0:
         return False
     px, py = pin_of(ground, other)
@@ -99,11 +103,12 @@ def _wrong_side(dx, dy, qx, qy, n):
 
 @helper
 def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
-    """Return True if a box sees an anchor because the two boxes beside the line to it see the anchor.
+    """Return True if a box sees an anchor because the two adjacent boxes beside the line to it see the anchor.
 
     The box has the pin (px, py), the anchor is at (sx, sy). An obstacle that blocks bodies is broader than the space
     between the lines of these two boxes, so the line in between need not be tested. All lines must be free for the
-    widest behavior. In a goal, the two boxes may see an adjacent pin of the goal instead, on their own side.
+    widest behavior. If the anchor is a pin in the goal, each of the two boxes may see an adjacent pin in the goal
+    instead, on its own side of the line.
     """
     # One of the two boxes lies in the direction ``first``, to the right of the line, the other one in the next
     # direction, to its left.
@@ -117,7 +122,7 @@ def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
         return False
     for n in range(2):
         k = (first + n) % 8
-        # The box must see both of them, and both must be final with a free line to their anchor.
+        # The box must see each of the two, which must be final, with a free line to its anchor.
         if not ground.pure[box] >> k & 1:
             return False
         other = (row + STEPS[k, 1]) * ground.columns + column + STEPS[k, 0]
@@ -127,12 +132,13 @@ def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
         # Pins are not box centers: the two must really lie on both sides of the line.
         if _wrong_side(dx, dy, qx - px, qy - py, n):
             return False
+        # It sees the anchor if it is the anchor itself, or has the same one; else see the docstring for goals.
         ahead = field.anchor[other]
         if other != anchor and ahead != anchor:
             if not leads_alike(ground, field, anchor, ahead, sx, sy):
                 return False
             qx, qy = pin_of(ground, ahead)
-            # The other pin of the goal must lie on the side of the box that sees it.
+            # The pin in the goal that it sees instead must lie on its side of the line, too.
             if _wrong_side(dx, dy, qx - px, qy - py, n):
                 return False
     return True
@@ -142,8 +148,8 @@ def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
 def _test_box(ground, crowding, points, field, state, box):
     """Find the cheapest path of a box over the final boxes around it: straight to their anchors, or to their own pins.
 
-    Return its cost, its anchor, and whether the widest behavior fits on the whole line to the anchor and no crowd is on
-    it; (inf, -1, False) if no line is free.
+    Return its cost, its anchor, and True if the widest behavior fits on the whole line to the anchor and no crowd is on
+    that line. Return inf, -1 and False if no line is free.
     """
     boxes = len(ground.widest)
     # Cost of a meter with the widest behavior, the least there is.
@@ -157,7 +163,7 @@ def _test_box(ground, crowding, points, field, state, box):
     # The anchor tried last without success: adjacent boxes often share one.
     dropped = -1
     # Path 2 of Theta*: straight to the anchors of the boxes around. The guessed one comes first (turn -1), as it is
-    # the cheapest as a rule and prunes the others.
+    # the cheapest as a rule and prunes the others; so it is skipped later. The guess is -1 if there is none.
     for turn in range(-1, 8):
         if turn < 0:
             tried = field.anchor[box]
@@ -223,7 +229,9 @@ def _test_box(ground, crowding, points, field, state, box):
 def _seed(ground, crowding, points, inside, field, state, heap, count):
     """Push the boxes in the goal with cost 0, and those around its points with the cost of the line there.
 
-    Return the heap and the ``count`` of its items.
+    Set cost, length and anchor of these boxes in ``field``, and their ``state``. ``heap`` (HEAP_ROW of heap_kernels) is
+    a binary heap of boxes with the cost as key, with ``count`` items. Return the heap, which may have been copied to a
+    larger one, and its number of items.
     """
     boxes = len(ground.widest)
     # Pins in the goal are their own anchors.
@@ -252,6 +260,7 @@ def _seed(ground, crowding, points, inside, field, state, heap, count):
                 px, py = pin_of(ground, box)
                 # The last half PACE of the line is not tested: a point that much too close to a wall counts as well.
                 cost = line_cost(ground, crowding, px, py, x, y, float(field.cost[box]))
+                # The point counts only if it is cheaper than what the box has: another point, or cost 0 in the goal.
                 if cost < field.cost[box]:
                     length = math.sqrt((x - px) * (x - px) + (y - py) * (y - py))
                     field.cost[box] = cost
@@ -283,14 +292,15 @@ def solve(ground, crowding, points, inside, field, state):
 
     Notes
     -----
-    Entries of equal cost leave the heap in the order of their boxes, so results do not depend on how it is arranged.
+    Entries of equal cost leave the heap in the order of their boxes, so results do not depend on how the heap is
+    arranged.
     """
     boxes = len(ground.widest)
     top = ground.costs[-1]
     heap = np.empty(1024, HEAP_ROW)
     heap, count = _seed(ground, crowding, points, inside, field, state, heap, np.int64(0))
-    # Keep what seeding tested, as guesses overwrite it: no neighbor may have the point of the goal as its anchor to
-    # which a box's own line was tested.
+    # Keep the results of seeding, as guesses overwrite them. The line of a box to a point of the goal was tested there,
+    # and may be lost: perhaps no neighbor has that point as its anchor.
     seed_cost = field.cost.copy()
     seed_anchor = field.anchor.copy()
     seed_state = state.copy()
@@ -306,6 +316,7 @@ def solve(ground, crowding, points, inside, field, state):
         # Lazy evaluation: test the line only now that the guess is the smallest cost in the heap.
         if state[box] == GUESSED:
             cost, anchor, is_pure = _test_box(ground, crowding, points, field, state, box)
+            # The tested line to a point of the goal is better; compare as costs are stored.
             if seed_cost[box] < np.float32(cost):
                 cost = float(seed_cost[box])
                 anchor = seed_anchor[box]

@@ -28,7 +28,7 @@ EDGE = 2 * BOX
 """Width of the rim of free boxes around the walls of a place [m]."""
 
 _ROUNDING = 1e-6
-"""Share by which a clearance may be missed, since paths touch corners at exactly the clearance."""
+"""Share of a clearance by which a path may come too close, since paths touch corners at exactly the clearance."""
 
 
 class Crowding(NamedTuple):
@@ -70,9 +70,9 @@ class Ground(NamedTuple):
     change: float
     """Cost of a change of behavior, in the unit of costs: that of SWITCH_COST meters with the widest one."""
     reach: float
-    """Largest clearance of all behaviors, as prescribed [m]."""
+    """Largest clearance of all behaviors in ``prescribed``, so also in ``radii`` [m]."""
     least: float
-    """Smallest clearance that a behavior needs [m]."""
+    """Smallest clearance of all behaviors in ``radii`` [m]."""
     left: float
     """Left edge of the boxes [m]."""
     bottom: float
@@ -86,7 +86,8 @@ class Ground(NamedTuple):
     lists: NDArray[np.int32]
     """int32[j]: numbers of the segments near each box."""
     far: NDArray[np.uint8]
-    """uint8[rows, columns]: lower bound of the distance from the center to the nearest wall, in units of FAR_UNIT."""
+    """uint8[rows, columns]: lower bound of the distance from a box's center to the nearest wall, in units of FAR_UNIT;
+    255 also stands for more."""
     pins: NDArray[np.int8]
     """int8[boxes, 2]: offset of the pin from the center of the box, in units of PIN_UNIT."""
     widest: NDArray[np.int8]
@@ -123,7 +124,7 @@ def build_ground(
     bounds : (float, float, float, float), optional
         Left, bottom, right and top of the place [m]; by default the extent of the walls.
     wider : float
-        Additional clearance that the bodies of this width class need [m].
+        Additional clearance that the bodies of this width class need [m]; also added to ``prescribed``.
     prescribed : (n, layers) float64, optional
         Clearances from which on behaviors are prescribed to agents [m], none less than those of ``need``, with which
         ways are found; by default the same.
@@ -169,8 +170,9 @@ def build_ground(
 def squeezed_ground(ground: Ground, clearance: float) -> Ground:
     """Return a ground on which the narrowest behavior needs no more than ``clearance`` [m], from walls of any class.
 
-    Its ways lead through gaps and out of pockets for which no behavior is planned, but into which agents are pushed.
-    Walls and boxes are shared with the ground given.
+    The ``prescribed`` clearances of this behavior become the same. The ways on this ground lead through gaps and out of
+    pockets for which no behavior is planned, but into which agents are pushed. Walls and boxes are shared with the
+    ground given.
     """
     boxes = ground.columns * ground.rows
     radii, prescribed = ground.radii.copy(), ground.prescribed.copy()
@@ -190,7 +192,7 @@ def squeezed_ground(ground: Ground, clearance: float) -> Ground:
 
 
 def _set_everything(ground: Ground) -> None:
-    """Set the pins of all boxes, what fits there, and the lines between them."""
+    """Set the pins of all boxes, the widest behavior at each, and the lines between them (``ways``, ``pure``)."""
     everywhere = (0, ground.rows, 0, ground.columns)
     set_pins(ground, *everywhere)
     mend_pins(ground, NOBODY, ground.pins.copy(), ground.widest.copy(), *everywhere)
@@ -227,9 +229,10 @@ def update_ground(
         pure=ground.pure.copy(),
         prescribed=_of_classes(need.radii if prescribed is None else prescribed, kinds, wider),
     )
-    # A pin can change within the reach of a changed wall; mending a pin looks at the pins next to it, and testing lines
-    # at the mended ones: so each stage is done anew on a larger window than the pins that can differ. ``raw`` holds old
-    # mended pins outside of the first window; mending, on a smaller one, reads none of them.
+    # A pin can change within the reach of a changed wall. Mending a pin looks at the adjacent pins, and testing lines
+    # looks at mended pins: so each stage is done anew on a window in which all that can differ lies. Outside of the
+    # window of the first stage, ``raw`` holds mended pins of the old ground; the second stage, on a smaller window,
+    # reads none of them.
     raw = changed._replace(pins=ground.pins.copy(), widest=ground.widest.copy())
     set_pins(raw, *_boxes_within(ground, window, ground.reach + 8.0 * BOX))
     mend_pins(changed, NOBODY, raw.pins, raw.widest, *_boxes_within(ground, window, ground.reach + 6.0 * BOX))
@@ -257,8 +260,9 @@ def _merged(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
     """Merge the walls of all layers: each wall once, with the class of layers that it stands in.
 
-    Return walls (k, 4), their classes (k,), and the layers of each class (classes, layers): all of them if there are no
-    walls.
+    ``segments`` are those of :func:`build_ground`. Return walls (k, 4), both ends [m]; their classes (k,); and the
+    layers of each class, (classes, layers) bool. If there are no walls, there is one class, of all layers. Raise
+    GeometryError if the number of layers is not that of ``need``.
     """
     if len(segments) != need.radii.shape[1]:
         needed = need.radii.shape[1]
@@ -280,7 +284,11 @@ def _merged(
 
 
 def _of_classes(clearances: NDArray[np.float64], kinds: NDArray[np.bool_], wider: float) -> NDArray[np.float64]:
-    """Return clearances (n, classes) from those of layers (n, layers): the largest over the layers of a class [m]."""
+    """Return clearances (n, classes) from those of layers (n, layers): the largest over the layers of a class [m].
+
+    ``kinds`` (classes, layers) are the layers of each class. Clearances are raised by ``wider`` [m], then lowered by
+    the share _ROUNDING.
+    """
     radii = (clearances + wider) * (1.0 - _ROUNDING)
     return np.stack([radii[:, each].max(axis=1) for each in kinds], axis=1)
 
@@ -288,7 +296,7 @@ def _of_classes(clearances: NDArray[np.float64], kinds: NDArray[np.bool_], wider
 def _frame_of(segments: NDArray[np.float64], bounds: tuple[float, float, float, float] | None) -> Frame:
     """Return the frame of boxes that covers ``bounds``, or the walls if None, with a rim of EDGE meters.
 
-    The edges of boxes are multiples of BOX in all places.
+    ``segments`` (k, 4) are the walls [m]. The edges of boxes are multiples of BOX in all places.
     """
     if bounds is None:
         if not len(segments):
@@ -309,7 +317,7 @@ def _near(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint8]]:
     """Return the lists of segments near boxes (``starts``, ``lists``), and ``far``, as :class:`Ground` has them.
 
-    ``reach`` is the largest clearance of all behaviors [m].
+    ``segments`` (k, 4) are the walls [m], ``reach`` is the largest clearance of all behaviors [m].
     """
     # List all segments that are within a clearance, and a margin of up to SPARE, of any point of the box.
     listed = reach + CORNER + SPARE

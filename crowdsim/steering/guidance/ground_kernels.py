@@ -9,7 +9,7 @@ Behaviors are numbered by width, the narrowest is 0; -1 stands for none.
 
 ``ground`` (Ground) and ``crowding`` (Crowding) are those of :mod:`crowdsim.steering.guidance.ground`; ``frame`` is left
 and bottom edge of the boxes [m], columns and rows; ``starts`` (boxes + 1,) is the index in ``lists`` at which each box
-begins; p = (px, py) and q = (qx, qy) are the ends of a line [m].
+begins, and ``lists`` holds numbers of segments; p = (px, py) and q = (qx, qy) are the ends of a line [m].
 """
 
 import math
@@ -46,7 +46,9 @@ there."""
 
 @kernel
 def list_segments(segments, reach, frame, starts, lists):
-    """List the segments nearer than ``reach`` to the center of each box; call first with empty ``lists``, then again.
+    """List the segments nearer than ``reach`` to the center of each box.
+
+    Call it twice: first with empty ``lists``, to count, then with as many entries as it returned, to fill them.
 
     Parameters
     ----------
@@ -94,9 +96,10 @@ def list_segments(segments, reach, frame, starts, lists):
 def bound_distances(segments, starts, lists, reach, frame, far):
     """Fill ``far`` (uint8[rows, columns]) with lower bounds of the distances from box centers to the nearest segment.
 
-    Distances in the lists (below ``reach``, that of :func:`list_segments`) are exact at first. Then two sweeps of a
-    chamfer transform (Borgefors 1986) hand all on, with steps scaled so that they never exceed the Euclidean distance;
-    they may lower exact ones, too, by up to 8 %.
+    ``segments`` (n, 4), ``starts``, ``lists`` and ``frame`` are as :func:`list_segments` takes and leaves them, with
+    the same ``reach`` [m]. ``far`` is in units of FAR_UNIT, 255 at most. Distances to listed segments are exact at
+    first. Then two sweeps of a chamfer transform (Borgefors 1986) hand them on from box to box, with steps scaled so
+    that they never exceed the Euclidean distance. The sweeps may also lower exact distances, by up to 8 %.
     """
     left, bottom, columns, rows = frame
     # Chamfer distances exceed Euclidean ones by up to 1 / cos(22.5 degrees): scale the steps by that cosine.
@@ -136,9 +139,10 @@ def bound_distances(segments, starts, lists, reach, frame, far):
         for column in range(columns):
             box = row * columns + column
             known = bound[row, column]
-            # A box without listed segments is at least ``reach`` away. Let c be the center of the box in which the
-            # nearest point of a wall is, at most CORNER from c, and d the distance from c to the center of this box. At
-            # most d plus CORNER was handed on; the wall is at least d less CORNER away. 1 cm is for rounding.
+            # A box without listed segments is at least ``reach`` away from walls; what was handed on may be too large.
+            # Let c be the center of the box that contains the nearest point of a wall, at most CORNER from c, and d the
+            # distance from c to the center of this box. At most d plus CORNER was handed on; the wall is at least d
+            # less CORNER away. 1 cm is for rounding.
             if starts[box] == starts[box + 1]:
                 known = max(known - 2.0 * CORNER - 0.01, reach)
             far[row, column] = min(int(known / FAR_UNIT), 255)
@@ -167,7 +171,8 @@ def pin_of(ground, box):
 def margin_at(ground, box, x, y, behavior):
     """Return the smallest distance to a wall less the clearance that ``behavior`` needs from it, at most SPARE [m].
 
-    The position (x, y) [m] is in ``box``. A negative margin means that the behavior does not fit.
+    The position (x, y) [m] is in ``box``; ``behavior`` is its number. A negative margin means that the behavior does
+    not fit.
     """
     least = SPARE
     for entry in range(ground.starts[box], ground.starts[box + 1]):
@@ -204,8 +209,9 @@ def widest_at(ground, box, x, y):
 def load_at(crowding, x, y):
     """Return the factor of the crowd on the cost of a meter, and the distance after which to look again [m].
 
-    The factor is 1 without a crowd. ``crowding.quiet`` counts the cells to the nearest crowded one (in the maximum
-    norm): on the way there the factor stays 1. In and beside a crowd it is looked up once a cell.
+    The factor is 1 without a crowd, and outside of the grid. ``crowding.quiet`` counts the cells to the nearest crowded
+    one (in the maximum norm): on the way there the factor stays 1, so the distance is that number less one, in cells.
+    It is one cell in and beside a crowd, and outside of the grid.
     """
     column = math.floor((x - crowding.left) / crowding.cell)
     row = math.floor((y - crowding.bottom) / crowding.cell)
@@ -221,8 +227,9 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
 
     The cost is the integral of the behavior's cost per meter times the crowd's factor, plus ``ground.change`` for each
     change of behavior. It is infinite if a tested point is outside of the boxes or no behavior fits there, or if the
-    cost exceeds ``most``. Near walls the line is tested in the middle of steps of PACE at most, so up to half a step at
-    its ends may be too close to a wall: a caller that needs a behavior to fit at the very ends must know that it does.
+    cost exceeds ``most``; it is 0 if p equals q. Near walls the line is tested in the middle of steps of PACE at most,
+    so up to half a step at its ends may be too close to a wall: a caller that needs a behavior to fit at the very ends
+    must know that it does.
     """
     top = len(ground.costs) - 1
     dx = qx - px
@@ -272,6 +279,7 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
             return math.inf
         before = label
         along += step
+        # The end is reached but for rounding.
         if length - along < 1e-9:
             break
     return cost

@@ -23,17 +23,17 @@ Goal: TypeAlias = BaseGeometry | ArrayLike
 REFRESH_SECONDS = 4.0
 """Least time in which each goal has its turn once, up to rounding to steps [s].
 
-The pause between two turns is this divided by the number of goals.
+The pause between two turns is this time divided by the number of goals, or longer in a large place.
 """
 
 BOXES_A_SECOND = 50_000
-"""Boxes of renewed fields per simulated second, so that large places renew their fields less often."""
+"""Largest number of boxes of renewed fields per simulated second [1/s]: large places renew their fields less often."""
 
 PLAIN = -1
 """Number, in ``following``, of the field of the place without a crowd, which all agents follow at first."""
 
 SQUEEZED = 0.145
-"""Clearance of ways out of where no path leads [m]: a body with turned shoulders needs 0.125 m."""
+"""Clearance of the ways on which agents without a path are led out [m]: a body with turned shoulders needs 0.125 m."""
 
 
 class Weighing(NamedTuple):
@@ -46,13 +46,14 @@ class Weighing(NamedTuple):
     cell: float = 0.5
     """Side of the cells of the density [m]."""
     share: float = 0.6
-    """An agent changes to a path that costs less than this share of its present one. A low share means: to another
-    door, not around others who wait for the same door."""
+    """An agent changes to a path that costs less than this share of its present one. A low share means that agents
+    change to another door, but do not walk around others who wait for the same door."""
     around: float = 0.8
-    """The same for a path out of the crowd, which may save less: around an open corner, agents use the free width."""
+    """The same for a path out of the crowd (``jam``), which may save less: around an open corner, agents use the free
+    width."""
     late: float = 0.5
-    """By how much more an agent of another goal counts for each second that it has been stuck beyond ``late_after``
-    [1/s]."""
+    """Number of agents that an agent of another goal counts for in addition, for each second that it has been stuck
+    beyond ``late_after`` [1/s]."""
     late_after: float = 5.0
     """Time stuck from which on agents of other goals count more, so that those who face each other go around [s]."""
     jam: float = 0.2
@@ -70,9 +71,9 @@ USUAL = Weighing()
 def crowding_of(
     ground: Ground, places: ArrayLike, weighing: Weighing = USUAL, counts: NDArray[np.float64] | None = None
 ) -> Crowding:
-    """Return the factor on costs that agents at positions, float64[n, 2] [m], cause. Their order does not matter.
+    """Return the factor on costs that agents at ``places``, float64[n, 2] [m], cause. Their order does not matter.
 
-    ``counts`` (n,) is the number of agents that each counts for, one by default.
+    ``counts`` (n,) is the number of agents that each counts for, one by default. Agents at nan do not count.
     """
     at = np.ascontiguousarray(places, np.float64).reshape(-1, 2)
     counts = np.ones(len(at)) if counts is None else counts
@@ -90,7 +91,7 @@ def crowding_of(
 def solve_fields(
     ground: Ground, goals: Sequence[Goal], crowding: Crowding = NOBODY, *, threads: int = 1
 ) -> tuple[Field, ...]:
-    """Solve a field for each goal, shared by ``threads``; the fields do not depend on the number of threads."""
+    """Solve a field for each goal on up to ``threads`` threads; the fields do not depend on their number."""
     if threads <= 1 or len(goals) <= 1:
         return tuple([solve_field(ground, goal, crowding) for goal in goals])
     with ThreadPoolExecutor(threads) as pool:
@@ -131,10 +132,10 @@ class Guidance:
         self.asked = asked
         self.weighing = weighing
         self._threads = threads
-        # Number of the next field, over all goals: a larger one is newer.
+        # Number of the next field, over all goals: a larger one is newer. By goal, its fields by number.
         self._made = 0
         self._fields: list[dict[int, Field]] = [{} for _ in self.goals]
-        # Ground and fields, by goal, for agents that were pushed where no path leads; made when one first is.
+        # For agents that were pushed to where no path leads: a ground, and a field by goal; made when first needed.
         self._squeezed: Ground | None = None
         self._ways_out: dict[int, Field] = {}
         self.rebuild(ground)
@@ -154,7 +155,10 @@ class Guidance:
         return shared + own + ground
 
     def put(self, index: int, goal: Goal) -> None:
-        """Set goal number ``index``: a new one, or in place of one that no agent goes to any more."""
+        """Set goal number ``index``, and solve its field without a crowd.
+
+        The goal is a new one (``index`` is the number of goals), or replaces one that no agent goes to any more.
+        """
         field = {self._made: solve_field(self.ground, goal)}
         self._made += 1
         self.goals = (*self.goals[:index], goal, *self.goals[index + 1 :])
@@ -164,7 +168,8 @@ class Guidance:
     def lengths(self, goal: int, places: ArrayLike) -> NDArray[np.float64]:
         """Return the lengths (k,) of the paths from positions, float64[k, 2], to a goal by its first field [m].
 
-        That is the field of the empty place, unless :meth:`rebuild` got a crowd. Lengths are infinite without a path.
+        The first field is that of the empty place, unless :meth:`rebuild` got a crowd. Lengths are infinite without a
+        path.
         """
         fields = self._fields[goal]
         return ways(self.ground, fields[min(fields)], places).length
@@ -178,7 +183,10 @@ class Guidance:
         return way_end(self.ground, fields.get(following, fields[min(fields)]), place)
 
     def rebuild(self, ground: Ground, crowding: Crowding = NOBODY) -> None:
-        """Use the place as it is now: solve all fields anew, and let all agents follow these."""
+        """Use the place as it is now: solve all fields anew, and let all agents follow these.
+
+        All other fields are dropped, and so is the ground for agents without a path, until one needs it.
+        """
         self.ground = ground
         self._squeezed = None
         self._ways_out = {}
@@ -208,10 +216,11 @@ class Guidance:
             self.refresh(goal, state, following)
 
     def refresh(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Solve a field of one goal in the present crowd, and let agents change to it.
+        """Solve a field of one goal in the present crowd, and let agents change to it if that pays.
 
-        Call this every few simulated seconds for each goal, in turn. Without a crowd no field is solved, and all agents
-        of the goal follow its first field again.
+        Call this every few simulated seconds for each goal, in turn. If no meter costs more due to a crowd, no field is
+        solved, and all agents of the goal follow its first field again. Fields that no agent of the goal follows are
+        dropped, and the oldest of more than ``weighing.kept``, but never the first and the newest one.
 
         Parameters
         ----------
@@ -220,7 +229,7 @@ class Guidance:
         state : ROW[n]
             All agents; of the columns, x, y, goal and stuck are read.
         following : (n,) int32
-            Numbers of the fields that they follow, which may change.
+            Numbers of the fields that they follow; may change for agents of the goal.
         """
         places = np.column_stack((state["x"], state["y"]))
         # Agents of other goals that are long stuck stay in the way for long. The time stuck of jammed ones cycles, so
@@ -266,11 +275,12 @@ class Guidance:
     def write(self, state: NDArray[Any], following: NDArray[np.int32], *, lead_out: bool = True) -> int:
         """Write gx, gy, togo, turn and held of all agents with a goal to their rows; return how many have no path.
 
-        Agents without a path, such as those who were pushed into a gap between chairs, are led through gaps in which
-        bodies just fit, unless ``lead_out`` is False; they count only if such a way does not exist either.
+        If ``lead_out`` is True, agents without a path, such as those who were pushed into a gap between chairs, are led
+        through gaps in which bodies just fit; they count only if no such way exists either. If it is False, all agents
+        without a path count. ``togo`` of agents that count is LOST.
 
         ``state`` (ROW[n]) are the agents. ``following`` (int32[n]) holds the numbers of the fields that they follow;
-        PLAIN and those of dropped fields are replaced.
+        PLAIN is replaced by the goal's first field, numbers of dropped fields by the newest one.
         """
         lost = 0
         # Goals that agents have: commands may have given many others before.
@@ -289,9 +299,10 @@ class Guidance:
         return lost
 
     def _lead_out(self, goal: int, agents: NDArray[np.int64], state: NDArray[Any]) -> int:
-        """Guide the rows ``agents`` of ``state``, which have no path, through gaps in which bodies just fit.
+        """Guide the rows ``agents`` (k,) of ``state`` (ROW[n]), without a path, through gaps in which bodies just fit.
 
-        They are guided like this until they come to where a path leads. Return how many have no path even then.
+        The ground and the field for that are made when they are first needed. Return how many agents have no path even
+        then.
         """
         if self._squeezed is None:
             self._squeezed = squeezed_ground(self.ground, SQUEEZED)
@@ -300,7 +311,10 @@ class Guidance:
         return guide(self._squeezed, self._ways_out[goal], self.asked, agents, state)
 
     def _fix_numbers(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Replace PLAIN by the first field of a goal, and numbers of dropped fields by the newest."""
+        """In ``following``, replace PLAIN by the first field of a goal, and numbers of dropped fields by the newest.
+
+        Only the agents of the goal change; ``state`` is ROW[n], ``following`` (n,).
+        """
         fields = self._fields[goal]
         mine = state["goal"] == goal
         following[mine & (following == PLAIN)] = min(fields)
@@ -309,7 +323,7 @@ class Guidance:
     def _drop(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
         """Drop fields of a goal that no agent follows, and the oldest if there are more than ``weighing.kept``.
 
-        The first and the newest field stay.
+        The first and the newest field stay. Agents of the goal that followed a dropped field follow the newest.
         """
         fields = self._fields[goal]
         used = set(following[state["goal"] == goal].tolist())

@@ -1,8 +1,10 @@
 """Pins, the points that represent boxes, and the straight lines between pins of adjacent boxes.
 
-Arguments of all helpers: ``ground`` (Ground); ``crowding`` (Crowding), or ``nobody``, that of an empty place; a window
-of boxes, from ``first_row`` to ``last_row`` (exclusive) and from ``first_column`` to ``last_column`` (exclusive);
-``row`` and ``column`` of one box.
+Arguments of all helpers: ``ground`` (Ground of :mod:`crowdsim.steering.guidance.ground`), whose arrays ``pins``,
+``widest``, ``ways`` and ``pure`` are written; ``crowding`` (Crowding of the same module), or ``nobody``, that of an
+empty place; a window of boxes, from ``first_row`` to ``last_row`` (exclusive) and from ``first_column`` to
+``last_column`` (exclusive); ``row`` and ``column`` of one box. ``STEPS[k]`` is the offset to the adjacent box in
+direction k.
 """
 
 import math
@@ -22,21 +24,22 @@ from crowdsim.steering.guidance.ground_kernels import (
 )
 
 _ROUNDS = 12
-"""Rounds of the pattern search for a pin; the first has steps of 6 cm, each further one two thirds of those before."""
+"""Rounds of the pattern search for a pin: the first has steps of 6 cm, each further one steps about two thirds as
+long as the round before."""
 
 GRID = 0.04
-"""Clearance that a behavior may lack at the best grid point of a box so that the pattern search is still tried [m]."""
+"""The pattern search is tried if a behavior lacks less than this clearance at the best grid point of a box [m]."""
 
 _TRIED = 3
-"""Number of positions tried on each side of the center, in both directions, to move a pin."""
+"""Number of positions tried on each side of the center of a box, along x and along y, to move its pin."""
 
 
 @helper
 def _better_pin(ground, box, behavior, x, y, cx, cy):
     """Find a position in a box at which ``behavior`` has more room, by a pattern search from (x, y).
 
-    ``(cx, cy)`` is the center of the box. Return the margin (:func:`margin_at`) and the position [m]. Hooke and Jeeves,
-    Direct search, Journal of the ACM 8 (1961).
+    ``(cx, cy)`` is the center of the box [m]. Return the margin (:func:`margin_at`) and the position [m]; both are
+    those at (x, y) if the search finds nothing better. Hooke and Jeeves, Direct search, Journal of the ACM 8 (1961).
     """
     best = margin_at(ground, box, x, y, behavior)
     step = 0.06
@@ -62,7 +65,7 @@ def _better_pin(ground, box, behavior, x, y, cx, cy):
 def set_pins(ground, first_row, last_row, first_column, last_column):
     """Choose the pins of the boxes of a window, and set ``widest``, the widest behavior that fits at each.
 
-    The window is given by first and last (exclusive) row and column.
+    If no behavior fits at any point that is tried, the pin is the center, and ``widest`` is -1.
     """
     top = len(ground.costs) - 1
     for row in range(first_row, last_row):
@@ -81,7 +84,7 @@ def set_pins(ground, first_row, last_row, first_column, last_column):
             # of ``far`` below 0.23 m are exact but for rounding down: enough for any ``least`` of up to 0.4 m.
             if (ground.far[row, column] + 1) * FAR_UNIT + CORNER < ground.least:
                 continue
-            # Try a grid of 5 x 5 points.
+            # Try a grid of 5 x 5 points. A label is -1 at least, so the first point beats the initial ``best``.
             best = -2
             best_margin = -math.inf
             best_off = math.inf
@@ -98,7 +101,7 @@ def set_pins(ground, first_row, last_row, first_column, last_column):
                     more = margin > best_margin + 1e-9 or (margin > best_margin - 1e-9 and off < best_off)
                     if label > best or (label == best and more):
                         best, best_margin, best_off, bx, by = label, margin, off, x, y
-            # If the next wider behavior almost fits at the best of them, search between the grid points.
+            # If the next wider behavior almost fits at the best grid point, search between the grid points.
             if best < top and best_margin > -GRID:
                 margin, x, y = _better_pin(ground, box, best + 1, bx, by, cx, cy)
                 if margin >= 0.0:
@@ -116,8 +119,8 @@ def _count_ways(ground, nobody, row, column, x, y, raw, labels, narrower):
     """Return to how many of the pins around a box a free straight line leads from (x, y) [m].
 
     ``raw`` (int8[boxes, 2], offsets in PIN_UNIT) and ``labels`` (int8[boxes], -1 if none fits) are the pins and their
-    widest behaviors. With ``narrower``, only boxes with a lower label count, or with the same label and a higher
-    number; return then to how many of their pins no line leads.
+    widest behaviors. If ``narrower`` is True, return instead to how many pins no line leads, only of boxes with a lower
+    label than this one, or with the same label and a higher number.
     """
     box = row * ground.columns + column
     count = 0
@@ -134,6 +137,7 @@ def _count_ways(ground, nobody, row, column, x, y, raw, labels, narrower):
             continue
         qx = ground.left + (u + 0.5) * BOX + PIN_UNIT * raw[other, 0]
         qy = ground.bottom + (v + 0.5) * BOX + PIN_UNIT * raw[other, 1]
+        # Count the free lines, or with ``narrower`` the blocked ones.
         leads = line_cost(ground, nobody, x, y, qx, qy, math.inf) < math.inf
         if leads != narrower:
             count += 1
@@ -144,10 +148,11 @@ def _count_ways(ground, nobody, row, column, x, y, raw, labels, narrower):
 def mend_pins(ground, nobody, raw, labels, first_row, last_row, first_column, last_column):
     """Move pins from which no line leads into an adjacent gap, because the point with most room is beside its mouth.
 
-    ``raw`` (int8[boxes, 2]) and ``labels`` (int8[boxes]) are the pins and their widest behaviors as :func:`set_pins`
-    left them. ``ground.pins`` and ``ground.widest`` get these, moved if more lines lead on from another point of the
-    box. Of two boxes, the pin of that with the wider behavior moves. Lines are tested to ``raw`` pins only, so the
-    order of boxes does not matter.
+    ``raw`` (int8[boxes, 2], in PIN_UNIT) and ``labels`` (int8[boxes]) are the pins and their widest behaviors as
+    :func:`set_pins` left them. ``ground.pins`` and ``ground.widest`` get them for the boxes of the window; a pin moves
+    if more lines lead on from another point of its box. Of two boxes without a line between them, only the pin of the
+    one with the wider behavior may move, of equal ones that of the lower number. Lines are tested to ``raw`` pins only,
+    so the order of boxes does not matter.
     """
     for row in range(first_row, last_row):
         for column in range(first_column, last_column):
@@ -155,8 +160,8 @@ def mend_pins(ground, nobody, raw, labels, first_row, last_row, first_column, la
             ground.pins[box, 0] = raw[box, 0]
             ground.pins[box, 1] = raw[box, 1]
             ground.widest[box] = labels[box]
-            # Keep the pin if no behavior fits, or if no wall can block a line to the adjacent pins, which are at most 3
-            # CORNER from the center; one CORNER more is spare.
+            # Keep the pin if no behavior fits, or if no wall can block a line to the adjacent pins: these are at most 3
+            # CORNER from the center of the box; one CORNER more is spare.
             if labels[box] < 0 or ground.far[row, column] * FAR_UNIT > ground.reach + 4.0 * CORNER:
                 continue
             px, py = pin_of(ground, box)
@@ -202,7 +207,8 @@ def set_ways(ground, crowding, first_row, last_row, first_column, last_column):
             ground.pure[box] = 0
             if ground.widest[box] < 0:
                 continue
-            # Far from walls all lines are free: adjacent pins are at most 3 CORNER from the center; one more is spare.
+            # Far from walls all lines are free: adjacent pins are at most 3 CORNER from the center of the box, and one
+            # CORNER more is spare.
             open_around = ground.far[row, column] * FAR_UNIT > wide
             px, py = pin_of(ground, box)
             for k in range(8):

@@ -72,7 +72,7 @@ class PlaceWalls:
     Raises
     ------
     GeometryError
-        If there are no areas, all are empty, or outlines are not given for as many layers.
+        If there are no areas, all are empty, or outlines of a movable are not given for as many layers as ``areas``.
     """
 
     def __init__(self, areas: Sequence[BaseGeometry], things: Mapping[int, Outlines] | None = None) -> None:
@@ -94,7 +94,8 @@ class PlaceWalls:
     def put(self, thing: int, outlines: Outlines | None) -> Bounds | None:
         """Set the outlines of a movable, or remove it.
 
-        ``legs`` and ``torso`` are new walls afterwards; walls handed out before do not change.
+        ``legs`` and ``torso`` are new walls afterwards, unless the result is None; walls handed out before do not
+        change.
 
         Parameters
         ----------
@@ -129,17 +130,18 @@ class PlaceWalls:
         return window
 
     def _of(self, outlines: Outlines) -> tuple[Floats, ...]:
-        """Return the segments of a movable on each layer."""
+        """Return the segments of a movable on each layer, (n, 4) [m]; GeometryError for another number of layers."""
         if len(outlines) != len(self._fixed):
             raise GeometryError(f"a movable has outlines on {len(outlines)} layers, the place has {len(self._fixed)}")
         return tuple([outline_segments(each) for each in outlines])
 
 
 def update_walls(walls: Walls, segments: Floats, window: Bounds) -> Walls:
-    """Return the walls of ``segments`` on the grid of ``walls``; as :func:`build_walls` if that makes the same grid.
+    """Return the walls of ``segments`` on the grid of ``walls``; take over the distances that cannot have changed.
 
-    Only distances that can have changed are measured anew. If segments reach beyond the grid of the old walls, or there
-    are none before or after, all is built anew.
+    If :func:`build_walls` makes the same grid, its result is the same, but for 1 cm in some distances. If segments come
+    within two cells of the edge of the old grid, or if there are none before or after, all is built anew by
+    :func:`build_walls`.
 
     Parameters
     ----------
@@ -155,7 +157,8 @@ def update_walls(walls: Walls, segments: Floats, window: Bounds) -> Walls:
         return build_walls(segments)
     starts, lists = _lists(segments, walls.left, walls.bottom, walls.columns, walls.rows)
     distances = walls.distances.copy()
-    # Distances change in the inner cells only; they come from segments in the outer cells at most.
+    # Distances change only in the inner cells, within FARTHEST of the window. The segments that they are measured to
+    # are in the outer cells, FARTHEST farther off.
     inner = _cells(walls, window, FARTHEST + SPACING)
     outer = _cells(walls, window, 2.0 * FARTHEST + 2.0 * SPACING)
     left = walls.left + outer[0] * WALL_CELL
@@ -186,7 +189,7 @@ def _lists(
 
 
 def _frames(walls: Walls, segments: Floats) -> bool:
-    """Return True if the grid of walls contains these segments and all cells that would list them."""
+    """Return True if the grid of walls reaches two cells beyond these segments, (n, 4) [m], on all sides."""
     corners = segments.reshape(-1, 2)
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = 2.0 * WALL_CELL
@@ -196,7 +199,10 @@ def _frames(walls: Walls, segments: Floats) -> bool:
 
 
 def _cells(walls: Walls, window: Bounds, margin: float) -> tuple[int, int, int, int]:
-    """Return first column and row, then last (exclusive), of the cells within ``margin`` [m] of a window."""
+    """Return first column and row, then last ones (exclusive), of the cells within ``margin`` [m] of a window.
+
+    The range is clamped to the grid of ``walls``; it is empty (first not below last) if the window is too far off.
+    """
     x0, y0, x1, y1 = window
     low = (int((x0 - margin - walls.left) // WALL_CELL), int((y0 - margin - walls.bottom) // WALL_CELL))
     high = (int((x1 + margin - walls.left) // WALL_CELL) + 1, int((y1 + margin - walls.bottom) // WALL_CELL) + 1)

@@ -53,10 +53,10 @@ TOO_NARROW = 3.0
 leave sooner."""
 
 LIKE = 0.002
-"""Costs that differ by less than this are equal: the first one found stays."""
+"""Costs that differ by less than this count as equal, and the first one found stays; in the unit of ``Field.cost``."""
 
 TOUCHING = 0.11
-"""A line that comes nearer than this to a wall leads through it [m]."""
+"""A line that comes nearer than this to a wall counts as leading through it [m]."""
 
 LOST = 1e9
 """Length that stands for "no path" in the state of an agent [m]."""
@@ -66,8 +66,9 @@ LOST = 1e9
 def near_length(ground, px, py, qx, qy):
     """Return the weighted and the plain length of the first LOOK meters of the line from p to q [m].
 
-    Points at which no behavior fits count TOO_NARROW times: an agent may be there, but should leave. The weighted
-    length is infinite if the line leads through a wall or out of the boxes.
+    The line is tested at steps of STRIDE at most. Steps at which no behavior fits count TOO_NARROW times in the
+    weighted length: an agent may be there, but should leave. The weighted length is infinite if the line leads through
+    a wall (TOUCHING) or out of the boxes.
     """
     dx = qx - px
     dy = qy - py
@@ -87,6 +88,7 @@ def near_length(ground, px, py, qx, qy):
         box = box_at(ground, x, y)
         if box < 0:
             return math.inf, length
+        # Far from walls, all behaviors fit.
         row = box // ground.columns
         far_off = ground.far[row, box - row * ground.columns] * FAR_UNIT > ground.reach + CORNER
         if far_off or widest_at(ground, box, x, y) >= 0:
@@ -103,7 +105,10 @@ def near_length(ground, px, py, qx, qy):
 
 @helper
 def is_clear(ground, px, py, qx, qy):
-    """Return True if the line from p to q keeps CLEAR off all walls, tested at steps of PACE near them, not at q."""
+    """Return True if the line from p to q keeps CLEAR off all walls and does not leave the boxes.
+
+    It is tested at p, then at steps of PACE near walls, at longer ones far from them, and not at q.
+    """
     dx = qx - px
     dy = qy - py
     length = math.sqrt(dx * dx + dy * dy)
@@ -131,11 +136,12 @@ def is_clear(ground, px, py, qx, qy):
 
 @helper
 def cost_to(ground, nobody, px, py, qx, qy, meter, reached):
-    """Return the cost of the line from p to q at ``meter`` per meter, infinite if it is blocked.
+    """Return the cost of the line from p to q, of which a meter costs ``meter``; infinite if the line is blocked.
 
     The caller takes ``meter`` from the line of an adjacent pin to q, so that an agent a little off the middle of a gap
-    need not go back to the pin. If that pin is ``reached``, only walls on the first LOOK meters block the line, and it
-    costs no more if no behavior fits there. Else some behavior must fit everywhere beyond the first LOOK meters.
+    need not go back to the pin. Walls on the first LOOK meters always block the line (:func:`near_length`). If
+    ``reached`` is True (that pin is reached), nothing else counts. If it is False, points on the first LOOK meters at
+    which no behavior fits raise the cost, and farther on some behavior must fit everywhere.
     """
     near, tested = near_length(ground, px, py, qx, qy)
     length = math.sqrt((qx - px) * (qx - px) + (qy - py) * (qy - py))
@@ -156,9 +162,9 @@ def cost_to(ground, nobody, px, py, qx, qy, meter, reached):
 def cheapest_around(ground, nobody, field, box, x, y, onwards):
     """Find the target to head for from (x, y) in ``box``: the cheapest anchor or pin that a free line leads to.
 
-    Candidates are the anchors of the box and the eight around it, and their pins. Their cost is the cost from there to
-    the goal, and that of the line, which is tested. With ``onwards``, pins that are reached do not count, but their
-    anchors do.
+    Candidates are the anchors of the box and the eight around it, and their pins. The cost over a candidate is its cost
+    to the goal plus that of the line to it, which is tested. If ``onwards`` is True, a pin within REACHED of (x, y)
+    does not count, neither as a pin nor as an anchor, unless the path ends there.
 
     Return the number of the target (a box, or a point of the goal) and the cost; -1 and infinity if there is none.
     """
@@ -183,7 +189,7 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
         px, py = pin_of(ground, other)
         apart = math.sqrt((px - x) * (px - x) + (py - y) * (py - y))
         # Candidate 1: its anchor, at the cost per meter of the line from its pin. With ``onwards``, an anchor that is
-        # reached counts only if the path ends there.
+        # reached counts only if the path ends there. A pin that is its own anchor is candidate 2.
         anchor = field.anchor[other]
         sx, sy = anchor_place(ground, field.points, anchor)
         length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
@@ -192,10 +198,11 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
         if counts and anchor != other:
             paid = anchor_cost(field, boxes, anchor)
             beside = math.sqrt((sx - px) * (sx - px) + (sy - py) * (sy - py))
+            # If pin and anchor coincide, no line tells the cost of a meter: take that with the widest behavior.
             meter = (float(field.cost[other]) - paid) / beside if beside > 0.0 else top
             # Test the line only if it could win.
             if paid + meter * length < best - LIKE:
-                # Pushed beside the pin, but the line on from here is clear.
+                # Pushed beside the pin, but the line on from here is clear: it costs no more if no behavior fits here.
                 if REACHED <= apart < BESIDE and is_clear(ground, x, y, sx, sy):
                     value = paid + length * meter
                 else:
@@ -220,7 +227,7 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
 def look_around(ground, nobody, field, box, x, y):
     """Find the target to head for from (x, y) in ``box``, and the cost over it, in the form of :func:`cheapest_around`.
 
-    A reached pin is the target only if no other one is free and nearer to the goal than that pin, by cost.
+    A pin that is reached is the target only if no line to another target that is nearer to the goal, by cost, is free.
     """
     head, cost = cheapest_around(ground, nobody, field, box, x, y, True)
     pin, pin_cost = cheapest_around(ground, nobody, field, box, x, y, False)
@@ -236,9 +243,9 @@ def look_around(ground, nobody, field, box, x, y):
 def head_for(ground, nobody, field, box, x, y):
     """Return the target of all agents in the part of a box around (x, y), the cost from its middle, and the middle [m].
 
-    The first agent in a part looks it up and stores it in ``field.heads`` and ``field.costs``; it depends on the part
-    alone, so it does not matter which agent is first. The target is -1 and the cost infinite if no line is free. The
-    box must have a slot.
+    The result is four values: target, cost, x and y of the middle of the part. The first agent in a part looks it up
+    and stores it in ``field.heads`` and ``field.costs``; it depends on the part alone, so it does not matter which
+    agent is first. The target is -1 and the cost infinite if no line is free. The box must have a slot.
     """
     row = box // ground.columns
     column = box - row * ground.columns
@@ -262,8 +269,8 @@ def head_for(ground, nobody, field, box, x, y):
 def first_head(ground, nobody, field, box, x, y):
     """Return the target to head for from (x, y) in ``box``, the cost to the goal over it, and where that cost holds.
 
-    The target is -1 without a path. The cost holds at the position (mx, my) [m]: the pin of the box, the middle of its
-    part, or (x, y).
+    Without a path the target is -1, and the cost infinite. The cost holds at the position (mx, my) [m], which is the
+    pin of the box, the middle of the part with (x, y), or (x, y) itself.
     """
     # Boxes without a slot: all agents in the box head for its anchor.
     if field.slots[box] < 0:
@@ -280,10 +287,10 @@ def first_head(ground, nobody, field, box, x, y):
 
 @helper
 def way_at(ground, nobody, field, x, y):
-    """Return what a field gives at a position: unit vector of the path, cost, length to go [m] and behavior.
+    """Return what a field gives at a position: unit vector of the path (two values), cost, length to go [m], behavior.
 
-    The vector is (0, 0) in the goal, exactly at a target, and without a path. Cost and length are infinite without a
-    path. In the goal and without a path the behavior is the widest.
+    The vector is (0, 0) in the goal, exactly at the point headed for, and without a path. Cost and length are 0 in the
+    goal, and infinite without a path. In the goal and without a path the behavior is the widest.
     """
     top = len(ground.costs) - 1
     box = box_at(ground, x, y)
@@ -303,6 +310,7 @@ def way_at(ground, nobody, field, x, y):
     to_go = length + (float(field.length[head]) if head < boxes else 0.0)
     paid = anchor_cost(field, boxes, head)
     meter = (cost - paid) / middle if middle > 0.0 else ground.costs[top]
+    # The box has no path from its pin (-1), though one leads on from here: nothing is prescribed.
     asked = top if field.asks[box] < 0 else field.asks[box]
     if length == 0.0:
         return 0.0, 0.0, paid, to_go, asked
@@ -339,6 +347,8 @@ def end_of_way(ground, nobody, field, x, y):
 def sample(ground, nobody, field, asked, agents, state):
     """Write gx, gy, togo, turn and held of the agents that follow a field to their rows.
 
+    ``held`` is the smaller of what the behavior prescribes and ``rest``, and -1 if nothing is prescribed.
+
     Parameters
     ----------
     ground, nobody, field : Ground, Crowding, Field
@@ -348,7 +358,7 @@ def sample(ground, nobody, field, asked, agents, state):
     agents : (k,) int64
         Rows of ``state`` to write.
     state : ROW[m]
-        All agents.
+        All agents (ROW of steering.row_kernels).
 
     Returns
     -------
@@ -372,7 +382,7 @@ def sample(ground, nobody, field, asked, agents, state):
 
 @kernel
 def ways_at(ground, nobody, field, places, out):
-    """Fill ``out`` (float64[k, 5]) with the values of :func:`way_at` at ``places`` (float64[k, 2])."""
+    """Fill ``out`` (float64[k, 5]) with the five values of :func:`way_at` at ``places`` (float64[k, 2]) [m]."""
     for n in range(len(places)):
         gx, gy, cost, to_go, behavior = way_at(ground, nobody, field, places[n, 0], places[n, 1])
         out[n, 0] = gx

@@ -8,7 +8,8 @@ from crowdsim.export.page.tracks.range_kernels import WHOLE
 from crowdsim.jit import helper
 
 PLACE_BITS, TURN_BITS, NEAR_BITS, PHASE_BITS = 6, 7, 6, 6
-"""Decisions for an integer near 0 of steered people: places, turns, turns near the expected one, phases."""
+"""Number of decisions by which an integer near 0 of steered people is coded: of places, turns, turns near the expected
+one, and phases."""
 OFF_BITS, ORIGIN_BITS, FRAME_BITS, CHANGE_BITS = 7, 8, 6, 8
 """The same of captured people: by how much a track is off from its node, where a node begins, frames within a node,
 and frames across a change of nodes."""
@@ -23,12 +24,13 @@ PACES, WAYS = 16, 16
 """Classes of speeds, and of directions, as contexts of places."""
 SPEEDS, TURNS, WANTED, NEARS = 24, 21, 49, 8
 """Contexts of headings and phases: classes of speeds (1/16 m/s wide), of turns, and of turns towards the direction of
-motion; and which of the last 3 turns were coded from none, as bits."""
+motion; and which of the last 3 turns were counted from no turn, not from the expected one, as bits."""
 KINDS, AWAYS = 7, 16
 """Contexts of phases: rule of the expected phase, and classes of the distance to the rear foot (2 cm wide)."""
 
 # Where the models of each kind begin. The first ones are those of integers of any size: WHOLE for escapes, then for
-# what begins a run of steps; twice WHOLE if its first two steps are coded in this way.
+# what begins a run of steps; twice WHOLE if its first two steps are coded in this way. Then those of decisions: whether
+# a track is off (IS_OFF), whether a phase comes to a stand or stays (FOLLOWS), and which of the two (STAYS).
 FIRST_X, FIRST_Y, FIRST_TURN, FIRST_FRAME, FIRST_PHASE = WHOLE, 3 * WHOLE, 5 * WHOLE, 7 * WHOLE, 8 * WHOLE
 IS_OFF = 9 * WHOLE
 OFF = IS_OFF + 4

@@ -6,7 +6,7 @@ units to a cycle; ``units`` (UNITS,) int64:
 
 - PLACE, TURN, RATE, CYCLE: units of places per meter, of headings per turn, steps per second, and of phases per cycle;
 - MOST: the largest turn of a steered agent in a step, in units of turn;
-- NATURAL: by how much frames usually go on in a step;
+- NATURAL: by how many ticks (FRAME_TICKS to a frame) the frames of nodes usually go on in a step;
 - PHASE_STEP, TURN_STEP: differences from an expected phase or turn are coded as multiples of these (steps), in units
   of phase and of turn;
 - PLAYED_TURN_STEP: the same for turns of captured people.
@@ -87,20 +87,20 @@ def expected_turn(ahead, heading, units):
 def choose_turn(exact_turn, expected, near, last, total, units, slack):
     """Return by which number ``exact_turn`` is coded: (0, steps off the ``expected`` turn) or (1, steps off no turn).
 
-    The first is chosen for at most ``near`` steps. The coded turn may be inexact within ``slack`` (2,): the largest
-    error, and the largest sum of errors, of which ``total`` is that so far; 0, 0 to round. Errors may be large if their
-    sum stays small, because bodies are shown with headings smoothed over some 0.85 s. Turns, ``total`` and ``slack``
-    are in units of turn; a step is TURN_STEP of them. ``last`` is the number of steps of the turn before, 0 if that was
-    counted from its expected turn.
+    The first is chosen for at most ``near`` steps. ``slack`` (2,) allows a turn that is coded shorter to be inexact:
+    its error is ``slack[0]`` at most, and the sum of all errors, ``total`` before this turn, stays within ``slack[1]``.
+    If they are 0, 0, the turn is rounded. Errors may be large if their sum stays small, because bodies are shown with
+    headings smoothed over some 0.85 s. Turns, ``total`` and ``slack`` are in units of turn; a step is TURN_STEP of
+    them. ``last`` is the number of steps of the turn before, 0 if that was counted from its expected turn.
     """
     step = units[TURN_STEP]
     if slack[0] > 0.0:
-        # Within the slack, choose what is coded shortest: the expected turn, none, or as many steps as last time.
+        # Within the slack, choose what is coded shortest: the expected turn, no turn, or as many steps as last time.
         for way in range(3):
             likely = expected if way == 0 else 0 if way == 1 else last * step
             if abs(likely - exact_turn) <= slack[0] and abs(total + likely - exact_turn) <= slack[1]:
                 return (0, 0) if way == 0 else (1, 0) if way == 1 else (1, last)
-        # Else aim beside the turn, to compensate the errors so far.
+        # If none of these is within it, aim beside the turn, to compensate the errors so far.
         exact_turn -= _MADE_UP * total
     steps = math.floor((exact_turn - expected) / step + 0.5)
     if abs(steps) <= near:
@@ -158,7 +158,8 @@ def next_stand(phase, cycle):
 def passes(before, after, cycle):
     """Return whether a body passes over its standing foot between the phases ``before`` and ``after``.
 
-    It does so at REFERENCE after each landing, so every half cycle: whole cycles of twice the phase count that.
+    It does so at REFERENCE after each landing, every half cycle: then twice the phase, counted from twice REFERENCE,
+    passes a whole cycle.
     """
     over = 2 * math.floor(REFERENCE * cycle + 0.5)
     return (2 * before - over) // cycle < (2 * after - over) // cycle

@@ -88,7 +88,7 @@ class Coder(NamedTuple):
 
 
 def new_mixer(models: int, rows: int) -> Mixer:
-    """Return a mixer with numbers of ``models`` and of ``rows`` of weights that has seen no decision."""
+    """Return a mixer of so many ``models`` and ``rows`` of weights, which has seen no decision."""
     chances = np.full(models, EVEN, np.uint16)
     return Mixer(chances, np.zeros(models, np.uint8), np.full((rows, INPUTS), _FIRST_WEIGHT, np.int32))
 

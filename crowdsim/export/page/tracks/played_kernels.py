@@ -136,7 +136,7 @@ def _from_origin(x, y, heading, units):
 def _track_at(nodes, node, frame, origin, offset, units):
     """Return the track (x, y, heading) in a frame of a node that begins at ``origin`` [units of place and turn].
 
-    ``offset`` (3,) is the blend offset: the end of the node before, less ``origin``.
+    ``origin`` is (3,): x, y, heading. ``offset`` (3,) is the blend offset: the end of the node before, less ``origin``.
     """
     x, y, h, left = _in_node(nodes, node, frame)
     x, y = _from_origin(x, y, origin[2], units)

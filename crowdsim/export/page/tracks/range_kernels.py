@@ -86,7 +86,7 @@ def put_bit(state, out, models, model, bit):
 
 @helper
 def put_plain(state, out, value, bits):
-    """Code the lowest ``bits`` of a value, each as likely 0 as 1."""
+    """Code the lowest ``bits`` bits of ``value``, a number >= 0; each bit is as likely 0 as 1 and needs no model."""
     # Halve the interval for each bit; whenever it is less than _TOP wide, a byte of its low end is settled.
     for place in range(bits - 1, -1, -1):
         state[RANGE] >>= 1
@@ -113,7 +113,7 @@ def _put_leaf(state, out, models, first, bits, leaf):
 
 @helper
 def put_whole(state, out, models, first, value):
-    """Code an integer of a size below 2**31: its length in bits and its sign by models, its bits without.
+    """Code an integer of a size below 2**31: its length in bits and its sign by models, then its bits without models.
 
     The WHOLE models of length and sign are a tree, which begins at ``first``.
     """

@@ -218,9 +218,9 @@ def _coded(
 ) -> tuple[NDArray[np.uint8], Ints]:
     """Return the bytes of a chunk, and the headings (N, steps) that a decoder finds [units of turn].
 
-    ``units`` are those of :func:`coding_units`; ``stretches`` rows of :meth:`PackedStretches.within`; ``phases`` those
-    of all stretches, in units of a page, of which those in this chunk become what a decoder finds; ``own`` the steps of
-    the chunk without its margins.
+    ``rows`` are the chunk's steps with its margins, ``own`` those without. ``units`` are those of :func:`coding_units`.
+    ``stretches`` (k, 4) are those of :meth:`PackedStretches.within`. ``phases`` (P,) are those of all stretches, in
+    units of a page; those in ``own`` become what a decoder finds.
     """
     here = (rows.state != AgentState.ABSENT).T
     node = np.where(here, rows.node.T, NONE).astype(np.int32)
@@ -304,8 +304,8 @@ class _Changes:
     def take(self, rows: _Rows, first: int, span: slice) -> None:
         """Record the changes in the steps ``span`` of ``rows``, with values as of :class:`Events`.
 
-        first: step of the page at which ``span`` begins. Each part is (6, E): agent, step, node, previous, behavior,
-        state.
+        first: step of the page at which ``span`` begins. Changes are kept in parts (6, E): agent, step, node, previous,
+        behavior, state.
         """
         state = rows.state[span].astype(np.int64)
         here = state != AgentState.ABSENT

@@ -152,8 +152,8 @@ def _put_headings(state, out, models, mixer, x, y, headings, begin, first, end, 
     turn = units[TURN]
     step = units[TURN_STEP]
     most = units[MOST]
-    # The last turn and the one before; the steps of the last one, if it was counted from none; which of the last three
-    # were counted from none, as bits; and the sum of the errors so far.
+    # The last turn and the one before; the steps of the last one, if it was counted from no turn, else 0; which of the
+    # last three were counted from no turn, not from the expected one, as bits; and the sum of the errors so far.
     last = 0
     before = 0
     steps = 0
@@ -274,14 +274,19 @@ def code_chunk(tracks, exact, here, node, nodes, stretches, phases, own, units, 
     Parameters
     ----------
     tracks: (4, N, T) int64 x, y, heading and frame in the units of a page. The first three become what a decoder finds,
-        in whole units; of frames, only those of nodes count. exact: (3, N, T) float64 x, y and heading in these units.
-    here: (N, T) uint8, whether an agent is present. node: (N, T) int32 node that it plays if it is captured, else -1.
-    nodes: a NodeTracks. stretches: (S, 4) int64 agent, first step, step after the last, and index of the first of their
-        phases, sorted by agent. phases: (P,) int64, set to what a decoder finds in the steps from ``own[0]`` to before
-        ``own[1]``.
+        in whole units; of frames, only those of nodes count.
+    exact: (3, N, T) float64 x, y and heading in these units.
+    here: (N, T) uint8, whether an agent is present.
+    node: (N, T) int32 node that an agent plays; -1 if it is steered.
+    nodes: a :class:`crowdsim.export.page.tracks.played_kernels.NodeTracks`.
+    stretches: (S, 4) int64 agent, first step, step after the last, and index of the first of their phases, sorted by
+        agent, then by time.
+    phases: (P,) int64, set to what a decoder finds in the steps from ``own[0]`` to before ``own[1]``.
+    own: (2,) int64, the steps that belong to this chunk and to no other.
     units: (UNITS,) int64, see :mod:`crowdsim.export.page.tracks.expected_kernels`.
-    slack: largest error of a steered heading, and of the sum of these errors so far [units of turn]; 0, 0 to round.
-    coder: a new Coder; its ``out`` has to be large enough.
+    slack: (2,) float64, largest error of a steered heading, and of the sum of these errors so far [units of turn]; 0, 0
+        to round.
+    coder: a new :class:`crowdsim.export.page.tracks.mixing_kernels.Coder`; its ``out`` has to be large enough.
     """
     state, out, models, mixer = coder
     count, steps = here.shape

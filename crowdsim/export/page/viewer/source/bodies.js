@@ -1,4 +1,4 @@
-// The joints of any agent at any time: captured, steered, or on the way from one to the other.
+// The joints of any agent at any time: captured, steered, or after a switch between both.
 
 import { multiply } from "./quaternions.js";
 import { NodePoses } from "./node_poses.js";
@@ -23,7 +23,7 @@ export class Bodies {
     this.switches = new SwitchBlends(this, block);
   }
 
-  /** Joints of an agent in the world, in `positions` and `rotations`; false if it is not there. */
+  /** Put the joints of an agent in the world into `positions` and `rotations`; return false if it is absent or has no motion. */
   pose(agent, frame) {
     if (!frame.state[agent]) return false;
     const { step, time } = frame;

@@ -1,10 +1,10 @@
-// Where the eye is: all of the place, from above, behind somebody, or wherever it is moved to.
+// Where the eye is: all of the place in view, from above, behind an agent, or wherever it is moved to.
 
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 
 export const VIEWS = ["overview", "top", "follow", "free"];
-const BEHIND = 5.2, ABOVE = 2.4; // meters of the eye from who is followed
+const BEHIND = 5.2, ABOVE = 2.4; // meters of the eye from the agent that is followed, and above the floor
 const ELEVATION = (38 * Math.PI) / 180;
 
 export class Cameras {
@@ -25,6 +25,7 @@ export class Cameras {
     this.size = [1, 1];
   }
 
+  /** Fit the picture to a size [pixels]; `inset` is how much of each side the page covers [pixels]. */
   resize(width, height, inset) {
     this.size = [width, height];
     this.inset = inset;
@@ -33,7 +34,7 @@ export class Cameras {
     if (this.view === "overview" || this.view === "top") this.set(this.view);
   }
 
-  /** Go to a view; who is followed has a place and a heading. */
+  /** Go to a view; `who` is the place and heading of the agent to be followed. */
   set(view, who = null) {
     this.view = view;
     if (view === "overview") {
@@ -53,7 +54,7 @@ export class Cameras {
     this.controls.update();
   }
 
-  /** Go on with who is followed. */
+  /** Move the eye with the agent that is followed, which is now at (x, y). */
   followTo(x, y) {
     const { target } = this.controls, { position } = this.camera;
     const dx = x - this.last[0], dy = y - this.last[1];
@@ -65,6 +66,7 @@ export class Cameras {
     this.controls.update();
   }
 
+  /** Put the eye at a place, looking at a target at a distance [m]. */
   place({ eye, target, distance }) {
     this.camera.position.copy(eye);
     this.controls.target.copy(target);
@@ -115,6 +117,7 @@ export class Cameras {
   }
 }
 
+/** Unit vector to a side and an elevation [rad]. */
 function direction(side, elevation) {
   return new THREE.Vector3(
     Math.cos(side) * Math.cos(elevation), Math.sin(side) * Math.cos(elevation), Math.sin(elevation),

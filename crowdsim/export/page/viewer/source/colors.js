@@ -1,4 +1,4 @@
-// What shirts show: behavior, group, speed, how long an agent has waited, or whether it is captured or steered.
+// Colors of shirts: by behavior, group, speed, time of waiting, or level (captured or steered).
 
 import { rgb } from "./place.js";
 import { heat } from "./density.js";
@@ -9,6 +9,7 @@ const LONGEST = 30; // seconds
 
 const SPEEDS = [[59, 76, 160], [64, 150, 170], [110, 190, 110], [250, 215, 70]];
 
+/** Color at a share (0 to 1) of the way along stops at even distances. */
 function along(stops, share) {
   const place = Math.min(Math.max(share, 0), 1) * (stops.length - 1), k = Math.min(Math.floor(place), stops.length - 2);
   return stops[k].map((value, c) => Math.round(value + (place - k) * (stops[k + 1][c] - value)));

@@ -1,4 +1,4 @@
-// Buttons, slider, keys, card and legend. Names of a recording reach the page only as text.
+// Buttons, slider, keys, card and legend. Names from a recording are set as text only, never as HTML.
 
 import { COLORINGS, legend } from "./colors.js";
 import { heat } from "./density.js";
@@ -68,7 +68,7 @@ export class Controls {
     addEventListener("keydown", (event) => {
       const typing = event.target.closest?.("select, dialog[open]");
       if (event.ctrlKey || event.altKey || event.metaKey || (typing && event.key !== "?")) return;
-      // A button or the slider that has the focus keeps the keys that it knows.
+      // A button or a checkbox that has the focus keeps the keys that operate it.
       if (event.target.closest?.("button, input[type=checkbox]") && [" ", "Enter"].includes(event.key)) return;
       const action = actions[event.key];
       if (!action) return;
@@ -83,7 +83,7 @@ export class Controls {
     else sheet.showModal();
   }
 
-  /** Show what changes all the time. */
+  /** Show clock, counts and card, which change all the time. */
   showTime() {
     const { player } = this, { frame } = player;
     let present = 0, waiting = 0;
@@ -101,7 +101,7 @@ export class Controls {
     this.showCard();
   }
 
-  /** Show what was chosen. */
+  /** Show the choices and the legend. */
   showChoices() {
     const { player } = this;
     for (const [id, value] of [
@@ -149,7 +149,7 @@ export class Controls {
     find("follow").disabled = !here;
   }
 
-  /** Tell readers of screens. */
+  /** Announce words to screen readers. */
   say(words) {
     find("said").textContent = words;
   }

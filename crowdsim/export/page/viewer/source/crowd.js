@@ -1,10 +1,10 @@
-// All bodies: those that are near with every joint, the others with few vertices and ready-made poses.
+// All bodies: near ones with every joint, distant ones with few vertices and poses made beforehand.
 
 import * as THREE from "three";
 import { bodyMaterial, shadowMaterial } from "./shaders.js";
 import { FarPoses } from "./far_poses.js";
 
-const NEAREST = 60; // bodies that are drawn whole if many are present
+const NEAREST = 60; // number of bodies that are drawn in detail if many are present
 const WIDE = 64; // agents in a line of the texture of looks
 const TISSUES = 5;
 
@@ -36,7 +36,7 @@ export class Crowd {
     this.vertices = 0;
   }
 
-  /** Show a frame. color: RGB of a shirt (0 to 255) of an agent into an array. */
+  /** Show a frame. color: a function from an agent to the RGB (0 to 255) of its shirt. */
   update(frame, camera, color) {
     const present = this.order;
     present.length = 0;
@@ -139,7 +139,7 @@ function bodyGeometry(block, name) {
   return geometry;
 }
 
-/** Soft discs: a wide one under the hips, and one under each foot of those who are near. */
+/** Soft discs: a wide one under the hips, and one under each foot of near bodies. */
 function shadowGeometry(roles, far) {
   const geometry = new THREE.InstancedBufferGeometry();
   const discs = [[roles.hips ?? 0, far ? 0.42 : 0.4, far ? 0.42 : 0.26]];

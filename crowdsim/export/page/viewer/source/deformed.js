@@ -7,15 +7,17 @@ import {
 import { ASIDE, LAND, LIFT, PAD, STEP_COLUMNS } from "./footsteps.js";
 import { conjugate, product, rotate } from "./quaternions.js";
 
-const LEAST_LIFT = 0.045; // meters that a foot is lifted in a step on the spot
+const LEAST_LIFT = 0.045; // meters by which a foot is lifted in a step on the spot
 const CLEAR = 0.015; // meters between sole and floor in the middle of a swing, at least
 
+/** Cubic curve at u (0 to 1) from `start` to `end`, with the speeds there [per unit of u]. */
 function cubic(u, start, startSpeed, end, endSpeed) {
   const rest = 1 - u;
   return (1 + 2 * u) * rest * rest * start + u * u * (1 + 2 * rest) * end
     + u * rest * (rest * startSpeed - u * endSpeed);
 }
 
+/** Ankle, pitch and yaw of a swinging foot at share u of its cycle, between the rows `old` and `next` of `steps`. */
 function swingAnkle(model, foot, steps, old, next, u, track) {
   const length = 1 - STANCE, v = (u - STANCE) / length, rest = 1 - v;
   const at = [0, 1, 2].map((axis) => cubic(
@@ -27,7 +29,7 @@ function swingAnkle(model, foot, steps, old, next, u, track) {
   // Pass the other foot at a distance.
   const aside = (1 - 2 * foot) * steps[old + ASIDE] * bulge;
   const x = at[0] - aside * Math.sin(yaw), y = at[1] + aside * Math.cos(yaw);
-  // Lift as the clip does, by the share of its stride, and at least as one steps on the spot.
+  // Lift as the clip does, by the share of its stride; the less the body goes ahead, the more as in a step on the spot.
   const ahead = track[AHEAD], share = Math.min(track[SHARE], 1);
   let z = at[2] + ahead * sampled(model.lift, model.shapes.lift[1], foot, u);
   z += (1 - ahead / (ahead + 0.2)) * LEAST_LIFT * bulge * (0.6 + 0.4 * share);
@@ -40,6 +42,7 @@ function swingAnkle(model, foot, steps, old, next, u, track) {
   return { ankle: [x, y, z], pitch, yaw };
 }
 
+/** Ankle, pitch and yaw of a foot at share u of its cycle; `row` is that of its step. */
 function footAt(model, plan, row, foot, u, track, place, turn) {
   const i = row * STEP_COLUMNS, steps = plan.steps;
   if (u < STANCE) {
@@ -48,6 +51,7 @@ function footAt(model, plan, row, foot, u, track, place, turn) {
   return swingAnkle(model, foot, steps, i, i + 2 * STEP_COLUMNS, u, track);
 }
 
+/** Quaternion of the rotation whose matrix has the columns x, y and z. */
 function frameRotation(x0, x1, x2, y0, y1, y2, z0, z1, z2) {
   let w, i, j, k;
   if (x0 + y1 + z2 > 0) [w, i, j, k] = [1 + x0 + y1 + z2, y2 - z1, z0 - x2, x1 - y0];
@@ -67,6 +71,7 @@ const turnOf = (model, foot, row) => {
   return [model.turns[i], model.turns[i + 1], model.turns[i + 2], model.turns[i + 3]];
 };
 
+/** Local rotations of a leg from its hip to a target (ankle, pitch, yaw) into `out`; its knee points `forward` (x, y). */
 function poseLeg(model, foot, hip, turn, target, forward, out) {
   const { ankle, pitch, yaw } = target;
   const thigh = model.bones[5 * foot], shank = model.bones[5 * foot + 1];
@@ -137,7 +142,7 @@ export function poseBody(model, plan, time, root, out) {
   const left = footAt(model, plan, 2 * whole - plan.half, 0, phase - whole, track, place, turn);
   const late = phase - 0.5, behind = Math.floor(late);
   const right = footAt(model, plan, 2 * behind + 1 - plan.half, 1, late - behind, track, place, turn);
-  // The last resort of a leg that stands and does not reach: the pelvis.
+  // If a standing leg does not reach its foot in any other way, lower the pelvis.
   let lack = 0;
   if (phase - whole < STANCE) lack = Math.max(lack, lacking(model.bones, 0, hipOf(model, 0, place, turn), left.ankle));
   if (late - behind < STANCE) lack = Math.max(lack, lacking(model.bones, 1, hipOf(model, 1, place, turn), right.ankle));

@@ -1,4 +1,4 @@
-// How crowded it is where: people a square meter, in the last ten seconds or over the whole run.
+// Density of agents on the floor [1/m2], in the last ten seconds or over the whole run.
 
 import * as THREE from "three";
 import { floorMaterial } from "./shaders.js";
@@ -41,7 +41,7 @@ export class Density {
     this.mesh.visible = mode !== "off";
   }
 
-  /** Whether anything changed. */
+  /** Paint the density of a frame, at most once a second; return whether anything changed. */
   update(frame) {
     if (this.mode === "off") return false;
     const second = this.mode === "whole" ? 0 : Math.floor(frame.step / this.source.rate);
@@ -51,6 +51,7 @@ export class Density {
     return true;
   }
 
+  /** Mean density of each cell in the last SECONDS before a step. */
   lately(step) {
     const { cell, columns, lines } = this.grid, { source } = this;
     const out = new Float32Array(columns * lines), at = new Float64Array(4);
@@ -69,6 +70,7 @@ export class Density {
     return out;
   }
 
+  /** Color the cells; the scale ends at the 99th percentile of the cells with agents. */
   paint(values) {
     const sorted = Float32Array.from(values).filter((value) => value > 0).sort();
     const high = sorted.length ? sorted[Math.floor(0.99 * (sorted.length - 1))] : 1;

@@ -13,7 +13,7 @@ export function direction(x, y) {
   return y < 0 ? -angle : angle;
 }
 
-/** What is left of a value, 0 or more, without so many wholes. */
+/** The remainder of a value after division by `whole`, never below 0. */
 export function rest(value, whole) {
   value %= whole;
   return value < 0 ? value + whole : value;
@@ -56,8 +56,9 @@ function cadence(speed, angle, turn, out) {
 
 /**
  * The phase after a step of a body into `out`: phase, and kind, the rule that gives it.
- * speed [m/s]; ahead: its direction; heading, headingBefore, left: headings after and before it, and where its rear foot
- * belongs, from where it is `away` [m]; units: turn, rate, cycle.
+ * speed [m/s] and direction `ahead` of the step; heading, headingBefore: after and before it; left: heading of the body
+ * when it was over the foot that is now behind, from where it is `away` [m]; angles in units of turn; units: turn, rate,
+ * cycle.
  */
 export function expectedPhase(phase, speed, ahead, heading, headingBefore, away, left, units, out) {
   const { turn, rate, cycle } = units, radians = (value) => (wrapped(value, turn) * (2 * Math.PI)) / turn;

@@ -1,4 +1,5 @@
-// Poses made beforehand, in one texture: every row of every node, and a walk at several strides for those who steer.
+// Poses of distant bodies, made beforehand in one texture: every row of every node, and walks at several strides for steered
+// agents.
 
 import * as THREE from "three";
 import { planSteps, STEP } from "./footsteps.js";
@@ -25,6 +26,7 @@ export class FarPoses {
     this.texture.needsUpdate = true;
   }
 
+  /** Fill the texture: rows of nodes first, then the walks of each behavior at each share. */
   cut() {
     const { nodes, bodies } = this;
     for (let row = 0; row < nodes.rows; row++) {
@@ -58,13 +60,14 @@ export class FarPoses {
     }
   }
 
+  /** Write the body in hand to a row. */
   write(row) {
     this.bodies.forward();
     const at = 4 * (Math.floor(row / this.perLine) * LINE + (row % this.perLine) * this.texels);
     this.bodies.writeMatrices(this.data, at);
   }
 
-  /** The row that comes nearest to what an agent does. */
+  /** The row of the pose that is nearest to that of an agent in a frame. */
   rowOf(agent, frame, source) {
     const node = frame.node[agent];
     const stretch = this.bodies.steered.stretchAt(agent, frame.step);

@@ -1,5 +1,4 @@
-// Tracks out of the page itself. A track source has: facts `rate`, `steps`, `agents`, and what others call here:
-// `frameAt(time, frame)`, `valueAt(agent, step)`, `eventAt(agent, step)`, `stretches`. A server can be another one.
+// Tracks from the page itself. Other sources, such as live/live_source.js, derive from this one.
 
 import { NodeTracks } from "./node_tracks.js";
 import { StepTracks, splitStep } from "./step_tracks.js";
@@ -10,7 +9,7 @@ export const ABSENT = 0, MOVING = 1, WAITING = 2, ARRIVED = 3;
 const STEERED = 4; // added to a state
 const CHUNKS_KEPT = 8; // of at most a million samples: 130 MB
 
-/** What all agents do at one time, in arrays. */
+/** State of all agents at one time, in arrays. */
 export function newFrame(count) {
   return {
     time: 0, step: 0, share: 0,
@@ -37,6 +36,7 @@ export class FileSource {
     this.stretches = readStretches(block, this.count);
   }
 
+  /** Read the changes of all agents: see pack_events of track_chunks.py. */
   readEvents() {
     const { block, count } = this;
     const counts = varints(block.array("event_counts"));
@@ -60,7 +60,7 @@ export class FileSource {
     const first = this.firstEvent[agent], last = this.firstEvent[agent + 1] - 1;
     let at = this.cursor[agent];
     if (this.eventStep[at] > step || (at < last && this.eventStep[Math.min(at + 2, last)] <= step)) {
-      // Far from where it was looked for last: halve.
+      // Far from the event found last: search by halves.
       let low = first, high = last;
       while (low < high) {
         const middle = (low + high + 1) >> 1;
@@ -89,7 +89,7 @@ export class FileSource {
     } else {
       this.chunks.delete(number);
     }
-    // The one last used comes last, and goes last.
+    // Chunks are in the order of their last use: the first one goes first.
     this.chunks.set(number, chunk);
     return chunk;
   }
@@ -120,7 +120,7 @@ export class FileSource {
       }
       for (const { begin, stop, phases } of this.stretches[agent]) {
         const first = Math.max(begin, low), end = Math.min(stop, high);
-        // Steps beside a chunk belong to others.
+        // Steps of the margins belong to other chunks.
         const own = number * length - low;
         if (first < end) decoder.phases(phases, first - begin, first - low, end - low, own, own + length);
       }
@@ -149,7 +149,7 @@ export class FileSource {
     return found;
   }
 
-  /** A place where agents' tracks can be read: chunk and index of an agent at a step. */
+  /** Track of an agent at a step into `out`: x, y [m], heading [rad], frame of its node. */
   trackAt(agent, step, out) {
     const chunk = this.chunkOf(step), i = agent * chunk.span + step - chunk.low;
     out[0] = chunk.x[i];
@@ -159,7 +159,7 @@ export class FileSource {
     return out;
   }
 
-  /** What is to be seen at a time, between steps too, as Recording.at_time has it. */
+  /** State of all agents at a time [s], also between steps, into `frame`, as of Recording.at_time. */
   frameAt(time, frame) {
     const place = Math.min(Math.max(time * this.rate, this.low ?? 0), this.steps - 1);
     const step = Math.floor(place + 1e-6);
@@ -173,6 +173,7 @@ export class FileSource {
     return frame;
   }
 
+  /** State of an agent at a share of the step from `step` to the next one, into the arrays of `out`. */
   between(chunk, agent, step, share, out) {
     const e = this.eventAt(agent, step), i = agent * chunk.span + step - chunk.low;
     const state = this.eventState[e] & 3;
@@ -227,7 +228,7 @@ export class FileSource {
   }
 }
 
-/** Stretches of steps in which agents steer, by agent. Their phases are known where their chunks are unpacked. */
+/** Stretches of steps in which agents are steered, by agent. Phases are NaN until their chunks are unpacked. */
 function readStretches(block, count) {
   const { place, turn, phase, exact, turn_step: turnStep, phase_step: phaseStep } = block.facts.units;
   const units = [place, place, turn / (2 * Math.PI) / turnStep, phase / phaseStep], fractions = block.array("stretch_exact");

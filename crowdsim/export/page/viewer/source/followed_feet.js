@@ -1,6 +1,6 @@
 // Feet of captured bodies from step to step: crowdsim/motion/planted/follow_kernels.py in JavaScript. The page has the
-// feet in the first step of each chunk. A foot that lands stands where it is posed, whatever was before: what moved it
-// has faded by then, if it began to a frame earlier.
+// feet in the first step of each chunk. A foot that lands stands where it is posed, whatever was before: its displacement
+// has faded by then, if it began to fade a frame earlier or more.
 
 import { splitStep } from "./step_tracks.js";
 import { Varints } from "./unpack.js";
@@ -8,7 +8,7 @@ import { wrapAngle } from "./quaternions.js";
 
 export const FREE = 0, STANDS = 1, FADES = 2; // modes
 const LONGEST_FADE = 24; // frames
-const FOLLOWED_ON = 64; // steps ahead up to which feet are followed on from where they were asked for last
+const FOLLOWED_ON = 64; // largest number of steps over which feet are followed on from the step requested last
 const NOTHING = 1e-9;
 // In the order of packed_feet.py.
 const COLUMNS = ["modes", "since", "fading", "x", "y", "yaws"];
@@ -25,7 +25,7 @@ export class FollowedFeet {
     this.readFirst(block);
   }
 
-  /** Feet in the first step of each chunk, by chunk and agent: what stands has its place beside the posed one. */
+  /** Feet in the first step of each chunk, by chunk and agent; the pose of a standing foot is relative to the posed one. */
   readFirst(block) {
     const { source } = this.bodies, { chunk, feet: units } = block.facts;
     const columns = COLUMNS.map((name) => new Varints(block.array(`feet_${name}`)));
@@ -83,7 +83,7 @@ export class FollowedFeet {
     }
   }
 
-  /** The step from which feet are followed to reach another, and their states there. */
+  /** The step from which feet are followed up to `step`, and their states there. */
   begin(agent, step) {
     const { source } = this.bodies, length = source.facts.chunk, number = Math.floor(step / length);
     const landed = [false, false];
@@ -153,7 +153,7 @@ export class FollowedFeet {
     return changes;
   }
 
-  /** Go on in the next node: a foot that stands keeps its place; of one that swings, the difference fades. */
+  /** Go on in the next node: a foot that stands keeps its place; the displacement of one that swings fades. */
   enter(part, track, shown, changes) {
     const { node, begin, early } = part, row = this.bodies.nodes.first[node] + Math.floor(begin);
     this.pose(part, begin, track);
@@ -182,7 +182,7 @@ export class FollowedFeet {
     });
   }
 
-  /** What moved a foot that has lifted, and fades until it lands. */
+  /** State of a foot that lifts: its displacement `moved` (x, y, turn) fades until it lands, for LONGEST_FADE frames at most. */
   released(node, frame, foot, moved, share) {
     const { nodes } = this.bodies, first = nodes.first[node], last = nodes.frames[node];
     const stands = (at) => (this.stands[first + at] >> foot) & 1;

@@ -75,7 +75,7 @@ function hipTurn(ahead, side) {
 
 function fillSamples(model, track, rows, count) {
   const samples = new Float64Array(count * COLUMNS);
-  // Go on before and after the track as it begins and ends, or stand if it does.
+  // Before and after the track, go on as it begins and ends, or stand if it stands there.
   for (let row = 0; row < count; row++) {
     const inside = Math.min(Math.max(row - PAD, 0), rows - 1);
     let beyond = row - PAD - inside;
@@ -88,7 +88,7 @@ function fillSamples(model, track, rows, count) {
       samples[row * COLUMNS + column] = here + beyond * rate;
     }
   }
-  // Turn the hips to where the body goes; what the chest keeps is the twist.
+  // Turn the hips towards the motion. The chest keeps its heading: the difference is the twist.
   for (let row = 0; row < count; row++) {
     const [x, y] = speeds(samples, row, count);
     const heading = samples[row * COLUMNS + HEADING];
@@ -170,7 +170,7 @@ function planPrints(model, plan) {
   // Twice, as a foot that is moved may come near the one before it.
   pushApart(plan, bodies, MOST_ASIDE);
   pushApart(plan, bodies, 0.3 * MOST_ASIDE);
-  // Swing out where the straight way to the next print would touch the other foot.
+  // Swing out if the straight way to the next print would touch the other foot.
   for (let row = 1; row < rows - 1; row++) {
     const side = 1 - 2 * footOf(half + row + 1);
     const i = row * STEP_COLUMNS, old = i - STEP_COLUMNS, next = i + STEP_COLUMNS;

@@ -43,13 +43,13 @@ async function show(load) {
   }
 }
 
-/** What tests and the curious may ask the page. */
+/** Hooks for tests and other scripts, as `window.crowdsim`. */
 function hooks(player, ready) {
   const frame = newFrame(player.source.count);
   return {
     player,
     ready,
-    /** Rows and joints of all who are present at a time. */
+    /** Rows and joints of all agents that are present at a time [s]. */
     at(time) {
       player.source.frameAt(time - player.start, frame);
       const rows = [];

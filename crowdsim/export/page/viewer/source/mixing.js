@@ -7,7 +7,7 @@ const COUNT_BITS = 7, COUNTS = (1 << COUNT_BITS) - 1; // of a model, below its c
 const LOGIT_SHIFT = COUNT_BITS + 16 - CHANCE_BITS;
 const INPUTS = 3, FIRST_WEIGHT = Math.round((1.4 / INPUTS) * 2 ** WEIGHT_BITS);
 
-// Chances of logits at each 128th of 1 / 256.
+// Chances of the logits -2048, -1920, ... 2048, as in mixing_kernels.py.
 const POINTS = [
   1, 2, 3, 6, 10, 16, 27, 45, 73, 120, 194, 310, 488, 747, 1101, 1546, 2047, 2549, 2994, 3348, 3607, 3785, 3901, 3975,
   4022, 4050, 4068, 4079, 4085, 4089, 4092, 4093, 4094,
@@ -28,7 +28,7 @@ function limited(weight) {
   return weight < -LARGEST ? -LARGEST : weight > LARGEST ? LARGEST : weight;
 }
 
-/** A model, its chance and how many decisions it has seen, after one more. */
+/** A model (its chance, and the number of its decisions) after one more decision, moved towards `goal`, 0 or 65535. */
 function adapted(model, goal) {
   const count = model & COUNTS, chance = model >> COUNT_BITS;
   const next = chance + (Math.imul(goal - chance, SHARE[count]) >> 15);
@@ -45,7 +45,7 @@ export class MixingDecoder extends RangeDecoder {
 
   /** A number of so many bits, by models that begin at `a`, `b` and `c`, and weights from row `row` on. */
   leaf(a, b, c, row, bits) {
-    // All in one function, in 32 bits, with everything at hand: most of the time of a page's start goes by here.
+    // All in one function, in 32 bits, with local variables: most of the time of a page's start is spent here.
     const { models, weights, bytes } = this, end = 1 << bits;
     let { range, code, at } = this, node = 1;
     while (node < end) {

@@ -24,6 +24,7 @@ export class NodePoses {
     this.turned = new Float64Array(4);
   }
 
+  /** Read the rotation vectors of a joint in all rows, and keep them as quaternions. */
   readJoint(reader, joint, unit) {
     const vectors = new Float64Array(3 * this.rows);
     for (let column = 0; column < 3; column++) {
@@ -43,6 +44,7 @@ export class NodePoses {
     }
   }
 
+  /** Heading of the root in a row [rad]. */
   yawOf(row) {
     const q = this.rotations, i = 4 * row * this.joints;
     return Math.atan2(2 * (q[i + 1] * q[i + 2] + q[i] * q[i + 3]), 1 - 2 * (q[i + 2] * q[i + 2] + q[i + 3] * q[i + 3]));
@@ -80,6 +82,7 @@ export class NodePoses {
     multiply(out, 0, turn, 0, out, 0);
   }
 
+  /** Rotation of a joint between two rows, with the share `w` of the offset of the old node, into `out`. */
   joint(row, after, part, old, first, w, joint, out) {
     const Q = this.rotations, J = this.joints, q = this.turned;
     const a = 4 * (row * J + joint), b = 4 * (after * J + joint), o = 4 * joint;

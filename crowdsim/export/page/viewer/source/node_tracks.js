@@ -6,7 +6,7 @@ export const BLEND_FRAMES = 12;
 const UNITS = 10000; // of meters and radians
 const WHOLE_TURN = 2 * Math.PI * UNITS;
 
-/** Share of the old node left so many frames after another node begins. */
+/** Share of a blend offset that is left after `frame` frames of a node. */
 export function blendWeight(frame) {
   if (frame >= BLEND_FRAMES) return 0;
   const u = frame / BLEND_FRAMES;
@@ -55,6 +55,7 @@ export class NodeTracks {
     now[3] = left + part * (blendWeight(whole + 1) - left);
   }
 
+  /** Track (x, y, heading) in a frame [ticks] of a node that begins at `origin`, into `out` [units of place and turn]. */
   trackAt(node, frame, origin, offset, place, turn, out) {
     const { now, way } = this, unit = place / UNITS;
     this.find(node, frame);
@@ -64,7 +65,7 @@ export class NodeTracks {
     out[2] = origin[2] + (turn / WHOLE_TURN) * now[2] + now[3] * offset[2];
   }
 
-  /** Where a node begins so that its track is `shown` in a frame. */
+  /** The origin of a node whose track is `shown` in a frame, without blend offset, into `out`. */
   originOf(node, frame, shown, place, turn, out) {
     const { now, way } = this, unit = place / UNITS;
     this.find(node, frame);

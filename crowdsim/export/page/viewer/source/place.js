@@ -1,4 +1,4 @@
-// Floor, obstacles, what moves, paths and tracks of the last seconds.
+// Floor, obstacles, movables, planned paths, and trails of the last seconds.
 
 import * as THREE from "three";
 import { faceMaterial, floorMaterial, lineMaterial } from "./shaders.js";
@@ -95,7 +95,7 @@ function shadeAround(outlines) {
   return new THREE.Mesh(tinted(places, tints), floorMaterial());
 }
 
-/** Ribbons along planned paths, of which those asked for are drawn, as far as they lie ahead. */
+/** Ribbons along planned paths; of some agents, the part that lies ahead is drawn. */
 export class Paths {
   constructor(block) {
     const { facts } = block;
@@ -156,7 +156,7 @@ export class Paths {
     return found;
   }
 
-  /** Draw what lies ahead of some agents. */
+  /** Draw the paths of `agents`, as far as they lie ahead. */
   update(frame, agents) {
     const index = this.index.array;
     let count = 0;
@@ -174,7 +174,7 @@ export class Paths {
   }
 }
 
-/** The segment that a place is nearest to. */
+/** The number of the segment that is nearest to a place. */
 function ahead(points, x, y) {
   let best = Infinity, found = 0;
   points.forEach(([ax, ay, bx, by], k) => {

@@ -31,6 +31,7 @@ export class PlantedFeet {
     if (this.any) this.read(block);
   }
 
+  /** Read the feet in nodes: see pack_feet of packed_feet.py. */
   read(block) {
     const { rows } = this.bodies.nodes, reader = new Varints(block.array("feet_rows"));
     this.places = new Float64Array(6 * rows);
@@ -43,7 +44,7 @@ export class PlantedFeet {
     this.followed = new FollowedFeet(this, block);
   }
 
-  /** The change that holds for each foot of an agent that plays a frame of a node; null if there is none. */
+  /** The change that holds for each foot of an agent in a frame of a node, at a time [s]; null if there is none. */
   statesAt(agent, time, node, frame) {
     const { source } = this.bodies, place = Math.min(Math.max(time * source.rate, 0), source.steps - 1);
     const step = Math.floor(place + 1e-6), share = place - step;
@@ -59,6 +60,7 @@ export class PlantedFeet {
     });
   }
 
+  /** Ball x, y [m] and heading [rad] of a foot in a frame of a node, relative to its first row. */
   placeInClip(foot, node, frame) {
     const { nodes } = this.bodies, first = nodes.first[node], whole = Math.floor(frame), part = frame - whole;
     const a = 6 * (first + whole) + 3 * foot, b = 6 * Math.min(first + whole + 1, first + nodes.frames[node]) + 3 * foot;
@@ -75,7 +77,7 @@ export class PlantedFeet {
     return [this.positions[3 * ball], this.positions[3 * ball + 1], Math.atan2(-x, y)];
   }
 
-  /** How far a foot is moved and turned. */
+  /** How far a foot is moved (x, y [m]) and turned [rad] from `place`, where it is posed; `one` is its state. */
   correction(one, foot, node, frame, place) {
     if (one === null || one.mode === FREE || one.node !== node) return [0, 0, 0];
     if (one.mode === FADES) {
@@ -121,7 +123,7 @@ export class PlantedFeet {
       turns.push(product(thigh, conjugate(leg.thigh)), product(shank, conjugate(leg.shank)));
       turns.push([Math.cos(yaw / 2), 0, 0, Math.sin(yaw / 2)]);
     });
-    // Only joints whose parent turns otherwise than they do get another rotation.
+    // Only joints that do not turn with the same bone as their parent get another local rotation.
     this.bones.forEach((bone, joint) => {
       const parent = bodies.parents[joint], before = parent >= 0 ? this.bones[parent] : -1;
       if (bone === before) return;
@@ -137,6 +139,7 @@ function inFrame(a, b) {
   return [c * dx + s * dy, -s * dx + c * dy, b[2] - a[2]];
 }
 
+/** Distance between two points. */
 function far(a, b) {
   return Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 }

@@ -1,4 +1,4 @@
-// What is shown and when: the clock, the choices, who is selected.
+// The clock, the choices, and the selected agent.
 
 import * as THREE from "three";
 import { Bodies } from "./bodies.js";
@@ -12,8 +12,8 @@ import { Paths, Place, Trails } from "./place.js";
 import { ring } from "./ring.js";
 import { theme } from "./shaders.js";
 
-const PATHS_EVERY = 0.2; // seconds of play after which paths are cut off behind those who walk them
-const TOUCH = 26; // pixels from a body within which a click means it
+const PATHS_EVERY = 0.2; // seconds of play after which paths are cut off behind their agents
+const TOUCH = 26; // pixels from a body within which a click selects it
 
 export class Player {
   constructor(block, source, canvas) {
@@ -183,7 +183,7 @@ export class Player {
     this.dirty = true;
   }
 
-  /** Go on by so many seconds of the wall's clock, and draw if anything changed. */
+  /** Go on by some seconds of real time, and draw if anything changed. */
   tick(seconds) {
     if (this.playing) {
       this.time = Math.min(this.time + seconds * this.speed, this.end);

@@ -10,16 +10,18 @@ export class RangeDecoder {
     this.bytes = bytes;
     this.at = 0;
     this.range = 0xffffffff;
-    this.code = 0; // how far what was coded lies above the low end
+    this.code = 0; // distance of the coded number from the low end of the interval
     for (let k = 0; k < 5; k++) this.code = (this.code * 256 + this.next()) % 4294967296;
     this.fast = new Uint16Array(models).fill(EVEN);
     this.slow = new Uint16Array(models).fill(EVEN);
   }
 
+  /** The next byte; 0 behind the end. */
   next() {
     return this.at < this.bytes.length ? this.bytes[this.at++] : 0;
   }
 
+  /** Widen the interval to TOP or more, byte by byte. */
   widen() {
     while (this.range < TOP) {
       this.range *= 256;
@@ -48,7 +50,7 @@ export class RangeDecoder {
     return bit;
   }
 
-  /** A number of so many bits, each as likely 0 as 1. */
+  /** A number of `bits` bits, each as likely 0 as 1. */
   plain(bits) {
     let value = 0;
     for (let k = 0; k < bits; k++) {
@@ -74,7 +76,7 @@ export class RangeDecoder {
 
   /** A number that is mostly near 0, by decisions in a binary tree of models that begin at `first`. */
   number(first, bits) {
-    // As `bit` does it, with everything at hand: most of the time of a page's start goes by here.
+    // As in `bit`, but with all values in local variables: most of the time of a page's start is spent here.
     const { fast, slow, bytes } = this, end = 1 << bits;
     let { range, code, at } = this, node = 1;
     while (node < end) {

@@ -1,4 +1,4 @@
-// A ring on the floor about who is selected.
+// A ring on the floor around the selected agent.
 
 import * as THREE from "three";
 import { lineMaterial } from "./shaders.js";

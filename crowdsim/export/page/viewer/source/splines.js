@@ -1,6 +1,6 @@
 // Uniform cubic B-splines through rows of samples, as crowdsim/motion/deformed/spline_kernels.py has them.
 
-/** The span that holds a time, and the share of it that is past, into `out`. */
+/** The span that holds a time [s], and the weights of its four samples there, into `out`. `step` is the time between samples. */
 export function spanOf(out, time, step, count) {
   const place = Math.min(Math.max(time / step, 1), count - 2);
   out.span = Math.min(Math.floor(place), count - 3);

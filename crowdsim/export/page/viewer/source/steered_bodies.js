@@ -1,4 +1,5 @@
-// Bodies of those who steer: footsteps are planned for blocks of five seconds of their smoothed tracks.
+// Bodies of steered agents: footsteps are planned for blocks of five seconds of their smoothed tracks, as in
+// crowdsim/recording/shown/steered_poses.py and track_blocks.py.
 
 import { poseBody, poseUpper } from "./deformed.js";
 import { planSteps } from "./footsteps.js";
@@ -9,8 +10,8 @@ const TICKS = 10; // samples a second
 const BLOCK = 50, BEFORE = 45, AFTER = 45, FARTHEST = 720; // ticks
 const CYCLES = 2.25, SPARE = 5, OF_A_STAND = 15;
 const SMOOTHED = 0.85, REACH = 4; // seconds, and samples on both sides
-const BLEND = 0.3; // seconds over which a body goes over from one behavior to another
-const KEPT = 1500; // planned blocks that are kept
+const BLEND = 0.3; // seconds over which a body changes from one behavior to another
+const KEPT = 1500; // plans that are kept, each of one stretch in one block
 
 const WINDOW = Array.from({ length: REACH + 1 }, (_, k) => 0.5 + 0.5 * Math.cos((2 * Math.PI * k) / (TICKS * SMOOTHED)));
 
@@ -25,7 +26,7 @@ export class SteeredBodies {
     this.weights = new Float64Array(models.length);
   }
 
-  /** The stretch in which an agent is shown as steered at a step. */
+  /** The stretch in which an agent is shown as steered at a step; null if it is not. */
   stretchAt(agent, step) {
     for (const stretch of this.source.stretches[agent]) {
       if (stretch.first <= step && step < stretch.end) return stretch;
@@ -33,7 +34,7 @@ export class SteeredBodies {
     return null;
   }
 
-  /** Pose of an agent in a stretch: its root into `root` (3), local rotations into `out`. */
+  /** Pose of an agent in a stretch, at a time [s] from `step` to the next one: root into `root`, local rotations into `out`. */
   pose(agent, stretch, time, step, root, out) {
     const { ends } = this.source.facts;
     const plan = this.planAt(agent, stretch, Math.min(Math.max(step, stretch.first), stretch.end - 1));
@@ -47,7 +48,7 @@ export class SteeredBodies {
         track = poseBody(model, plan, time - plan.zero, root, out);
         continue;
       }
-      // All walk on the same legs: only what is above them differs.
+      // All behaviors walk on the same legs: only the joints above them differ.
       poseUpper(model, track, this.other);
       for (const joint of model.upper) slerpInto(out, 4 * joint, this.other, weights[behavior] / done);
     }
@@ -57,6 +58,7 @@ export class SteeredBodies {
     }
   }
 
+  /** Weight of each behavior at a time [s]: the recorded ones, smoothed over BLEND seconds; their sum is 1. */
   behaviorWeights(agent, stretch, time) {
     const { source, weights } = this;
     const half = 0.5 * BLEND, rate = source.rate;
@@ -73,6 +75,7 @@ export class SteeredBodies {
     return weights;
   }
 
+  /** The plan of a stretch in the block of a step; it is made if it is not kept. */
   planAt(agent, stretch, step) {
     const block = Math.floor(Math.floor((step * TICKS) / this.source.rate) / BLOCK);
     const key = `${agent}/${stretch.first}/${block}`;
@@ -85,6 +88,7 @@ export class SteeredBodies {
     return plan;
   }
 
+  /** Plan a stretch in a block: read twice as far back until the track holds all that its poses depend on. */
   makePlan(agent, stretch, block) {
     for (let before = BEFORE; ; before *= 2) {
       const { track, rows, zero, lacks } = this.readTrack(agent, stretch, block, before);
@@ -130,6 +134,10 @@ export class SteeredBodies {
     return { track, rows: kept.length, zero, lacks };
   }
 
+  /**
+   * Track (x, y, heading, phase) of `count` ticks from `firstTick` on, interpolated between the steps from `begin` to
+   * before `stop`.
+   */
   sampleTicks(agent, stretch, firstTick, count, begin, stop) {
     const { rate, facts } = this.source;
     const raw = new Float64Array(4 * count), now = this.track, then = new Float64Array(4);
@@ -162,17 +170,17 @@ export class SteeredBodies {
   }
 }
 
-/** What the place (0, 1), heading (2) and phase (3) of a stretch's last steps are beside their whole units. */
+/** What is missing from whole units in a stretch's last steps: of x, y (0, 1) [m], heading (2) [rad] and phase (3); else 0. */
 function exactly(stretch, row, column) {
   return stretch.exact[4 * (stretch.stop - 1 - row) + column] ?? 0;
 }
 
-/** Make a place exact, from which a body is extrapolated. */
+/** Make a track pose [x, y, heading] exact, as bodies are extrapolated from the last ones of a stretch. */
 function refine(place, stretch, row) {
   for (let axis = 0; axis < 3; axis++) place[axis] += exactly(stretch, row, axis);
 }
 
-/** Samples smoothed by a Hann window that shrinks at the ends of the track; phases stay. */
+/** Samples (4 each) smoothed by a Hann window that shrinks at the ends of the track; phases stay as they are. */
 function smoothed(raw, count) {
   const out = raw.slice();
   for (let k = 0; k < count; k++) {
@@ -190,6 +198,7 @@ function smoothed(raw, count) {
   return out;
 }
 
+/** Rotate the quaternion a[i..] towards b[i..] by a share of the way, in place. */
 function slerpInto(a, i, b, share) {
   let dot = a[i] * b[i] + a[i + 1] * b[i + 1] + a[i + 2] * b[i + 2] + a[i + 3] * b[i + 3];
   const sign = dot < 0 ? -1 : 1;

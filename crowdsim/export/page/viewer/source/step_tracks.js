@@ -9,8 +9,8 @@ const NOTHING = 1e-9, MOST_WHOLE = 20;
 
 /**
  * How a step is divided between two nodes of which the first one ends in it: the first is played up to frame `end`,
- * until `part` of the step, the next one from `begin` on. Who leaves an idle node skips the rest of it, and plays as many
- * frames as usual: of the idle node at most up to its end, then the last ones of the next node.
+ * until `part` of the step, the next one from `begin` on. An agent that leaves an idle node skips the rest of it, and plays
+ * as many frames as usual: of the idle node at most up to its end, then the last ones of the next node.
  */
 export function splitStep(last, since, frame, natural) {
   const advance = last - since + frame;
@@ -19,7 +19,7 @@ export function splitStep(last, since, frame, natural) {
   return { part: 1 - left / natural, end: Math.min(since + natural, last), begin: frame - left };
 }
 
-/** A way as it is, or across the ends of a floor where that is shorter. */
+/** A displacement along an axis, taken across the ends of a floor of length `span` if that is shorter [m]. */
 export function shorterWay(way, span) {
   return way - span * Math.round(way / span);
 }
@@ -31,9 +31,10 @@ export class StepTracks {
     this.natural = CAPTURE_RATE / rate;
     this.spans = [0, 0];
     if (ends) this.spans[ends[0]] = ends[2] - ends[1];
-    this.told = nodes.rows.some((value) => value !== 0); // old recordings do not tell tracks
+    this.told = nodes.rows.some((value) => value !== 0); // older recordings hold no tracks of nodes
   }
 
+  /** A displacement along an axis, taken across the ends of a periodic floor if that is shorter [m]. */
   shorter(way, axis) {
     const span = this.spans[axis];
     return span ? shorterWay(way, span) : way;

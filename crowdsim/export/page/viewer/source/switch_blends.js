@@ -1,4 +1,4 @@
-// Bodies that have just gone over between captured and steered: the new motion, and what is left of the old one.
+// Bodies after a switch between captured and steered: the new motion, and what is left of the old one.
 // crowdsim/recording/shown/switch_offsets.py, switch_blends.py and motion/clips/leg_solver.py in JavaScript.
 
 import { conjugate, product, rotate } from "./quaternions.js";
@@ -6,8 +6,8 @@ import { REACH } from "./body_parts.js";
 import { varints } from "./unpack.js";
 
 const FADE = 0.4; // seconds
-const LONGEST = 5.5; // seconds after which both feet are right
-const FASTEST = 1.5, FASTEST_TURN = 8; // of what fades on [m/s], [rad/s]
+const LONGEST = 5.5; // seconds after which both feet have lost their offsets
+const FASTEST = 1.5, FASTEST_TURN = 8; // largest velocities of an offset [m/s], [rad/s]
 const OWN_STEP = 1.5, HIGHEST = 0.05, BENT = 0.05;
 const RISES = 0.5, PASSED = 0.1, SHORT_FOOT = 0.02;
 const LAPSE = 1 / 60; // seconds
@@ -26,12 +26,14 @@ const four = (values, joint) => Array.from(values.subarray(4 * joint, 4 * joint 
 const three = (values, joint) => Array.from(values.subarray(3 * joint, 3 * joint + 3));
 const aboutZ = (yaw) => [Math.cos(yaw / 2), 0, 0, Math.sin(yaw / 2)];
 
+/** Rotation vector of a quaternion [rad]. */
 function rotationVector(q) {
   const sign = q[0] < 0 ? -1 : 1, sine = Math.hypot(q[1], q[2], q[3]);
   const scale = sign * (sine < 1e-9 ? 2 : (2 * Math.atan2(sine, sign * q[0])) / sine);
   return [scale * q[1], scale * q[2], scale * q[3]];
 }
 
+/** Quaternion of a rotation vector [rad]. */
 function turnOf(v) {
   const angle = far(v), scale = angle < 1e-9 ? 0.5 : Math.sin(angle / 2) / angle;
   return [Math.cos(angle / 2), scale * v[0], scale * v[1], scale * v[2]];
@@ -58,6 +60,7 @@ export class SwitchBlends {
     this.read(block);
   }
 
+  /** Read the switches of each agent: see pack_switches of packed_poses.py. */
   read(block) {
     const { rate } = this.bodies.source;
     this.byAgent = new Map();
@@ -75,7 +78,7 @@ export class SwitchBlends {
     }
   }
 
-  /** Change a pose of the new motion to what is shown at a time, from a step on. */
+  /** Change a pose of the new motion, in place, to the one that is shown at a time [s] from `step` to the next one. */
   apply(agent, time, step, root, local) {
     const all = this.byAgent.get(agent);
     if (!all) return;
@@ -86,7 +89,7 @@ export class SwitchBlends {
     this.faded({ root, local }, this.offsetsOf(agent, all, last, kept), time);
   }
 
-  /** What a switch changed, measured when it is asked for first; `kept` are poses that may be in use. */
+  /** The offsets of a switch, measured at the first call. */
   offsetsOf(agent, all, number, kept) {
     const one = all[number];
     if (one.offsets) return one.offsets;
@@ -114,7 +117,10 @@ export class SwitchBlends {
     return { root: new Float64Array(3), local: new Float64Array(4 * this.joints) };
   }
 
-  /** A captured body at a step, and a frame later, or before if it is the old motion and there was one. */
+  /**
+   * A captured body at its switch, and a frame later. A frame earlier if it was captured in the step before, and either is
+   * the old motion or is in the last step.
+   */
   playedAt(agent, one) {
     const { source } = this.bodies, { step, time } = one;
     const e = step > 0 ? source.eventAt(agent, step - 1) : -1;
@@ -125,6 +131,7 @@ export class SwitchBlends {
     return { now: this.played(agent, time), later: this.played(agent, later), lapse: way };
   }
 
+  /** A captured body at a time [s], on its planted feet. */
   played(agent, time) {
     const { source, nodes } = this.bodies, place = time * source.rate, step = Math.floor(place + 1e-6);
     const one = Object.fromEntries(COLUMNS.map((name) => [name, {}])), body = this.newBody();
@@ -140,11 +147,13 @@ export class SwitchBlends {
     this.bodies.place(body.root, body.local, this.places, this.world);
   }
 
+  /** Balls and world rotations of both feet of a body. */
   feet(body) {
     this.forward(body);
     return { balls: this.toes.map((toe) => three(this.places, toe)), turns: this.ankles.map((ankle) => four(this.world, ankle)) };
   }
 
+  /** Differences of an old motion to the next one at a switch. */
   between(one, old, next) {
     const [was, wasLater, is, isLater] = [old.now, old.later, next.now, next.later].map((body) => this.feet(body));
     const offsets = { ...one, turns: [], turnSpeeds: [] };
@@ -190,11 +199,15 @@ export class SwitchBlends {
     this.onFeet(body, places, targets);
   }
 
+  /**
+   * Ball, rotation and ankle of foot `k` with its offset at a time; `keep` is the share of the body's offset that is
+   * left.
+   */
   footTarget(foot, fresh, places, k, time, keep) {
     const whole = foot.end - foot.hold, [share, drift] = weights(Math.max(time - foot.hold, 0), whole);
     const u = Math.min(Math.max((time - foot.hold) / whole, 0), 1), low = Math.min(share, keep);
     const moved = add(scaled(foot.ball, share), foot.ballSpeed, drift);
-    // Heights and tilts are put right at once: no foot hangs over the floor.
+    // Heights and tilts fade from the switch on, even of planted feet, so that no foot hovers.
     moved[2] = low * foot.ball[2] + foot.rise * 16 * u * u * (1 - u) * (1 - u);
     const turn = product(product(turnOf(scaled(foot.tilt, low)), aboutZ(share * foot.yaw)), fresh.turns[k]);
     // The foot turns about its ball.
@@ -227,7 +240,7 @@ export class SwitchBlends {
       body.local.set(product(conjugate(parents[k]), thigh), 4 * hip);
       body.local.set(product(conjugate(thigh), shank), 4 * knee);
       body.local.set(product(conjugate(shank), turn), 4 * ankle);
-      // Toes stay as they are.
+      // Toes keep their direction in the world as the heel rises.
       const toe = this.toes[k], kept = product(conjugate(turn), targets[k].turn);
       if (this.bodies.parents[toe] === ankle) body.local.set(product(kept, four(body.local, toe)), 4 * toe);
     });
@@ -254,7 +267,7 @@ export function bendLeg({ h, n, a, most, thigh, shank }, target, hinge) {
   const cosine = (reach * reach - upper * upper - lower * lower) / (2 * upper * lower);
   const angle = Math.acos(Math.min(Math.max(cosine, -1), 1));
   const down = unit(first), along = unit(second), across = cross(down, along);
-  // A straight leg does not tell where its knee bends, and one that is bent backwards is bent forward from now on.
+  // A straight leg does not give the axis of its knee: the hinge does. A leg that is bent backwards is bent forward from now on.
   const bent = add(across, hinge, Math.max(BENT - dot(across, hinge), 0));
   const axis = unit(add(bent, down, -dot(bent, down)));
   const wanted = add(scaled(down, Math.cos(angle)), cross(axis, down), Math.sin(angle));

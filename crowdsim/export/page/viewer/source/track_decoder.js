@@ -1,4 +1,4 @@
-// Reads the tracks of a chunk as crowdsim/export/page/tracks/track_kernels.py codes them, which says why it is so.
+// Reads the tracks of a chunk; crowdsim/export/page/tracks/track_kernels.py codes them, and explains the code.
 
 import { direction, expectedPhase, nextStand, passes, rest, wrapped } from "./expected.js";
 import { MixingDecoder } from "./mixing.js";
@@ -46,6 +46,7 @@ function sizeClass(size) {
   return SIZES[Math.min(size, 25)];
 }
 
+/** The class, 0 to 17, of a difference with its sign. */
 function signed(value) {
   return 2 * sizeClass(Math.abs(value)) + (value > 0 ? 1 : 0);
 }
@@ -91,6 +92,7 @@ export class TrackDecoder {
     }
   }
 
+  /** Keep the track that is shown in step `t`. */
   show(t, x, y, heading) {
     this.shown[3 * t] = x;
     this.shown[3 * t + 1] = y;
@@ -104,6 +106,7 @@ export class TrackDecoder {
     this.ahead[t] = Math.floor((direction(dx, dy) * this.turn) / (2 * Math.PI) + 0.5);
   }
 
+  /** Read places from step `first` to before `end` of an agent that is steered; it is present from `begin` on. */
   places(begin, first, end) {
     const { reader, x, y, turn, speed, ahead } = this;
     let ax = 0, ay = 0, bx = 0, by = 0, before = 0;
@@ -145,6 +148,7 @@ export class TrackDecoder {
     return Math.min(Math.max(Math.floor((10 * turn) / this.most), -10), 10) + 10;
   }
 
+  /** Read headings from step `first` to before `end`, along the places. */
   headings(begin, first, end) {
     const { reader, heading, turn, most, turnStep, speed, ahead } = this;
     const pace = (t) => Math.min(Math.floor(16 * speed[t]), SPEEDS - 1);

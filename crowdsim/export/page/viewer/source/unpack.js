@@ -23,7 +23,7 @@ export async function unpack(packed) {
   return { facts, array, has: (name) => name in facts.arrays };
 }
 
-/** Reads numbers of seven bits a byte, one after the other. */
+/** Reads integers with seven bits a byte, the lowest first, one after the other: see packing.py. */
 export class Varints {
   constructor(bytes, at = 0) {
     this.bytes = bytes;
@@ -34,7 +34,7 @@ export class Varints {
     return this.at >= this.bytes.length;
   }
 
-  /** The next number from 0 up. */
+  /** The next integer, 0 or more. */
   next() {
     const bytes = this.bytes;
     let byte = bytes[this.at++];
@@ -49,14 +49,14 @@ export class Varints {
     return value;
   }
 
-  /** The next number of either sign. */
+  /** The next integer of either sign, undoing zigzag of packing.py. */
   signed() {
     const value = this.next();
     return value % 2 ? -(value + 1) / 2 : value / 2;
   }
 }
 
-/** All numbers from 0 up in some bytes. */
+/** All integers in some bytes, each 0 or more. */
 export function varints(bytes) {
   const reader = new Varints(bytes);
   const values = [];

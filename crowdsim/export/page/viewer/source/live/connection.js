@@ -1,4 +1,4 @@
-// The socket: what comes from the simulation, and requests to it. It opens again when it was lost.
+// The socket: messages from the simulation, and requests to it. It is opened again if it is lost.
 
 const RETRIES = [500, 1000, 2000, 5000]; // milliseconds
 const GZIP = 0x8b1f, PICTURE = 0x314c5343; // first bytes of an opening, and "CSL1"
@@ -53,7 +53,7 @@ export class Connection {
     else if (kind === "state") this.listener.state(facts);
   }
 
-  /** Ask for something; the promise gives {ok, words, step}. */
+  /** Send a request; the promise gives {ok, words, step}. */
   ask(request) {
     if (this.socket?.readyState !== WebSocket.OPEN) return Promise.resolve({ ok: false, words: "there is no connection" });
     const id = (this.number += 1);

@@ -4,7 +4,7 @@ import { difference, partThen } from "../quaternions.js";
 import { Bodies, SteeredBodies } from "./viewer.js";
 
 const PLAN_EVERY = 0.15; // seconds of the simulation
-const PLANS = 30; // most of them for a picture, unless a plan is old
+const PLANS = 30; // largest number of new plans for a picture; plans that are OLD are always made anew
 const OLD = 0.6; // seconds
 const REPLANNED = 0.25, SWITCHED = 0.35; // seconds over which a change fades
 const FORGOTTEN = 0.5; // seconds after which a body that was not drawn begins anew
@@ -43,7 +43,7 @@ export class LiveBodies extends Bodies {
     this.oldLocal = new Float64Array(4 * this.joints);
   }
 
-  /** Before a picture: so many plans may be made. */
+  /** Begin a picture, for which PLANS new plans may be made. */
   begin() {
     this.steered.left = PLANS;
   }
@@ -81,7 +81,7 @@ export class LiveBodies extends Bodies {
     return true;
   }
 
-  /** Keep what a change of the plan, or of the kind of motion, would make jump. */
+  /** Keep the jump that a change of the plan, or of the kind of motion, would cause, as an offset that fades. */
   change(agent, frame, stretch, last, key) {
     const { oldRoot, oldLocal } = this, { time, step } = frame;
     const replanned = stretch && last.key !== "captured";

@@ -5,8 +5,8 @@ import { Things } from "./things.js";
 import { Panel } from "./panel.js";
 import { Player, Vector3, ring } from "./viewer.js";
 
-const BEHIND = 1.5; // steps that are shown late, so that there is always one to go on to
-const FAR_OFF = 1; // seconds of real time that are not made up for but left out
+const BEHIND = 1.5; // steps by which the picture is late, so that there is always a next step to go on to
+const FAR_OFF = 1; // seconds of real time: a larger delay is not caught up but skipped
 const A_DRAG = 6; // pixels
 
 export class LivePlayer extends Player {
@@ -96,7 +96,7 @@ export class LivePlayer extends Player {
     this.panel.showSelected();
   }
 
-  /** Ask the simulation for something, and show the answer. */
+  /** Send a request to the simulation, and show the answer. */
   async ask(request) {
     const answer = await this.connection.ask(request);
     this.panel.showAnswer(answer, request);
@@ -104,7 +104,7 @@ export class LivePlayer extends Player {
     return answer;
   }
 
-  /** From the eye through a pixel: a place and a way. */
+  /** The ray from the eye through a pixel: its start, and its direction. */
   look(x, y) {
     const box = this.canvas.getBoundingClientRect(), { camera } = this.cameras;
     camera.updateMatrixWorld();
@@ -112,7 +112,7 @@ export class LivePlayer extends Player {
     return [camera.position, way.sub(camera.position).normalize()];
   }
 
-  /** The place of the floor at a pixel. */
+  /** The place on the floor at a pixel; null if there is none. */
   floorAt(x, y) {
     const [eye, way] = this.look(x, y), far = -eye.z / way.z;
     return far > 0 && Number.isFinite(far) ? [eye.x + far * way.x, eye.y + far * way.y] : null;
@@ -138,7 +138,7 @@ export class LivePlayer extends Player {
   }
 
   listenToDrags() {
-    // Before the camera hears of it: a drag of a thing does not turn the picture.
+    // Take the event before the camera does, so that dragging a thing does not turn the picture.
     addEventListener("pointerdown", (event) => {
       if (event.target !== this.canvas || !event.isPrimary || event.button !== 0) return;
       const [x, y] = [event.clientX, event.clientY], floor = this.floorAt(x, y);

@@ -1,4 +1,4 @@
-// Tracks from the socket: the last minute of all agents, step by step, read as those of a file are.
+// Tracks from the socket: the last minute of all agents, step by step, with the interface of FileSource.
 
 import { FileSource } from "./viewer.js";
 
@@ -17,7 +17,7 @@ export class LiveSource extends FileSource {
     const { facts } = block, { count, rate } = this;
     this.columns = facts.columns;
     this.span = Math.max(Math.min(Math.round(facts.kept * rate), Math.floor(MOST / count)), LEAST * rate);
-    const size = count * this.span + 1; // one more, where nobody is
+    const size = count * this.span + 1; // one more, for agents in steps that are not known
     this.chunk = { low: 0, span: this.span };
     for (const name of ["x", "y", "heading", "frame"]) this.chunk[name] = new Float32Array(size);
     this.eventNode = new Int32Array(size);
@@ -48,7 +48,7 @@ export class LiveSource extends FileSource {
     return this.waited[agent] / this.rate;
   }
 
-  /** Take a picture; false if it is not a new one. */
+  /** Take a picture; return false if its step is not new. */
   put(view) {
     const step = view.getUint32(4, true), rows = view.getUint32(8, true);
     if (this.latest >= 0 && step <= this.latest) return false;
@@ -101,7 +101,7 @@ export class LiveSource extends FileSource {
     }
   }
 
-  /** Put a step that was lost between those known. */
+  /** Interpolate a step that was lost between the known ones `before` and `after`. */
   fill(step, before, after) {
     const share = (step - before) / (after - before), { chunk } = this;
     for (let agent = 0; agent < this.count; agent++) {
@@ -131,11 +131,11 @@ export class LiveSource extends FileSource {
     this.low = chunk.low = this.low + half;
   }
 
-  /** The stretch in which an agent steers, up to the last step known. */
+  /** The stretch in which an agent is steered at a step, up to the last known step; null if it is not steered. */
   stretchOf(agent, step) {
     if (!(this.eventState[this.eventAt(agent, step)] & STEERED)) return null;
     const since = Math.max(this.steeredSince[agent], this.low);
-    // Of two stretches of one agent, that before a captured time is known by its rows alone.
+    // `steeredSince` holds the begin of the last stretch only; search for that of an earlier one.
     let first = step;
     if (step >= since) first = since;
     else while (first > this.low && this.eventState[this.eventAt(agent, first - 1)] & STEERED) first -= 1;

@@ -1,7 +1,7 @@
-// The panel of commands: what a click does, doors and obstacles, and what became of a command.
+// The panel of commands: what a click does, doors and obstacles, and the answer to the last command.
 
 const find = (id) => document.getElementById(id);
-const WAITS = 3; // steps after which a change that has not come yet waits for somebody to go away
+const WAITS = 3; // steps after which a change that has not come yet waits for agents in its way
 const PLACED = ["move", "draw_wall", "set_door"];
 
 export class Panel {
@@ -19,7 +19,7 @@ export class Panel {
       if (player.selected >= 0) player.ask({ do: "remove_agents", agents: [player.facts.agents[player.selected]] });
     });
     addEventListener("keydown", (event) => {
-      // What is typed into a field is no shortcut of the viewer.
+      // Keys typed into a field are no shortcuts of the viewer.
       if (event.target.closest?.("#live input[type=number]") && event.key !== "Escape") event.stopImmediatePropagation();
     }, { capture: true });
   }

@@ -1,9 +1,9 @@
-// Doors and obstacles that may move, as they are now; and the outline of what is being dragged or drawn.
+// Doors and movable obstacles as they are now, and the outline of the one that is being dragged or drawn.
 
 import { BufferAttribute, BufferGeometry, LineSegments, Mesh, faceMaterial, lineMaterial } from "./viewer.js";
 
 const TALL = 1.1; // meters above which things are glass
-const HEIGHTS = 8; // at which a look through the picture is tried
+const HEIGHTS = 8; // number of parts of a thing's height; a ray through a pixel is tested at their ends
 
 export class Things {
   constructor(scene) {
@@ -40,7 +40,7 @@ export class Things {
     return this.list.find((thing) => thing.name === name);
   }
 
-  /** The obstacle that a look from `eye` along `way` meets first. */
+  /** The obstacle that a ray from `eye` along `way` meets first; null if it meets none. Doors do not count. */
   seen(eye, way) {
     let best = Infinity, found = null;
     for (const thing of this.list) {
@@ -53,7 +53,7 @@ export class Things {
     return found;
   }
 
-  /** Show a thing at another place. */
+  /** Show the outline of a thing, moved by `by` [m]. */
   showMoved(thing, by) {
     put(this.ghost, thing.lines.map((value, k) => value + (k % 3 < 2 ? by[k % 3] : 0)));
   }

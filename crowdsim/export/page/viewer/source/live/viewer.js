@@ -1,4 +1,4 @@
-// What the viewer of pages gives to this script: both are in one page, and neither holds a copy of the other.
+// Names that the viewer of pages shares with this script: both are in one page, and neither holds a copy of the other.
 
 export const {
   show, unpack, ring, Bodies, FileSource, Player, SteeredBodies, faceMaterial, lineMaterial,
