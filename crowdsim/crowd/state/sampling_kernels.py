@@ -133,7 +133,7 @@ def sway_behind(graph, node, half):
 
 @helper
 def measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
-    """Write BEND, QUARTERS and REST of all samples of ``out``: how far the body is off its straight motion between them.
+    """Write BEND, QUARTERS and REST of all samples: how far the body is off its straight motion between them.
 
     ``out`` was filled by :func:`sample_places`. ``ended`` is the first slot at or after the end of the chain, from
     which on the body stands and only sways.
