@@ -25,11 +25,11 @@ class MixedStatistics:
         self._gap = self._centers = np.inf
 
     def add(self, present: NDArray[Any]) -> None:
-        """Add one step; ``present`` (ROW[m]) are all agents in the world."""
+        """Add one step; ``present``, ROW[m] of `crowdsim.steering.row_kernels`, are all agents in the world."""
         captured, steered = self._captured, self._steered
         captured.statistics.add(captured.frame())
         steered.statistics.add(steered.world.view(), steered.steering)
-        # Gaps within each level are among those of all agents.
+        # The least gap of all agents covers both levels.
         crowd = steered.steering.sort(present, steered.place.bounds)
         rows = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
         gap, centers = closest_bodies(rows, crowd.broadest, CENTER_LIMIT)

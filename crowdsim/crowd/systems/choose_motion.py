@@ -258,7 +258,7 @@ class Choosing:
         self._look_ahead(view, row, self.plans.motions[int(view.agent[row])], following)
 
     def _rests(self, view: View, row: int) -> None:
-        """Let a refused row whose node ends come to rest; a goal nearby that it would walk through counts as reached."""
+        """Let a refused row whose node ends come to rest; a goal near by that it would walk through is reached."""
         agent = int(view.agent[row])
         plan = self.plans.motions[agent]
         # This near to a goal that it would walk through, it counts the goal as reached and plans the way to the next.
