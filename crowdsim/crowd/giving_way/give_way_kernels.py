@@ -218,7 +218,7 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
     """Append all rows that a new timeline of ``me`` meets to the ``count`` rows of the trail, if not there already.
 
     ``me`` is at place ``level`` of the trail, or it is the ``pusher``, for which all give way (``level`` is -1). Rows
-    at lower places own their new timelines. That of ``me`` is from ``slot`` to before ``gone``. Return the number of
+    at lower places own their new timelines; the one of ``me`` is from ``slot`` to before ``gone``. Return the number of
     rows appended; -1 if one cannot be asked; -2 - place if it meets the new timeline of the row at ``place``.
     """
     asked = 0
@@ -248,8 +248,8 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
 def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, asking):
     """Reserve a timeline for ``me`` if all rows that it meets can give way; return how many rows do, -1 if one cannot.
 
-    The first ``trail.rows`` give way by ``trail.moves``. Either ``me`` and all of them own their new timelines
-    afterwards, or no timeline has changed. Each move tried is taken off ``trail.tries[0]`` in either case.
+    These are the first ones of ``trail.rows``, by the moves ``trail.moves``. Either ``me`` and all of them own their
+    new timelines afterwards, or no timeline has changed. Each move tried is taken off ``trail.tries[0]`` in any case.
     """
     standing, trail = asking.standing, asking.trail
     slot = playback.clock // playback.slot_frames

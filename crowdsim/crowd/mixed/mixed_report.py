@@ -42,6 +42,7 @@ class MixedStatistics:
         """
         captured, steered = self._captured.statistics, self._steered.statistics
         names = [behavior.name for behavior in captured.assets.behaviors]
+        # Length of the way walked in each behavior [m]: row 0 everywhere, then one row for each area.
         way = captured.way + steered.way
         theirs = steered.margins_of_layers()
         margins = captured.summary()["obstacle_margin"]

@@ -131,9 +131,9 @@ class Assets:
 
     @cached_property
     def rest_nodes(self) -> NDArray[np.bool_]:
-        """Return in which nodes (N,) agents wait: idle nodes, and nodes that end standing without any idle node behind.
+        """Return in which nodes (N,) agents wait: idle nodes, and nodes that end standing if no idle node may follow.
 
-        An agent waits on the last frame of the latter.
+        On a node of the second kind, an agent waits on the last frame.
         """
         ends = [each and self.idle_after(node) == NONE for node, each in enumerate(self.graph.node_ends_standing)]
         rests: NDArray[np.bool_] = self.graph.node_idle | np.array(ends, bool)
@@ -293,7 +293,7 @@ def prepare(
     Raises
     ------
     ScenarioError, GeometryError, BehaviorError, MotionError
-        If a file cannot be used, or if captured agents could not move with the behaviors in steps this long.
+        If a file cannot be used, captured agents could never stand, or a step is longer than their shortest movement.
     """
     behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
     _require_waiting(behavior_set, scenario)

@@ -29,8 +29,8 @@ BEND = 5
 follow from the nodes that are played, so the state hash leaves them out."""
 
 QUARTERS = 6
-"""Index of the offsets of the track from that straight motion after one, two and three quarters of the time to the
-next sample: x, y of each."""
+"""Index of the first of six values: x, y of the track's offset from its straight motion to the next sample, after one,
+two and three quarters of the time."""
 
 REST = 12
 """Index of the largest distance of the body from the four straight pieces that lead through the places at the quarters

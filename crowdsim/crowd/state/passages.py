@@ -25,7 +25,7 @@ def narrow_passages(mesh: NavMesh, least: float, width: float) -> NDArray[np.flo
     origin = sides["org"].reshape(-1, 3)
     ends = np.stack([vertices["x"][origin], vertices["y"][origin]], axis=-1)
     across = np.roll(ends, -1, axis=1)
-    # Open sides: no constraint, and a free triangle on both sides.
+    # Open sides: no constraint, and a free triangle on both sides. A side at the border has no twin (-1).
     free = np.asarray(arrays.cover[:triangles]) == 0
     twin = sides["twin"].reshape(-1, 3)
     opened = (sides["constraints"].reshape(-1, 3) == 0) & free[:, None] & (twin >= 0)

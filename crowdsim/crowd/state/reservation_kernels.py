@@ -2,8 +2,8 @@
 
 A timeline samples track and body at the world's slots (every ``slot_frames`` frames of the global clock) from slot
 ``start`` on. After its last sample the agent stands there for ever, or is gone from slot ``gone`` on. Between
-samples, positions are interpolated linearly; a body is at most BEND of the first sample off that. A body is a disc as
-broad as its behavior, narrower with the arms held in, or, if it walks sideways, a capsule along its way.
+two samples, positions are interpolated linearly, and the body is at most BEND of the first sample off these. A body is
+a disc as broad as its behavior, narrower with the arms held in, or, if it walks sideways, a capsule along its way.
 
 Arguments of all helpers: a timeline (K, SAMPLE) with its ``start`` and ``gone`` slots; ``first_slot``, before which
 meetings do not count; ``radius`` of the body at rest [m]; ``obstacles`` (Obstacles), ``everyone`` or ``others``

@@ -202,7 +202,8 @@ class AffectedAgents:
     def _take_chance(self, row: int, agent: int, freed: BaseGeometry) -> None:
         """Let a row search a path after the area ``freed``, if it had none, or if its path could be shorter by WORTH.
 
-        The new path is taken only if it is shorter than the rest of the old one.
+        A row that walks takes the new path only if that is shorter than the rest of its old one. A row that has yet to
+        begin its plan drops it.
         """
         plans, view = self.plans, self.view
         position = view.pose[row, :2]

@@ -45,7 +45,8 @@ reserve in a kernel. From :func:`ask_in_turn`: the row goes on, and the rows tha
 out."""
 
 MAKE_ROOM = 1
-"""The row has reserved: the caller lets standing agents in its way ahead step aside, then lets it go on."""
+"""The row has reserved: the caller lets standing agents in its way ahead step aside, then lets it go on if its node
+ends."""
 
 STAYS_REFUSED = 2
 """No others can give way to the row: its caller lets it rest, step aside, or wait on."""

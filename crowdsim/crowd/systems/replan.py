@@ -175,7 +175,7 @@ class Replanning:
     def _go_on(self, view: View, row: int, found: Found, first: int) -> None:
         """Replace the plan of a walking agent from node ``first`` on by what its search has found since.
 
-        If nothing is left of what it found before, cut the plan off behind node ``first`` - 1.
+        If the search has found no motion that can be used, cut the plan off behind node ``first`` - 1.
         """
         plan = self.plans.motions[found.agent]
         plan = plan.until(first - 1) if found.plan is None else plan.joined(0, first - 1, found.plan, reaches=False)
@@ -194,7 +194,7 @@ class Replanning:
 
 
 def reach_goal(plans: Plans, view: View, row: int) -> None:
-    """Count the goal of a row whose agent goes on to another goal as reached, and give it that one.
+    """Count the present goal of a row as reached, and give it the next goal of its agent.
 
     It ranks as if it set out now, has no way ahead, and searches the way to the next goal only after the time for which
     it is to stand at the goal reached.

@@ -114,8 +114,8 @@ class Reserving:
     def find_ways(self, view: View, row: int, plan: MotionPlan, following: int, obstacles: Obstacles) -> None:
         """Publish the way ahead of a row along its plan from node ``following`` on; set its rank.
 
-        A row that follows another one closely takes over the rank of that one. The ways of rows that go first are
-        gathered in ``scratch.ways``. ``obstacles`` are those of the row.
+        A row that follows another one closely takes the rank right behind that one's. The ways of rows that go first
+        are gathered in ``scratch.ways``. ``obstacles`` are those of the row.
         """
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
         near, scratch = self.surroundings.neighbors(view), self._scratch

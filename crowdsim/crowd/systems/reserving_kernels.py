@@ -25,11 +25,11 @@ LOOKAHEAD = 12
 """Largest number of nodes of the plan that one reservation takes, if the agent cannot come to a stand after fewer."""
 
 BEHIND_METERS = 2.0
-"""Distance behind another agent on the same way up to which an agent takes over the other's rank [m], so that agents go
-through a door in groups."""
+"""Distance behind another agent on the same way up to which an agent takes the rank right behind the other's [m], so
+that agents go through a door in groups."""
 
 BEHIND_WIDTH = 0.6
-"""Distance of the other agent from the own way up to which an agent follows it, that is, takes over its rank [m]."""
+"""Distance of the other agent from the own way up to which an agent follows it, that is, takes that rank [m]."""
 
 WAY_ROOM = 0.2
 """Distance, beyond the sum of both bodies' radii, that the stop of one agent keeps from the way of another [m]."""
