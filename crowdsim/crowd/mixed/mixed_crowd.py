@@ -283,9 +283,10 @@ class MixedCrowd:
         return {str(agent): self.captured.plans.unreachable[agent] for agent in outside.tolist()}
 
     def _has_no_way(self) -> NDArray[np.bool_]:
-        """Return True (n,) for agents to whose goals no path was found: steered, they would have to squeeze through.
+        """Return True (n,) for agents to whose goals no way was found, and which must not enter steered instead.
 
-        It is also True for agents for which a path, but no motion was found, unless they may steer instead.
+        Either there is no path, so that they would have to squeeze through; or there is a path without a motion along
+        it, and they may not steer.
         """
         lost = np.zeros(self.count, np.bool_)
         for agent, reason in self.captured.plans.unreachable.items():

@@ -22,6 +22,7 @@ class MixedStatistics:
 
     def __init__(self, captured: CapturedCrowd, steered: SteeredCrowd) -> None:
         self._captured, self._steered = captured, steered
+        # Least gap of two bodies, and least distance of two centers so far [m].
         self._gap = self._centers = np.inf
 
     def add(self, present: NDArray[Any]) -> None:

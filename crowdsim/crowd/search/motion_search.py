@@ -56,7 +56,7 @@ PASSING_WORK = 1500
 contain the standing agents."""
 
 RECOVERIES = 3
-"""Number of searches from the end of the played nodes, if no motion that begins with these nodes reaches the goal."""
+"""Largest number of searches from the end of the played nodes, if no motion that begins with these reaches the goal."""
 
 SIDE_STEP = 0.5
 """Length of the side step tried when a standing agent has no feasible first node [m]."""

@@ -142,7 +142,7 @@ class Plans:
         self.searches.begin(agent, search, walks=walks or join is not None)
 
     def forget(self, agent: int) -> None:
-        """Drop all plans and searches of an agent."""
+        """Drop plan, search and routes of an agent, and all that is noted of its searches."""
         self.searches.drop(agent)
         for table in (
             self.motions,

@@ -76,7 +76,10 @@ class Ongoing:
         return self.branches if self.search.slices else self.search.beginning
 
     def advance(self, kept: int) -> tuple[Ongoing, MotionPlan | PathNotFound]:
-        """Run the next slice with ``kept`` nodes played; return the search and the result."""
+        """Run the next slice with ``kept`` nodes played; return the search and the result.
+
+        If these are its first nodes to play, note the time since the request in ``ready``.
+        """
         found = self.search.advance(kept, self.branches)
         if self.ready is None and not isinstance(found, PathNotFound) and found.count:
             self.ready = time.perf_counter() - self.asked

@@ -31,9 +31,9 @@ def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[Fo
 
     If the motion is to end standing, and ``strictly`` is True, the first searches have the requested distance and
     heading: a quick search, then a thorough one. If that distance is below STAND_WITHIN, only a motion that is bent to
-    the goal comes as near: then there are six searches, with different options, to find different motions to bend. The
-    last two searches need not end as requested, only within the default distance: a quick one with a quarter of
-    ``budget`` (map queries), then a thorough one with the rest.
+    the goal comes as near: then there are six searches, with different options, to find different motions to bend. For
+    the last two searches it is enough to end within the default distance, with any heading: a quick one with a quarter
+    of ``budget`` (map queries), then a thorough one with the rest.
     """
     # A search alone ends within STAND_WITHIN of the goal; a motion that is to end nearer has to be bent.
     quick, nearest = max(budget // 4, 1), request.within < STAND_WITHIN
@@ -54,6 +54,7 @@ def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[Fo
                     budget=min(STRICT_BUDGET, budget),
                 )
                 yield options, nearest
+    # A search needs a budget of 1 at least.
     for breadth, share in ((FollowOptions.branches, quick), (THOROUGH_BRANCHES, budget - quick)):
         yield FollowOptions(end_standing=request.stays, branches=breadth, budget=max(share, 1)), False
 

@@ -200,7 +200,7 @@ class AffectedAgents:
             self._ask(row, agent, Join(kept, after))
 
     def _take_chance(self, row: int, agent: int, freed: BaseGeometry) -> None:
-        """Let a row search a path after the area ``freed``, if it had none, or if its path could be shorter by WORTH.
+        """Let a row search a path through the area ``freed``, if it had none, or if that could be shorter.
 
         A row that walks takes the new path only if that is shorter than the rest of its old one. A row that has yet to
         begin its plan drops it.

@@ -358,7 +358,7 @@ class Choosing:
         return plan.arrives and not itineraries.is_last(agent, ahead) and not itineraries.stands(agent, ahead)
 
     def _look_ahead(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
-        """Request the path onwards from the goal of a plan before a row reaches it, if the row walks through it."""
+        """Request the path onwards from a goal that a row walks through, at the last NODES_LEFT nodes of its plan."""
         agent = int(view.agent[row])
         if plan.count - following > NODES_LEFT or view.awaiting_plan[row] or not self._walks_through(plan, agent):
             return
