@@ -307,7 +307,7 @@ class MixedCrowd:
         return np.asarray((view.state != AgentState.ARRIVED) & ~(stands & waits & (itineraries.reached[agents] > 0)))
 
     def _refused(self, view: View, walks: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return the time (m,) for which captured rows were refused, or have stood beyond one second [s].
+        """Return the time (m,) for which captured rows were refused, or have stood less one second, the longer one [s].
 
         Rows that are not on their way, False in ``walks`` (m,), do not count as standing.
         """

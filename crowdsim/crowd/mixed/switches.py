@@ -287,7 +287,7 @@ class Switches:
         # No section of its way prescribes that it faces off the way: ``turn`` is -1 if none does so, 0 for straight on.
         rows = np.flatnonzero(calm & straight & rested & (state["turn"] <= 0.0))
         most = max(AT_LEAST, int(SHARE * (len(agents) + captured.world.count)))
-        # Those whose last request is longest ago come first.
+        # Agents whose last request is longest ago come first; of several, those with the lowest numbers.
         rows = rows[np.lexsort((agents[rows], self._tried[agents[rows]]))][:most]
         for row in rows.tolist():
             self._ask(view, row)

@@ -74,10 +74,10 @@ class Assets:
     def breadths(self) -> NDArray[np.float64]:
         """Return the body towards others in each behavior, (B, 2): radius of a capsule, half length of its core [m].
 
-        The core lies across the direction that the body faces. A body that faces ahead, arms held in or not, is a disc;
-        one that walks sideways is as narrow as the behavior and as long as the widest. A behavior counts as the widest
-        if it has a node that ends standing with no idle node of the same behavior to follow: an agent that stops there
-        stands in another behavior.
+        The core lies across the direction that the body faces. In a behavior that faces ahead, arms held in or not, the
+        body is a disc. In one that walks sideways it is a capsule with the radius of the behavior, as long as the
+        widest behavior is broad. A behavior in which an agent may stop, but not stand, gives the disc of the widest
+        one: a node of it ends standing, and no idle node of the same behavior may follow.
         """
         breadths = np.zeros((len(self.behaviors), 2))
         breadths[:, 0] = self.body_radii.max(axis=1)
@@ -236,7 +236,7 @@ def require_usable(behavior_set: BehaviorSet, scenario: Scenario) -> None:
     levels = scenario.locomotions()
     if levels != {"steered"}:
         _require_waiting(behavior_set, scenario)
-    # Both raise MotionError if the set lacks what they look for.
+    # gait_clips and find_entries raise MotionError if the set lacks what they look for.
     if levels != {"captured"}:
         gaits = gait_clips(behavior_set)
         if levels != {"steered"}:

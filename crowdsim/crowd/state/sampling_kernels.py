@@ -189,7 +189,7 @@ def measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
 
 @helper
 def _place(graph, node, frame, origin, cosine, sine, blend_offset):
-    """Return x, y [m] of :func:`track_pose`, equal to the last bit.
+    """Return x, y [m] of :func:`crowdsim.motion.graph.track_kernels.track_pose`, equal to the last bit.
 
     ``cosine`` and ``sine`` of the heading of ``origin`` are given, so that they are computed once for a node.
     """
