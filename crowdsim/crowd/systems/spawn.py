@@ -118,7 +118,8 @@ class Spawning:
         if agent in self.requested:
             if plans.searches.is_under_way(agent):
                 return
-            # Its search has failed. Try again only if the environment has changed since.
+            # Its search has failed. Try again only if the environment has changed in a later step than the request, as
+            # events of a step come before its requests.
             if self.requested[agent] >= plans.environment.last_edit_step:
                 # Without a reason, a path was found, but no motion.
                 plans.unreachable.setdefault(agent, NO_MOTION)
