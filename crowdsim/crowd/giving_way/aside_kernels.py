@@ -2,7 +2,8 @@
 
 ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``obstacles`` (Obstacles),
 ``everyone`` (Timelines, those of all rows), ``playback`` and ``draft``, a scratch chain, are those of
-:mod:`crowdsim.crowd.state.timelines`.
+:mod:`crowdsim.crowd.state.timelines`. The columns of ``everyone.timeline`` are those of
+:data:`crowdsim.crowd.state.components.SAMPLE`.
 """
 
 import math
@@ -27,7 +28,7 @@ NARROW_ROOM = 0.6
 """A place is narrow if there is less room than this between a body and a wall [m]."""
 
 LEFT_ROOM = 0.05
-"""Least room that a step leaves to the wall [m]; an agent closer to it finds no motion that leads on."""
+"""Least room that a step leaves to the wall [m]; an agent closer to the wall finds no motion that leads on."""
 
 WORTH = 0.1
 """A step to a wall must end at least this much closer to it [m]."""
@@ -51,7 +52,7 @@ NEAR_COST = 4.0
 """Cost of each meter that the nearest other agent is closer than NEAR [s/m]."""
 
 FARTHER = 0.2
-"""A step that leads no closer to a wall must end this much farther from the nearest other agent [m]."""
+"""A step that does not lead closer to a wall by WORTH must end this much farther from the nearest other agent [m]."""
 
 
 @helper
@@ -73,14 +74,14 @@ def room_beside(obstacles, x, y):
 
 @helper
 def look_beside(everyone, row, x, y, dx, dy, radius):
-    """Return the largest overlap of a row's lane with those of others within NEAR, and the distance of the nearest [m].
+    """Return the largest overlap of a row's lane with the lanes of others, and the distance of the nearest other [m].
 
     A lane is the strip that a body covers if it moves along the unit vector (dx, dy). At the goal that vector is
-    (0, 0), and lanes overlap by the sum of both radii. The row counts as if it were at (x, y), with a body of
-    ``radius`` [m]; the others count at the ends of their timelines. The overlap is 0 if no lanes overlap; the distance
-    is at most NEAR.
+    (0, 0), and lanes overlap by the sum of both radii. The row counts as if it were at (x, y) [m], with a body of
+    ``radius`` [m]; the others count at the ends of their timelines, if these are within NEAR. The overlap is 0 if no
+    lanes overlap; the distance is at most NEAR, also without others.
     """
-    # Rows are found by where they are now, and count where their timelines end.
+    # Rows are sorted by where they are now, but count where their timelines end: search so much farther.
     low, high, first, last = cells_within(everyone.near, x, y, x, y, NEAR + everyone.near.spread[OF_TIMELINES])
     lacking = 0.0
     gap = NEAR
@@ -103,9 +104,9 @@ def look_beside(everyone, row, x, y, dx, dy, radius):
 def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
     """Let a standing row in a narrow place step to a wall, or away from others along it; return True if it does.
 
-    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: the row and the number of its move are
-    left in ``trail.rows[0]`` and ``trail.moves[0]``, and the row owns the timeline of the move then. ``playback`` is at
-    the natural rate.
+    The row is in an idle node. ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`. If the row steps, it
+    owns the timeline of its move, and the row and the number of the move are left in ``trail.rows[0]`` and
+    ``trail.moves[0]``. ``trail.costs[0]`` and ``trail.candidate`` are scratch. ``playback`` is at the natural rate.
     """
     moves, standing, trail = asking.moves, asking.standing, asking.trail
     node, origin, goal = standing.node[row], standing.origin[row], standing.goal[row]
@@ -160,7 +161,8 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
         radius = everyone.body_radius[row]
         if meets_anyone(row, trail.candidate, slot, forever, slot, radius, everyone):
             continue
-        # No steered body is its own (-1). The end of the move needs no more clearance than its way (0.0).
+        # All steered bodies count: none is that of a captured row (-1). The end of the move needs no more clearance
+        # than its way (0.0), as it is to lead close to a wall.
         if meets_body(-1, trail.candidate, obstacles.bodies) or not move_is_free(graph, obstacles, draft, nodes, 0.0):
             continue
         give_timeline(everyone, row, trail.candidate, slot, forever)

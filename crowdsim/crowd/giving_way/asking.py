@@ -24,7 +24,7 @@ class Standing(NamedTuple):
     goal: Floats
     """(N, 2) goal [m]."""
     way: Floats
-    """(N, P, 2) way ahead of each [m], nan without one."""
+    """(N, P, 2) way ahead of each as a polyline [m], nan without one."""
     may_move: NDArray[np.bool_]
     """(N,) True if the row stands and has not decided in this step what to do."""
     rank: NDArray[np.int64]
@@ -32,9 +32,10 @@ class Standing(NamedTuple):
 
 
 class Trail(NamedTuple):
-    """Scratch for D rows that give way to each other, in the order in which they were asked.
+    """Scratch for up to D rows that give way, in the order in which they were asked; an index in it is a *place*.
 
-    See :mod:`crowdsim.crowd.giving_way.give_way_kernels`.
+    See :mod:`crowdsim.crowd.giving_way.give_way_kernels`. A timeline (K, SAMPLE) has the columns of
+    :data:`crowdsim.crowd.state.components.SAMPLE`.
     """
 
     rows: NDArray[np.int32]
@@ -44,21 +45,23 @@ class Trail(NamedTuple):
     costs: Floats
     """(D, M) cost of each move of the row's idle node [s], infinite once it was tried, or if it is not allowed."""
     parent: NDArray[np.int32]
-    """(D,) place of the row that asked each; -1 if the agent for which all give way asked it."""
+    """(D,) place of the row that asked each; -1 if it was asked by the agent for which all give way."""
     blame: NDArray[np.int64]
-    """(D,) bit k is set if the row at place k asked this one, or its move keeps this one from moving."""
+    """(D,) bit k is set if the row at place k asked this one, or if the move of the row at place k keeps this one from
+    moving."""
     asked: NDArray[np.int32]
     """(D,) number of rows that its move asks in turn."""
     timeline: Floats
-    """(D + 1, K, 13) timelines before the moves, to be restored; the last is of the agent for which all give way."""
+    """(D + 1, K, SAMPLE) timelines before the moves, to be restored; the last one is that of the agent for which all
+    give way."""
     timeline_circle: Floats
-    """(D + 1, 3) their circles."""
+    """(D + 1, 3) circles that contain these timelines: x, y, radius [m]."""
     timeline_start: NDArray[np.int64]
     """(D + 1,) their first slots."""
     gone_slot: NDArray[np.int64]
-    """(D + 1,) their slots of leaving."""
+    """(D + 1,) their slots of leaving the world, FOREVER for never."""
     candidate: Floats
-    """(K, 13) timeline of the move that is tried."""
+    """(K, SAMPLE) timeline of the move that is tried."""
     tries: NDArray[np.int64]
     """(1,) moves that may still be tried for the agent that asks now."""
 

@@ -2,11 +2,13 @@
 
 After Okumura, Machida, Defago and Tamura (Artificial Intelligence 310, 2022), for motions of different lengths.
 
-Arguments of all helpers: ``graph`` (GraphArrays); ``obstacles``, ``everyone`` (all rows), ``playback``, ``draft`` of
-:mod:`crowdsim.crowd.state.timelines`; ``asking`` with ``moves`` of :mod:`crowdsim.crowd.giving_way.asking`. A slot is
-the number of a sample since the run began; ``gone`` is the slot from which on a row takes no room. ``frame`` is the
-frame of its node from which a row goes on; ``chain``, ``first``, ``available``, ``ends_plan`` and ``timeline`` are
-those of :func:`~crowdsim.crowd.state.reservation_kernels.reserve`.
+Arguments of all helpers: ``graph`` (:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``obstacles`` (Obstacles),
+``everyone`` (Timelines, those of all rows), ``playback`` and ``draft`` (a scratch chain) of
+:mod:`crowdsim.crowd.state.timelines`; ``asking`` (Asking) with ``standing`` and ``trail`` of
+:mod:`crowdsim.crowd.giving_way.asking`, and ``moves`` (Moves). A slot is the number of a sample since the run began;
+``gone`` is the slot from which on a row takes no room, FOREVER if it stays. ``frame`` is the frame of its node from
+which a row goes on; ``chain``, ``first``, ``available``, ``ends_plan`` and ``timeline`` are those of
+:func:`~crowdsim.crowd.state.reservation_kernels.reserve`.
 """
 
 import math
@@ -35,11 +37,12 @@ from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pos
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 DETOUR_COST = 1.0
-"""Cost of each meter by which a move ends farther from the goal than it begins [s/m]; if it ends nearer, it costs as
-much less."""
+"""Cost of each meter by which a move ends farther from the goal than it begins [s/m]; each meter nearer lowers the cost
+by as much."""
 
 IN_WAY_COST = 4.0
-"""Cost of each meter by which a move ends inside of the way ahead of the agent that asks [s/m]."""
+"""Cost of each meter by which a move ends nearer than the sum of both bodies' radii to the way ahead of the agent that
+asks [s/m]."""
 
 OTHER_WAY_COST = 2.0
 """The same for the way ahead of each other agent that goes before the one that asks [s/m]."""
@@ -55,15 +58,18 @@ OFF_WALLS = 0.1
 close to a wall finds no motion that leads on."""
 
 SWAYS = 0.03
-"""Clearance that a move may lose on its way, compared with the clearance at the begin of its idle node [m]: bodies
-sway."""
+"""Amount by which the clearance on the way of a move may be below the clearance at the begin of its idle node [m]:
+bodies sway."""
 
 _STRIDE = 6  # frames between two samples of the test against obstacles
 
 
 @kernel
 def lay_move(graph, moves, move, node, origin, chain):
-    """Write idle ``node`` that began at ``origin`` (3,), and ``move`` behind it, to a chain; return the node count."""
+    """Write idle ``node`` that began at ``origin`` (3,), and ``move`` behind it, to a chain; return the node count.
+
+    ``move`` is the number of one of ``moves`` that set out from ``node``.
+    """
     chain.nodes[0] = node
     for axis in range(3):
         chain.origins[0, axis] = origin[axis]
@@ -87,9 +93,9 @@ def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict
     """Fill ``costs`` with the cost of each move [s]: its duration, its detour, and its end in ways or passages.
 
     ``node`` and ``origin`` (3,) are the idle node that is played and where it started; ``goal`` (2,) is where the row
-    goes [m]. ``way`` (P, 2) is that of the agent that asks; a move that ends nearer than ``width`` [m] to a way ends
-    inside of it. ``strict``: moves that end inside of ``way`` are not allowed (infinite). ``costs`` begins with the
-    first move of ``node``.
+    goes [m]. ``way`` (P, 2) is that of the agent that asks, nan if it has none; a move that ends nearer than ``width``
+    [m] to a way ends inside of it. ``strict``: moves that end inside of ``way`` are not allowed (infinite). ``costs``
+    begins with the first move of ``node``.
     """
     x, y, h = node_end(graph, np.int64(node), origin[0], origin[1], origin[2])
     away = hypot(goal[0] - x, goal[1] - y)
@@ -108,7 +114,7 @@ def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict
 
 @helper
 def _cheapest(moves, node, costs):
-    """Return the cheapest move left from ``node`` and remove it from ``costs``; -1 if there is none."""
+    """Return the number of the cheapest move left from ``node``, and set its cost to infinity; -1 if none is left."""
     best = -1
     least = math.inf
     for k in range(moves.begin[node], moves.begin[node + 1]):
@@ -125,10 +131,10 @@ def _cheapest(moves, node, costs):
 def move_is_free(graph, obstacles, chain, count, off_walls):
     """Return True if a move keeps clear of the obstacles on all layers.
 
-    It needs the clearance of the widest behavior, and at its end ``off_walls`` [m] more. An agent that has less where
-    its idle node began only needs as much as there (SWAYS less on its way), as it could not move at all otherwise. The
-    clearance of the behavior that it plays is needed in any case. The first ``count`` nodes of ``chain`` are the move;
-    node 0 is the present one, at whose end the move begins.
+    It needs the clearance of the widest behavior, and at its end ``off_walls`` [m] more. If the agent has less at the
+    begin of its idle node, it only needs as much as there (on its way SWAYS less), as it could not move at all
+    otherwise. The clearance of the behavior of each node is needed in any case. Node 0 of ``chain`` is the idle node,
+    at whose end the move begins; nodes 1 to ``count`` - 1 are the move.
     """
     hints = np.full(len(obstacles.layers), np.int64(-1))
     for k, mesh in enumerate(obstacles.layers):
@@ -146,7 +152,8 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
             # Only the last frame of the move is a place to stay at.
             ends = c == count - 1
             while frame >= 0:
-                # At least the clearance of the node's behavior, and no more than there is now.
+                # Clearance of the widest behavior, but no more than there is at the begin of the idle node; at least
+                # the clearance of the node's own behavior.
                 need = min(now - ROUNDING, widest + off_walls) if ends else min(now - SWAYS, widest)
                 need = max(own, need)
                 ends = False
@@ -166,7 +173,7 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
 
 @helper
 def give_timeline(everyone, row, timeline, start, gone):
-    """Let a row own a timeline from slot ``start`` on; keep its circle and the neighbor search up to date."""
+    """Let a row own a copy of a timeline from slot ``start`` on; keep its circle and the neighbor search up to date."""
     reach = 0.0  # largest squared distance of a sample from the first one
     for k in range(len(timeline)):
         dx = timeline[k, 0] - timeline[0, 0]
@@ -184,7 +191,7 @@ def give_timeline(everyone, row, timeline, start, gone):
 
 @helper
 def _save(everyone, row, trail, place):
-    """Save the timeline of a row in place ``place`` of the trail, to be restored by :func:`_put_back`."""
+    """Save the timeline of a row, with its circle and slots, at ``place`` of the trail, for :func:`_put_back`."""
     for k in range(everyone.timeline.shape[1]):
         for axis in range(everyone.timeline.shape[2]):
             trail.timeline[place, k, axis] = everyone.timeline[row, k, axis]
@@ -196,7 +203,7 @@ def _save(everyone, row, trail, place):
 
 @helper
 def _put_back(everyone, row, trail, place):
-    """Restore the timeline of a row that :func:`_save` saved at ``place`` of the trail."""
+    """Restore the timeline of a row, with its circle and slots, that :func:`_save` saved at ``place`` of the trail."""
     for k in range(everyone.timeline.shape[1]):
         for axis in range(everyone.timeline.shape[2]):
             everyone.timeline[row, k, axis] = trail.timeline[place, k, axis]
@@ -208,11 +215,11 @@ def _put_back(everyone, row, trail, place):
 
 @helper
 def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, count):
-    """Append all rows that the timeline of ``me`` meets to the ``count`` rows of the trail.
+    """Append all rows that a new timeline of ``me`` meets to the ``count`` rows of the trail, if not there already.
 
     ``me`` is at place ``level`` of the trail, or it is the ``pusher``, for which all give way (``level`` is -1). Rows
-    at lower places own their new timelines. The timeline of ``me`` is from ``slot`` to before ``gone``. Return the
-    number of rows appended; -1 if one cannot be asked; -2 - place if it meets the new timeline of the row at ``place``.
+    at lower places own their new timelines; the one of ``me`` is from ``slot`` to before ``gone``. Return the number of
+    rows appended; -1 if one cannot be asked; -2 - place if it meets the new timeline of the row at ``place``.
     """
     asked = 0
     other = -1
@@ -221,7 +228,7 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
         if other < 0:
             return asked
         place = 0
-        # A row in the trail behind ``me`` will move anyway; one before it has its new timeline, which is met.
+        # A row in the trail behind ``me`` will move anyway; one before ``me`` has its new timeline already: a conflict.
         while place < count + asked and trail.rows[place] != other:
             place += 1
         if place < count + asked:
@@ -239,10 +246,10 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
 
 @kernel
 def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, asking):
-    """Reserve a timeline for ``me`` if all rows in its way can give way; return how many do, -1 if they cannot.
+    """Reserve a timeline for ``me`` if all rows that it meets can give way; return how many rows do, -1 if one cannot.
 
-    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`; ``trail.rows`` give way by ``trail.moves``. Either
-    all of them own the timelines of their moves afterwards, or no timeline changes; ``trail.tries`` are used up anyway.
+    These are the first ones of ``trail.rows``, by the moves ``trail.moves``. Either ``me`` and all of them own their
+    new timelines afterwards, or no timeline has changed. Each move tried is taken off ``trail.tries[0]`` in any case.
     """
     standing, trail = asking.standing, asking.trail
     slot = playback.clock // playback.slot_frames
@@ -262,7 +269,7 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, a
 def step_aside(graph, obstacles, everyone, me, row, playback, draft, asking):
     """Let ``row`` step out of the way ahead of ``me``; return the number of rows that move, -1 if it cannot.
 
-    It may ask others in turn. If ``me`` is ``row``, it steps off its place for its own sake.
+    ``row`` may ask others in turn. If ``me`` is ``row``, it has no way, and steps off its place for its own sake.
     """
     asking.trail.rows[0] = row
     return _let_move(graph, obstacles, everyone, me, 1, True, playback, draft, asking)
@@ -274,8 +281,9 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
 
     Depth-first search, one level per row. A row without a move jumps back to the last row that asked it or blocked it
     (conflict-directed backjumping: P. Prosser, Computational Intelligence 9(3), 1993); bit k of ``trail.blame`` stands
-    for the row at place k. ``strict``: the first row must leave the way of ``me``. Return the number of rows that move,
-    which own the timelines of their moves then. Without a solution return -1; then all own their old timelines.
+    for the row at place k. ``strict``: the first row must leave the way of ``me``. Each move tried is taken off
+    ``trail.tries[0]``. Return the number of rows that move, which own the timelines of their moves then. Without a
+    solution, or without tries, return -1; then all own their old timelines.
     """
     moves, standing, trail = asking.moves, asking.standing, asking.trail
     forever = np.int64(FOREVER)
@@ -364,8 +372,8 @@ def reserve_by_asking(
 ):
     """Find a continuation as ``reserve`` does, for which standing rows in the way may be asked to give way.
 
-    Return (nodes taken, gone slot, number of rows that give way); all of these, and the row, own new timelines then.
-    Without a solution return 0 nodes, and no row has another timeline.
+    Return (nodes taken, gone slot, number of rows that give way); these rows, and ``row``, own new timelines then.
+    Without a solution return (0, FOREVER, 0); no row has another timeline then.
     """
     forever = np.int64(FOREVER)
     tried = 0

@@ -1,4 +1,4 @@
-"""Moves: short motions from a stand to a stand, by which an agent that is asked can give way at once."""
+"""Moves: short motions from a stand to a stand, by which a standing agent can give way at once."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ LEAST_MOVE = 0.15
 FARTHEST_MOVE = 1.3
 """Largest length of a move [m]."""
 
-# Of the moves that end in the same cell [m], with headings in the same interval [rad], the quickest is kept.
+# Of the moves from one idle node that end in the same square of side _CELL [m], with headings in the same interval of
+# length _TURNED [rad], the quickest is kept.
 _CELL = 0.15
 _TURNED = 0.8
-_NOTABLE_TURN = 0.2  # range of extra rotation below which it is not varied, and turn that counts as none [rad]
+_NOTABLE_TURN = 0.2  # an edge with a smaller range of extra rotation is not varied; a smaller turn counts as none [rad]
 _NOTABLE_STEP = 0.3  # shortest step behind a turn [m]
 
 
@@ -36,15 +37,15 @@ class Moves(NamedTuple):
     """M moves, those from the same idle node one after the other, the quickest first."""
 
     begin: NDArray[np.int32]
-    """(N + 1,) int32: moves ``begin[n]:begin[n + 1]`` set out from idle node n."""
+    """(N + 1,) int32: moves ``begin[n]:begin[n + 1]`` set out from node n; none if it is not idle."""
     lengths: NDArray[np.int32]
     """(M,) int32: number of nodes of each."""
     edges: NDArray[np.int32]
     """(M, MOVE_NODES) int32: edges of the motion graph to these nodes, -1 behind the last."""
     twists: NDArray[np.float64]
-    """(M, MOVE_NODES) extra rotation at each edge [rad]."""
+    """(M, MOVE_NODES) extra rotation at each edge [rad], 0 behind the last."""
     shift: NDArray[np.float64]
-    """(M, 3) end relative to the start: x, y [m], heading [rad]."""
+    """(M, 3) end relative to the end of the idle node: x, y [m], heading [rad]."""
     frames: NDArray[np.int32]
     """(M,) int32: duration in frames."""
 
@@ -52,7 +53,8 @@ class Moves(NamedTuple):
 class _Move(NamedTuple):
     """A move under construction: its edges with their extra rotations [rad], last node, and duration [frames].
 
-    ``end`` is the end relative to the start (x, y [m], heading [rad]).
+    ``end`` is its end relative to the end of the idle node (x, y [m], heading [rad]). Without edges it is the stand in
+    the idle node, which is ``last`` then.
     """
 
     edges: tuple[int, ...]
@@ -72,7 +74,8 @@ def moves_of(graph: GraphArrays) -> Moves:
 
     A step is one node that ends standing, or one node and the stop behind it. A move is a step; two steps with the same
     last node; or a turn and a step behind it. If the body holds its arms in, a node that lets them go may come first.
-    The clips decide which moves there are: without side steps, these are turns with steps behind them.
+    Moves end LEAST_MOVE to FARTHEST_MOVE away; of those that end in nearly the same pose, only the quickest is
+    returned. The clips decide which moves there are: without side steps, these are turns with steps behind them.
     """
     rows: list[_Move] = []
     begin = np.zeros(len(graph.node_frames) + 1, np.int32)
@@ -96,16 +99,17 @@ def moves_of(graph: GraphArrays) -> Moves:
 
 
 def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
-    """Return the moves from one idle node, the quickest of each cell of end poses, in the order of duration."""
+    """Return the moves from node ``idle``, the quickest of each cell of end poses, in the order of duration."""
     start = _Move((), (), (0.0, 0.0, 0.0), idle, 0)
     steps = _steps(graph, start, twisted=True)
-    # An agent with its arms held in may have to let them go first. If it stays in place meanwhile, moves go on behind.
+    # An agent with its arms held in may have to let them go first, which is a step in place: moves may go on behind it
+    # as if they began there.
     for first in list(steps):
         if not any(first.twists) and first.length < LEAST_MOVE and abs(first.end[2]) < _NOTABLE_TURN:
             steps += _steps(graph, first, twisted=True)
     found = list(steps)
     for first in steps:
-        # Only steps as captured are continued, without extra rotation: that leaves few combinations.
+        # Only steps without extra rotation are continued: that leaves few combinations.
         if any(first.twists):
             continue
         # A second step. After a turn, any step that is long enough; after a step, one with the same last node: the same
@@ -125,9 +129,10 @@ def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
 
 
 def _steps(graph: GraphArrays, before: _Move, twisted: bool) -> list[_Move]:
-    """Return all continuations of ``before`` by one node and the stop behind it after which an agent may stand idle.
+    """Return all continuations of ``before`` by one step that ends where an idle node may follow.
 
-    ``twisted``: also with the least and the largest extra rotation that the edge to the node allows.
+    A step is one node, and the stop behind it if the node does not end standing. ``twisted``: return each step also
+    with the least and the largest extra rotation of the edge to its first node, if these are notably apart.
     """
     found = []
     for edge in range(graph.edge_start[before.last], graph.edge_start[before.last + 1]):
@@ -144,7 +149,10 @@ def _steps(graph: GraphArrays, before: _Move, twisted: bool) -> list[_Move]:
 
 
 def _with(graph: GraphArrays, move: _Move, edge: int, twist: float) -> _Move | None:
-    """Return a move continued by the node of ``edge``; None beyond MOVE_NODES or MOVE_SECONDS."""
+    """Return a move continued along ``edge``, with an extra rotation ``twist`` [rad], by the node that it leads to.
+
+    Return None if the move would have more than MOVE_NODES nodes or take longer than MOVE_SECONDS.
+    """
     node = int(graph.edge_target[edge])
     frames = move.frames + int(graph.node_frames[node])
     if len(move.edges) == MOVE_NODES or frames > MOVE_SECONDS * CAPTURE_RATE:

@@ -1,4 +1,4 @@
-"""Places in regions for which agents that switch to captured motion head, if they are not to stand there."""
+"""Places in the regions of goals to which agents go that switch to captured motion, if they are not to stand there."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ class Aims:
 
     def __init__(self, scenario: Scenario, errands: Errands, guidance: Guidance) -> None:
         self._errands, self._guidance = errands, guidance
-        # Floor with room for a captured body: where that is always free, then where it is at some time.
+        # Floor with room for a captured body: first where that is always free, then where it is while no movable is.
         self._rooms = rooms_around(scenario, scenario.environment, NOMINAL_RADIUS)
         self._usable: dict[int, tuple[Polygon, MultiPolygon | None]] = {}
 
     def place(self, goal: int, following: int, at: Floats) -> Floats | None:
-        """Return the place (2,) [m] with room in the region of a goal, nearest to where the path from ``at`` enters.
+        """Return the place (2,) [m] with room in a goal's region, nearest to where the path from ``at`` enters it.
 
-        ``at`` (2,) is where the agent is [m]; ``following`` is the number of the field that leads there. None if there
-        is no path, or no room in the region.
+        ``at`` (2,) is where the agent is [m]; ``following`` is the number of the field whose path leads to ``goal``.
+        Return None if there is no path, or no room in the region.
         """
         end = self._guidance.end(goal, following, at)
         usable = self._usable_part(goal)
@@ -47,7 +47,7 @@ class Aims:
         """Return the part of the region of a goal that captured agents can walk to; None if there is none."""
         region = self._errands.region(goal)
         known = self._usable.get(goal)
-        # The number of a commanded goal may stand for another region later.
+        # Compare the region: the number of a commanded goal may stand for another region later.
         if known is None or known[0] is not region:
             # Floor that is always free comes first in ``_rooms``.
             room = next((room for room in self._rooms if meets(region, room)), None)

@@ -21,41 +21,42 @@ _SAME_WAY = 0.3
 def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, confined, in_lane, soon, soon_wide):
     """For each agent, count others nearby, predict when one passes close by, and find if it is confined or in a lane.
 
-    The prediction assumes that both keep their velocities. It leaves out others behind an agent that goes somewhere,
-    that is, whose intent ``(ix, iy)`` is not (0, 0).
+    The prediction assumes that all keep their velocities. It leaves out others behind the agent, if the agent goes
+    somewhere, that is, if its intent ``(ix, iy)`` is not (0, 0).
 
     Parameters
     ----------
     rows : ROW[n]
-        Agents, sorted by cells.
+        Agents, sorted by cells; records of :mod:`crowdsim.steering.row_kernels`.
     starts : (columns * rows + 1,) int64
         First row of each cell.
     frame : (float, float, int, int)
         Left and bottom edge of the grid [m], columns and rows of cells.
     order : (n,) int32
-        Index that each row had before they were sorted: that of its agent in all outputs.
+        Index of each row before the rows were sorted, which is its index in all outputs.
     walls : (Walls, Walls)
-        Walls for the legs and for the torso.
+        Walls (:class:`crowdsim.steering.walls.Walls`) for the legs and for the torso.
     lane : (float, float)
-        Width between torso walls below which, less LANE_SPARE, they form a lane (:func:`is_lane`), and length for which
-        the lane must have gone on behind an agent [m].
+        Width and length [m]: torso walls form a lane if they are closer together than the width less LANE_SPARE
+        (:func:`crowdsim.steering.wall_kernels.is_lane`), for at least the length behind an agent.
     reach : (float, float)
-        Distance within which others are counted, and distance within which their approach is predicted; the second is
-        not shorter than the first [m].
+        Distance within which others are counted, and distance within which their approach is predicted, which is not
+        shorter than the first [m].
     closest : (float, float)
-        Two distances between the centers of two agents, the shorter first [m]: they pass too closely if they are nearer
-        at their closest approach.
+        Two distances between the centers of two agents, the shorter first [m]. An agent passes close by, in the sense
+        of ``soon`` and ``soon_wide``, if it is nearer at its closest approach.
     near : (n,) int64
-        Gets the number of others counted.
+        Gets the number of others within the first distance of ``reach``.
     confined : (n,) bool
         Gets True if a wall for the legs is so near that there is no room to pass another agent.
     in_lane : (n,) bool
-        Gets True in a lane, for agents that go somewhere.
+        Gets True for agents that go somewhere and are in a lane.
     soon : (n,) float64
-        Gets the time until the first closest approach nearer than the shorter distance [s], infinite if there is none.
-        Others that go the same way do not count, as they can be followed.
+        Gets the time until the first closest approach nearer than the shorter distance of ``closest`` [s], infinite if
+        there is none. Others that go the same way are left out, as they can be followed.
     soon_wide : (n,) float64
-        Gets the same for the longer distance; others that go the same way count.
+        Gets the time until the first closest approach nearer than the longer distance [s], infinite if there is none.
+        Others that go the same way count.
     """
     few, far = reach
     narrow, wide = closest
@@ -107,8 +108,7 @@ def find_company(rows, starts, frame, order, walls, lane, reach, closest, near, 
         near[order[me]] = count
         # Walls for the legs are those of the lowest layer, which holds the obstacles of all layers.
         confined[order[me]] = distance_at(walls[0], mine.x, mine.y) < _NO_ROOM
-        # An agent that goes somewhere is in a lane if torso walls leave too little room across its intent, here and on
-        # the way behind it.
+        # Only an agent that goes somewhere has a direction across which a lane can be measured, here and behind it.
         in_lane[order[me]] = (
             goes
             and is_lane(walls[1], mine.x, mine.y, mine.ix, mine.iy, lane_width)

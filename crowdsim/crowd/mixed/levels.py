@@ -21,10 +21,10 @@ CROWDED = 5
 """Number of others within NEAR from which on an auto agent steers: 0.7 to a square meter."""
 
 EASED = 2
-"""Number of others within NEAR up to which an auto agent may go back to captured motion."""
+"""Largest number of others within NEAR with which a steered auto agent counts as calm."""
 
 SEEN = 5.0
-"""Distance up to which the approach of others is predicted [m]."""
+"""Distance of others up to which their approach is predicted [m]."""
 
 MEETS = 0.65
 """Distance between centers at closest approach below which two agents meet [m]: more than both bodies are broad."""
@@ -36,33 +36,35 @@ MEETS_WITHIN = 2.5
 """Time until a meeting below which an auto agent steers [s]."""
 
 CALM_FOR = 4.0
-"""Time until another one passes close by (PASSES) above which an auto agent may go back to captured motion [s]."""
+"""Time until another agent passes close by (PASSES) above which a steered auto agent counts as calm [s]."""
 
 BLOCKED_FOR = 0.3
-"""Time for which its next step is refused before an auto agent steers [s]."""
+"""Time for which a captured auto agent is refused before it steers [s]."""
 
 QUEUES_FOR = 12.0
-"""The same for an agent without room to pass others, which steering would hardly help [s]."""
+"""Time for which a captured auto agent without room to pass others is refused before it steers [s]: steering would
+hardly help it."""
 
 LANE = (0.9, 4.0)
-"""Width between walls below which, less LANE_SPARE, an agent is in a lane, and length that the lane must have had
-behind it [m]."""
+"""Width and length [m]: an agent is in a lane if walls are closer together than the width, less LANE_SPARE of
+:mod:`crowdsim.steering.wall_kernels`, and have been so behind it for the length."""
 
 SLOW = 0.5
 """Share of its own speed below which an agent in a lane counts as slow."""
 
 SLOW_OVER = 3.0
-"""Time over which the speed of an agent is averaged to find if it is slow [s]."""
+"""Time constant of the moving average of an agent's speed, by which it is found slow [s]."""
 
 STAYS_FOR = 2.0
-"""Least time before a steered agent goes back to captured motion [s]: since it began to steer, since it was last not
-calm, and since the end of a lane in which it was slow."""
+"""Time that must have passed before a steered agent goes back to captured motion [s]: since it began to steer, since
+it was last not calm, and since the end of a lane in which it was slow."""
 
 FAVORED = 1.0
-"""The same in the area in which the scenario favors captured motion, but not for lanes [s]."""
+"""The time that replaces STAYS_FOR in the area in which the scenario favors captured motion [s]; after a lane,
+STAYS_FOR holds there, too."""
 
 PACE_OFF = 0.03
-"""Share by which a prescribed speed may lie outside the range of captured motion if its agent is to be captured."""
+"""Share by which a prescribed speed may lie outside of the speeds of captured motion for its agent to be captured."""
 
 Bools = NDArray[np.bool_]
 """Array of bool."""
@@ -72,6 +74,9 @@ Floats = NDArray[np.float64]
 
 class Levels:
     """Decide which agents should change their level; n is the number of agents of the run.
+
+    An agent is calm if there are EASED others near it at most, and none passes close by within CALM_FOR. A *paced*
+    agent has a prescribed speed.
 
     Parameters
     ----------
@@ -86,7 +91,8 @@ class Levels:
         self.may_steer = kinds != "captured"
         """(n,) True if the group of an agent may steer."""
         self.may_capture = kinds != "steered"
-        """(n,) True if an agent may be captured: its group may, and captured motion has its speed if prescribed."""
+        """(n,) True if an agent may be captured: its group may, and if the agent is paced, captured motion has its
+        speed."""
         self._auto = kinds == "auto"
         self._paced = np.array(cast.paced)[cast.group] & self._auto
         self._speeds = cast.walkers.speeds
@@ -94,28 +100,33 @@ class Levels:
         count = cast.head_count
         self.changed = np.zeros(count, np.int64)
         """(n,) step of the last change of level, or of the entry."""
-        # (n,) last step in which it was not calm.
+        # (n,) last step in which each agent was not calm.
         self._calm_since = np.zeros(count, np.int64)
         self.near = np.zeros(count, np.int64)
-        """(n,) others within NEAR, for agents in the world; see :func:`find_company`, also for ``confined`` and
-        ``soon``."""
+        """(n,) number of others within NEAR, for agents in the world; see :func:`find_company`, also for ``confined``
+        and ``soon`` (n,)."""
         self.confined, self.soon = np.zeros(count, np.bool_), np.full(count, np.inf)
-        # (n,) whether it is in a lane, and the last step in one; whether it has been slow there; its mean speed [m/s].
+        # (n,) True for agents in a lane, and last step of each in a lane; True for agents that count as slow; mean
+        # speed of each [m/s].
         self._in_lane, self._lane_step = np.zeros(count, np.bool_), np.zeros(count, np.int64)
         self._slow = np.zeros(count, np.bool_)
         self._mean_speeds = self._speeds.copy()
 
     def keep_paces(self, natural_speed: float) -> None:
-        """Let auto agents with a prescribed speed only steer if no captured motion has that speed.
+        """Let no paced auto agent be captured if no captured motion has its speed: it always steers then.
 
-        ``natural_speed`` is that of captured motion [m/s].
+        All other paced auto agents may be captured. ``natural_speed`` is the speed of captured motion in the preferred
+        behavior, played as captured [m/s]; it can be played at SLOWEST to FASTEST of that.
         """
         shares = self._speeds / natural_speed
         off = (shares < SLOWEST * (1.0 - PACE_OFF)) | (shares > FASTEST * (1.0 + PACE_OFF))
         self.may_capture = np.where(self._paced, ~off, self.may_capture)
 
     def set_speed(self, agents: NDArray[np.int64], natural_speed: float) -> None:
-        """Note that a command gave speeds to agents (k,): auto ones steer if no captured motion has their speed."""
+        """Note that a command gave speeds to agents (k,), so that auto ones are paced from now on.
+
+        The speeds are in the cast already. ``natural_speed`` is that of :meth:`keep_paces`.
+        """
         self._paced[agents] = self._auto[agents]
         # How it walked at another speed does not make it slow at this one.
         self._mean_speeds[agents] = self._speeds[agents]
@@ -124,15 +135,15 @@ class Levels:
     def look_around(self, crowd: SortedCrowd, walls: tuple[Walls, Walls], step: int) -> None:
         """Find the company of all agents in the world, sorted by cells, between the walls for legs and torso.
 
-        Keep what :func:`find_company` finds, and since when each agent is calm, and whether it still counts as
-        slow: it does until STAYS_FOR after the end of its lane.
+        Keep what :func:`find_company` finds, and since when each agent is calm. An agent that was slow in a lane counts
+        as slow until STAYS_FOR after the end of the lane.
         """
         count = len(crowd.rows)
         near, soon, wide = np.zeros(count, np.int64), np.empty(count), np.empty(count)
         confined, in_lane = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
         present = (crowd.rows, crowd.starts, crowd.frame, crowd.order)
         find_company(*present, walls, LANE, (NEAR, SEEN), (MEETS, PASSES), near, confined, in_lane, soon, wide)
-        # Outputs are in the order before sorting: find the agent of each.
+        # Outputs are in the order before sorting: find the agent number of each.
         agents = np.empty(count, np.int64)
         agents[crowd.order] = crowd.rows["id"]
         self.near[agents], self.confined[agents], self.soon[agents] = near, confined, soon
@@ -142,17 +153,17 @@ class Levels:
         self._calm_since[agents[~calm]] = step
 
     def follow_speeds(self, agents: NDArray[np.int64], speeds: Floats, ahead: Bools) -> None:
-        """Average the speeds (k,) [m/s] of captured agents, and note which are slow in a lane.
+        """Average the ``speeds`` (k,) [m/s] of captured agents (k,), and note which are slow in a lane.
 
-        The note lasts until STAYS_FOR after the end of the lane (`look_around`).
-        ``ahead`` (k,) is True for agents that face ahead; sideways they are always slow, which does not count. Captured
-        motion stops in tight bends, in which steering does not.
+        They are to steer then, as captured motion stops in tight bends, and steering does not. The note lasts until
+        STAYS_FOR after the end of the lane (`look_around`). ``ahead`` (k,) is True for agents that face ahead; sideways
+        they are always slow, which does not count.
         """
         means = self._mean_speeds[agents]
         means += (speeds - means) / (SLOW_OVER * STEERING_RATE)
         slow = self._in_lane[agents] & ahead & (means < SLOW * self._speeds[agents])
         self._slow[agents[slow]] = True
-        # A slow agent begins a new average when it is captured again.
+        # A slow agent begins a new average, at its own speed, for when it is captured again.
         self._mean_speeds[agents] = np.where(slow, self._speeds[agents], means)
 
     def is_favored(self, places: Floats) -> Bools:
@@ -165,13 +176,14 @@ class Levels:
     def steer(self, agents: NDArray[np.int64], places: Floats, blocked: Floats) -> Bools:
         """Return which of some captured agents (k,), at ``places`` (k, 2) [m], should steer.
 
-        ``blocked`` (k,) is the time for which each was refused, or has stood beyond one second though it wants to walk
-        [s].
+        ``blocked`` (k,) is the time for which each was refused, or the time beyond one second for which it has stood
+        though it wants to walk, whichever is longer [s]. Only agents whose group may steer are returned, if they are
+        blocked, slow in a lane, in company (outside of the favored area), or cannot be captured at their speed.
         """
         # In the favored area, company is no reason to steer.
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
         refused = blocked >= np.where(self.confined[agents], QUEUES_FOR, BLOCKED_FOR)
-        # No captured motion has the speed that it was given.
+        # Its group may be captured, but no captured motion has the speed that it was given.
         off_pace = ~self.may_capture[agents]
         anywhere = off_pace | refused | self._slow[agents]
         return np.asarray(self.may_steer[agents] & (anywhere | (met & ~self.is_favored(places))))

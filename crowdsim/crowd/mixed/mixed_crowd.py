@@ -76,10 +76,10 @@ class MixedCrowd:
         aims = Aims(scenario, self.steered.errands, self.steered.place.guidance)
         self.switches = Switches(self.captured, self.steered, self.levels, aims)
         self.levels.keep_paces(self.switches.natural_speed)
-        # Whether a body faces ahead, by behavior: then it is a disc, without a core.
+        # By behavior: True if the body faces ahead. Then it is a disc, without a core.
         self._walks_ahead = self.captured.assets.breadths[:, 1] == 0.0
         self.hash = 0
-        # By agent: position before the last step [m], and last step in which it did not stand, or entered.
+        # By agent: position before the last step [m], nan before it entered; last step in which it did not stand.
         self._before = np.full((self.count, 2), np.nan)
         self._stands_since = np.zeros(self.count, np.int64)
         self.statistics = MixedStatistics(self.captured, self.steered)
@@ -116,10 +116,10 @@ class MixedCrowd:
 
     @property
     def finished(self) -> bool:
-        """Return True if all agents that can arrive have arrived."""
+        """Return True if no agent can arrive any more: all that are expected have arrived, or are lost."""
         lost = 0
-        # As long as something may move, a goal may become reachable. After that, agents are lost that have steered
-        # without a path for long, or that have not entered and have no way.
+        # Agents are lost if they have steered without a path for long, or have not entered and have no way to their
+        # goals. As long as something may move, none is, as a goal may become reachable.
         if self.captured.events.over:
             since = self.steered.world.column("lost_since")
             lost = int(((since != NONE) & (self.step_count - since > LOST_SECONDS * STEERING_RATE)).sum())
@@ -132,7 +132,7 @@ class MixedCrowd:
         self.steered.close()
 
     def take_timetable(self, timetable: Timetable) -> None:
-        """Replace the timetable of future changes; the new one begins with all that was due until now."""
+        """Replace the timetable of changes; the new one begins with all changes that were due until now."""
         self.captured.take_timetable(timetable)
         self.steered.take_timetable(timetable)
 
@@ -174,7 +174,7 @@ class MixedCrowd:
         if steered.place.change(happened, captured.events.waiting):
             steered.steering.set_walls(*steered.place.walls)
 
-        # Captured agents that meet others begin to steer; their reservations are released.
+        # Captured agents that are to steer (they meet others, for example) do so; their reservations are released.
         others = self._others(view)
         present = steered.steering.sort(self._with_steered(others), steered.place.bounds)
         legs, torso, _ = steered.steering.walls
@@ -193,8 +193,8 @@ class MixedCrowd:
         steered.world.apply_changes()
         self._enter()
 
-        # Captured agents first: they reserve timelines clear of all steered bodies as they stand now. Then steered
-        # ones take a step that keeps clear of all reserved segments. So neither can touch the other.
+        # Captured agents first: they reserve timelines clear of all steered bodies as these stand now. Then steered
+        # agents take a step that keeps clear of all reserved segments. So no captured agent can touch a steered one.
         captured.choosing.surroundings.bodies = self._bodies()
         self._note_places()
         captured.act()
@@ -283,9 +283,10 @@ class MixedCrowd:
         return {str(agent): self.captured.plans.unreachable[agent] for agent in outside.tolist()}
 
     def _has_no_way(self) -> NDArray[np.bool_]:
-        """Return True (n,) for agents to whose goals no path was found: steered, they would have to squeeze through.
+        """Return True (n,) for agents to whose goals no way was found, and which must not enter steered instead.
 
-        Those for which only no motion was found may enter steered, if they may steer; if not, it is True, too.
+        Either there is no path, so that they would have to squeeze through; or there is a path without a motion along
+        it, and they may not steer.
         """
         lost = np.zeros(self.count, np.bool_)
         for agent, reason in self.captured.plans.unreachable.items():
@@ -298,7 +299,7 @@ class MixedCrowd:
         return np.asarray(self.entered < 0)
 
     def _walks(self, view: View) -> NDArray[np.bool_]:
-        """Return which captured rows are on their way, that is, do not stand at a place for a while or for good."""
+        """Return which captured rows (m,) are on their way: they do not stand at a place for a while or for good."""
         stands = (view.state != AgentState.MOVING) & (view.retry_step > self.step_count)
         itineraries = self.captured.itineraries
         agents = view.agent.astype(np.int64)
@@ -306,7 +307,7 @@ class MixedCrowd:
         return np.asarray((view.state != AgentState.ARRIVED) & ~(stands & waits & (itineraries.reached[agents] > 0)))
 
     def _refused(self, view: View, walks: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return the time (m,) for which captured rows were refused, or have stood beyond one second [s].
+        """Return the time (m,) for which captured rows were refused, or have stood less one second, the longer one [s].
 
         Rows that are not on their way, False in ``walks`` (m,), do not count as standing.
         """
@@ -318,11 +319,11 @@ class MixedCrowd:
         return np.asarray(np.maximum(refused, stood) / STEERING_RATE)
 
     def _enter(self) -> None:
-        """Let agents enter: captured if there is room, else steered."""
+        """Let agents enter whose time has come: captured, or steered if they may be and come late or into a crowd."""
         captured, steered, step = self.captured, self.steered, self.step_count
         outside = self._outside
-        # Those that have waited too long enter steered, and those that come into a crowd. So do those with a delay:
-        # they stand first, which captured motion does not do.
+        # Agents that may steer enter steered if they have waited too long, come into a crowd, or have a delay: they
+        # stand first then, which captured motion does not do.
         late = step - self.cast.start_steps > PATIENCE_SECONDS * STEERING_RATE
         late &= ~self._has_no_way()
         dense = self._comes_into_crowd(outside, step) | (self.cast.delay_steps > 0)
@@ -340,9 +341,9 @@ class MixedCrowd:
             captured.spawning.forget(agent)
 
     def _comes_into_crowd(self, outside: Any, step: int) -> NDArray[np.bool_]:
-        """Return which agents (n,), of those about to enter, have many others around their places.
+        """Return which agents (n,), of those about to enter, have CROWDED others or more around their places.
 
-        ``outside`` (n,) bool: those that have not entered. Others that are about to enter count.
+        ``outside`` (n,) bool: True for agents that have not entered. Others that are about to enter count, too.
         """
         soon = np.flatnonzero(outside & (self.cast.start_steps - self.captured.plans.lead <= step))
         crowded = np.zeros(self.count, np.bool_)
@@ -369,7 +370,7 @@ class MixedCrowd:
         return np.where(np.isnan(moved), 0.0, moved)
 
     def _note_places(self) -> None:
-        """Note the positions of all agents before the step."""
+        """Note the positions of all agents in the world before the step."""
         for agents, places in (
             (self.captured.world.column("agent"), self.captured.world.column("pose")[:, :2]),
             (self.steered.world.column("agent"), _places(self.steered.world.column("row"))),

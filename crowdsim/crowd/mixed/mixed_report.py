@@ -22,14 +22,15 @@ class MixedStatistics:
 
     def __init__(self, captured: CapturedCrowd, steered: SteeredCrowd) -> None:
         self._captured, self._steered = captured, steered
+        # Least gap of two bodies, and least distance of two centers so far [m].
         self._gap = self._centers = np.inf
 
     def add(self, present: NDArray[Any]) -> None:
-        """Add one step; ``present`` (ROW[m]) are all agents in the world."""
+        """Add one step; ``present``, ROW[m] of `crowdsim.steering.row_kernels`, are all agents in the world."""
         captured, steered = self._captured, self._steered
         captured.statistics.add(captured.frame())
         steered.statistics.add(steered.world.view(), steered.steering)
-        # Gaps within each level are among those of all agents.
+        # The least gap of all agents covers both levels.
         crowd = steered.steering.sort(present, steered.place.bounds)
         rows = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
         gap, centers = closest_bodies(rows, crowd.broadest, CENTER_LIMIT)
@@ -42,6 +43,7 @@ class MixedStatistics:
         """
         captured, steered = self._captured.statistics, self._steered.statistics
         names = [behavior.name for behavior in captured.assets.behaviors]
+        # Length of the way walked in each behavior [m]: row 0 everywhere, then one row for each area.
         way = captured.way + steered.way
         theirs = steered.margins_of_layers()
         margins = captured.summary()["obstacle_margin"]

@@ -22,18 +22,20 @@ from crowdsim.steering.stuck_kernels import LASTING, RANK_RANGE
 from crowdsim.steering.ways import Others
 
 TRACK_ROOM = 0.015
-"""Enlargement of reserved discs for steered bodies [m]: tracks bend between two samples of a timeline. If one bends
-more, the straight pieces between its places after each quarter of the time are reserved, too."""
+"""Enlargement of reserved discs for steered bodies [m], as tracks bend between two samples of a timeline. If a body is
+farther off its straight motion, the straight pieces between its places after each quarter of the time are reserved,
+too."""
 
 PUSHES_AFTER = 2.5
 """Time for which a captured agent is refused before steered ones in its way step aside [s].
 
 It is longer than IMPATIENCE_SECONDS of :mod:`crowdsim.crowd.systems.replan`, so that agents that look for a way around
-others do not push: if they did all the time, those who come out of a door would go back into it whenever others wait in
-front of it."""
+others do not push: otherwise, agents that come out of a door would go back into it whenever others wait in front of
+it."""
 
 _PUSHING = LASTING + RANK_RANGE
-"""Rank of an agent that pushes, to which the time for which it is refused is added; above that of any steered one."""
+"""Rank of an agent that pushes, to which the time for which it is refused is added; above the rank of any steered
+agent."""
 
 
 def seen(
@@ -73,12 +75,12 @@ def seen(
     rows["goal"] = np.where(stays, NO_GOAL, errands.goal(agents, itineraries.reached[agents]))
     rows["share"] = walkers.shares[agents]
     rows["id"] = agents
-    rows["turn"] = rows["held"] = -1.0  # not prescribed
+    rows["turn"] = rows["held"] = -1.0  # no section of a plan prescribes them
     # Guidance only says where they want to go: their motion leads them, even if there is no path for steering.
     guidance.write(rows, np.full(len(agents), PLAIN, np.int32), lead_out=False)
     pace = hypot(rows["vx"], rows["vy"])
     rows["speed"] = pace
-    # Intent: the direction of guidance, as tracks sway; without guidance, that of the velocity.
+    # Intent: the direction of guidance, as tracks sway; without guidance, that of the velocity, 0 if it is at rest.
     guided = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)
     length = np.where(pace > 0.0, pace, 1.0)
     rows["ix"] = np.where(guided, rows["gx"], rows["vx"] / length)
@@ -93,21 +95,23 @@ def seen(
 def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the segments of reserved timelines from now on, with their discs, and the owner (row) of each.
 
-    Segments are (s, 5) and owners (s,), as in :class:`crowdsim.steering.ways.Others`.
+    Segments are (s, 5): x, y of both ends and radius of the disc [m]; owners are (s,). A timeline has a segment for
+    each piece from one sample to the next, one of length 0 at its end, and four more for each piece that bends.
     """
     timeline, bodies = view.timeline[..., :2], view.timeline[..., RADIUS:]
     last = timeline.shape[1] - 1
     first = np.clip(slot_of(step, CAPTURE_RATE // STEERING_RATE) - view.timeline_start, 0, last)
     begins, ends = timeline[:, :-1], timeline[:, 1:]
     ahead = np.arange(last) >= first[:, None]
-    # From the segment that holds the present on. Those of length 0 are left out; the rests below take their place.
+    # Pieces from the one that holds the present on. Those of length 0 are left out: the ends of their neighbors, or the
+    # rests below, take their place.
     pieces = ahead & (begins != ends).any(axis=2)
     walking, slots = np.nonzero(pieces)
     moving = np.concatenate([begins[walking, slots], ends[walking, slots]], axis=1)
     # The last position of each timeline is a segment of length 0, which may be all that is left of it.
     rests = np.concatenate([timeline[:, last], timeline[:, last]], axis=1)
     owners = np.concatenate([walking, np.arange(len(timeline))])
-    # Discs that contain the capsules, as broad as at the broader end of a segment.
+    # Discs that contain the capsules, on each piece as broad as at its broader end.
     discs = bodies[..., 0] + hypot(bodies[..., 1], bodies[..., 2])
     broader = np.maximum(discs[:, :-1], discs[:, 1:])[walking, slots]
     radii = np.concatenate([broader, discs[:, last]]) + TRACK_ROOM

@@ -1,8 +1,8 @@
 """Changes of level: an agent's track continues, and no two bodies come into contact.
 
-A captured agent owns a reserved timeline, the rest of which touches no steered body at its present place. So a captured
-agent may begin to steer if its body, at its present place, touches no reserved timeline of others. A steered agent may
-become captured if it can reserve a timeline from its present place.
+A captured agent owns a reserved timeline, the rest of which touches no steered body as that stands now. So a captured
+agent may begin to steer if its body, as it stands now, touches no reserved timeline of others. A steered agent may
+become captured if it can reserve a timeline from where it stands now.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ CLEAR = 1e-3
 """Gap between a body that begins to steer and what others have reserved [m]."""
 
 AT_LEAST = 2
-"""Number of agents that may request captured motion in one step, however few there are."""
+"""Number of agents that may request captured motion in one step, however few agents there are."""
 
 IN_STEP_WITHIN = 1.0
-"""Time that an agent waits for a frame in which its feet are where those of steered ones are, before it steers
-anyway [s]."""
+"""Time that an agent that is to steer waits for a frame in which its feet are as those of a steered agent; then it
+steers anyway [s]."""
 
 SHARE = 0.01
-"""Share of all agents in the world that may request captured motion in one step."""
+"""Share of all agents in the world that may request captured motion in one step, if that is more than AT_LEAST."""
 
 PHASE_OFF = 0.02
 """Largest difference of phase at which a node is entered [cycles]."""
@@ -55,14 +55,14 @@ TURNED_OFF = 0.15
 """Largest angle between heading and velocity at which a node is entered [rad]."""
 
 WORTH = 2.5
-"""Length of the way left to the goal above which captured motion is worth a search [m]."""
+"""Length of the way left to the goal above which captured motion is requested [m]."""
 
 DAWDLES = (4.0, 0.5)
-"""Captured motion is taken only if it comes some way, the second number [m], in any period as long as the first [s]:
-beside the post of a door, it may turn on the spot for ten seconds."""
+"""Period [s] and distance [m]: captured motion is taken only if in each such period it gets at least so far. Beside the
+post of a door, it may turn on the spot for ten seconds."""
 
 RETRY = 1.0
-"""Time between a failed search and the next one [s]."""
+"""Least time between two requests of an agent for captured motion [s]."""
 
 Ints = NDArray[np.int64]
 """Array of int64."""
@@ -71,9 +71,9 @@ Floats = NDArray[np.float64]
 
 
 class _Asked(NamedTuple):
-    """Search for the captured motion of a steered agent: number of the entry it begins with, and the entry's origin.
+    """Search for the captured motion of a steered agent: number of the entry that it begins with, a row of Entries.
 
-    The origin is (3,): x, y [m], heading [rad].
+    ``origin`` (3,) is the track pose at which the node of that entry would have started: x, y [m], heading [rad].
     """
 
     entry: int
@@ -96,9 +96,9 @@ class Switches:
         captured.plans.paces.keep(captured.cast.speeds, self.natural_speed)
         self._exits = behavior_set.once("exits", lambda: find_exits(behavior_set, self.entries, self.phases))
         self._asked: dict[int, _Asked] = {}
-        # (n,) last step in which each agent was captured and not wanted to steer.
+        # (n,) last step in which each agent was captured and was not to steer.
         self._wanted_since = np.zeros(captured.count, np.int64)
-        # (n,) step of the last request of each agent; at first one long enough ago for the next.
+        # (n,) step of the last request of each agent; at first one so long ago that it may request.
         self._tried = np.full(captured.count, -STEERING_RATE * 10, np.int64)
         self.counts = {"steered": 0, "captured": 0}
         """Number of changes so far to each level."""
@@ -108,8 +108,9 @@ class Switches:
     def to_steered(self, view: View, wanted: NDArray[np.bool_], velocities: Floats, others: Others) -> int:
         """Let ``wanted`` (m,) captured rows steer from now on, if their feet allow it and it is safe.
 
-        ``velocities`` (m, 2) are those of all captured rows [m/s]; ``others`` are these rows as steered agents see
-        them. Return how many begin to steer.
+        ``velocities`` (m, 2) are those of all m captured rows [m/s]; ``others`` are these rows as steered agents see
+        them. Return how many begin to steer. They change over with the next ``apply_changes`` of both worlds, and drop
+        their plans.
         """
         rows = self._in_step(view, wanted)
         if not len(rows):
@@ -118,7 +119,8 @@ class Switches:
         rows, bodies = self._safe(rows, bodies, len(view.agent), others)
         agents = view.agent[rows].astype(np.int64)
         captured, steered = self._captured, self._steered
-        # The gait goes on in the phase of the captured pose, from where its rear foot stands; turning does not count.
+        # The gait goes on in the phase of the captured pose, from where its rear foot stands, as if the body did not
+        # turn (rate 0).
         node_rows = captured.assets.graph.node_track[view.node[rows]] + view.frame[rows]
         reached = captured.itineraries.reached[agents]
         goals = steered.errands.goal(agents, reached)
@@ -149,7 +151,7 @@ class Switches:
         return len(rows)
 
     def _in_step(self, view: View, wanted: NDArray[np.bool_]) -> Ints:
-        """Return the ``wanted`` (m,) rows whose feet are as those of steered agents, or that have waited for long."""
+        """Return the ``wanted`` (m,) rows whose feet are as a steered agent's, or that have waited IN_STEP_WITHIN."""
         step, agents = self._captured.step_count, view.agent.astype(np.int64)
         self._wanted_since[agents[~wanted]] = step
         frames = self._captured.assets.graph.node_track[view.node] + view.frame
@@ -157,10 +159,10 @@ class Switches:
         return np.flatnonzero(wanted & (self._exits[frames] | waited))
 
     def _bodies(self, view: View, rows: Ints, velocities: Floats) -> NDArray[np.void]:
-        """Return the rows (ROW) of captured agents that begin to steer.
+        """Return the records ROW (k,) of captured ``rows`` (k,) of ``view`` that begin to steer.
 
-        Shoulders (``half``) are as broad as at rest, but no body gets larger than the smallest disc of its behavior on
-        any layer.
+        ``velocities`` (m, 2) are those of all captured rows [m/s]. Half the core (``half``) is as long as at rest, but
+        no body is broader than the smallest disc of its behavior on any layer.
         """
         cast, assets = self._steered.cast, self._captured.assets
         agents = view.agent[rows].astype(np.int64)
@@ -179,14 +181,15 @@ class Switches:
         return bodies
 
     def _safe(self, rows: Ints, bodies: NDArray[np.void], count: int, others: Others) -> tuple[Ints, NDArray[np.void]]:
-        """Return those of captured ``rows``, and of their ``bodies``, that touch no reserved segment of rows that stay.
+        """Return those of captured ``rows`` (k,), and of their ``bodies``, that may steer without touching others.
 
-        ``count`` is the number of all captured rows, to which the segments of ``others`` belong.
+        They may if they touch no reserved segment of a row that stays captured. ``count`` is the number of all captured
+        rows, to which the segments of ``others`` belong; ``bodies`` (k,) are records ROW, one or more.
         """
         frame = frame_of(self._steered.place.bounds)
         ways = listed(others, frame, float((bodies["half"] + bodies["radius"]).max()) + CLEAR)
-        # Timelines of rows that leave do not count. One that has to stay keeps its timeline, which others may touch in
-        # turn: repeat until none has to stay.
+        # Timelines of rows that leave do not count. A row that has to stay keeps its timeline, which bodies of other
+        # rows may touch in turn: repeat until no further row has to stay.
         while len(rows):
             leaves = np.zeros(count, np.bool_)
             leaves[rows] = True
@@ -199,9 +202,10 @@ class Switches:
     # From steered to captured
 
     def to_captured(self, view: View) -> None:
-        """Let agents whose search has found a motion become captured, if they can reserve its beginning.
+        """Let agents that have requested captured motion become captured, if it was found and they can reserve it.
 
-        ``view`` is that of the steered agents. Requests hold for one step: agents that do not change lose their plan.
+        ``view`` is that of the steered agents. Requests hold for one step: agents that do not change over drop their
+        plans and searches.
         """
         captured = self._captured
         asked, self._asked = self._asked, {}
@@ -217,7 +221,8 @@ class Switches:
     def _enter(self, view: View, row: int, agent: int, asked: _Asked) -> bool:
         """Let a steered agent play the node of its entry and the plan behind it; return False if these are refused.
 
-        On success the agent, ``row`` of ``view``, leaves the steered world and appears in the captured one.
+        On success the agent, ``row`` of ``view``, appears in the captured world at once, and leaves the steered one
+        with its next ``apply_changes``.
         """
         captured, state = self._captured, view.row[row]
         node, frame = int(self.entries.node[asked.entry]), int(self.entries.frame[asked.entry])
@@ -261,14 +266,17 @@ class Switches:
         return True
 
     def ask(self, view: View) -> None:
-        """Request captured motion for some steered agents that have room, from their positions after the step."""
+        """Request captured motion for some steered agents that have room, from their positions after the step.
+
+        ``view`` is that of the steered agents. The free speed of agents that walk is set, too.
+        """
         captured, levels = self._captured, self._levels
         step = captured.step_count
         agents = view.agent.astype(np.int64)
         state = view.row
         places = np.column_stack((state["x"], state["y"]))
         calm = levels.capture(agents, places, step) & (view.errand == Errand.WALKS) & (state["togo"] > WORTH)
-        # An agent with room walks as fast as its captured motion, so that it can change over.
+        # An agent with room walks as fast as its captured motion, so that it can change over; others at their own pace.
         walks = view.errand == Errand.WALKS
         played = self._played(agents)
         state["speed"][walks] = np.where(calm, played, view.pace)[walks]
@@ -276,21 +284,24 @@ class Switches:
         ahead = state["vx"] * state["hx"] + state["vy"] * state["hy"]
         straight = (np.abs(speed - played) < SPEED_OFF) & (ahead > cos(TURNED_OFF) * speed)
         rested = step - self._tried[agents] >= RETRY * STEERING_RATE
-        # No section of its way prescribes that it faces off the way (``turn`` is -1 if free, 0 for straight ahead).
+        # No section of its way prescribes that it faces off the way: ``turn`` is -1 if none does so, 0 for straight on.
         rows = np.flatnonzero(calm & straight & rested & (state["turn"] <= 0.0))
         most = max(AT_LEAST, int(SHARE * (len(agents) + captured.world.count)))
-        # Those whose last request is longest ago come first.
+        # Agents whose last request is longest ago come first; of several, those with the lowest numbers.
         rows = rows[np.lexsort((agents[rows], self._tried[agents[rows]]))][:most]
         for row in rows.tolist():
             self._ask(view, row)
 
     def _played(self, agents: Ints | int) -> Floats:
-        """Return the speeds (k,) at which the captured motion of agents is played while nothing is in the way [m/s]."""
+        """Return the speeds at which agents (k,), or one, walk captured while nothing is in the way [m/s]."""
         speeds = self._captured.plans.paces.speeds[agents]
         return np.asarray(np.where(np.isnan(speeds), self.natural_speed, speeds))
 
     def _ask(self, view: View, row: int) -> None:
-        """Request captured motion for a row from the entry of nearest speed whose phase fits; none if no entry fits."""
+        """Request captured motion for a row from the entry of nearest speed whose phase fits; none if no entry fits.
+
+        Only entries of the preferred behavior count, within PHASE_OFF and SPEED_OFF.
+        """
         captured, state = self._captured, view.row[row]
         agent = int(view.agent[row])
         self._tried[agent] = captured.step_count
@@ -311,7 +322,7 @@ class Switches:
         end = np.array(node_end(captured.assets.graph, node, *origin)[:2])
         itineraries = captured.itineraries
         itineraries.reached[agent] = view.reached[row]
-        # If it does not stand in the region, it need not go to its spot there: see Aims.
+        # An agent that is not to stand in the region of its goal need not go to its spot there: see Aims.
         if not itineraries.stands(agent):
             aim = self._aims.place(int(view.goal[row]), int(view.following[row]), pose[:2])
             if aim is not None:
@@ -331,7 +342,7 @@ def leads_on(plan: MotionPlan, node_frames: NDArray[np.int32]) -> bool:
     """
     seconds, way = DAWDLES
     begins = np.append(0, np.cumsum(node_frames[plan.nodes]))[:-1]
-    # The first node that begins ``seconds`` or more after each node, if the plan is known as far.
+    # For each node, the first one that begins ``seconds`` or more later. Nodes without one in the plan are left out.
     later = np.searchsorted(begins, begins + seconds * CAPTURE_RATE)
     earlier = np.flatnonzero(later < plan.count)
     gone = plan.origins[later[earlier], :2] - plan.origins[earlier, :2]

@@ -12,8 +12,8 @@ from crowdsim.steering.look_kernels import cell_of
 from crowdsim.steering.row_kernels import FRAME_COLUMNS
 
 OF_TIMELINES, OF_WAYS, OF_BODIES = range(3)
-"""Entries of ``spread``: largest distance of a row's position to a point of its timeline, the same to the begin of its
-way, and largest radius of a body [m]."""
+"""Entries of ``spread``: largest distance of a row's position to a point of its timeline, largest distance of a row's
+position to the begin of its way, and largest radius of a body [m]."""
 
 ROUNDED = 1e-6
 """Margin added to the distances of a search, for rounding [m]."""
@@ -38,9 +38,9 @@ def extent(places):
 def measure_spread(places, circles, radii, ways, spread):
     """Fill ``spread`` (3,), 0 at first, as described in :class:`crowdsim.crowd.near.neighbors.Neighbors`.
 
-    ``places`` (N, 2) are the positions [m], ``circles`` (N, 3) contain the timelines: x, y, radius [m], ``radii`` (N,)
-    are those of the bodies at rest [m]; ``ways`` (N, P, 2) [m] are nan for rows without one, (0, P, 2) if ways do not
-    matter.
+    ``places`` (N, 2) are the positions [m]. ``circles`` (N, 3) contain the timelines: x, y, radius [m]. ``radii`` (N,)
+    are those of discs that contain the bodies [m]. ``ways`` (N, P, 2) [m] are nan for rows without one; there are none
+    (0, P, 2) if ways do not matter.
     """
     for row in range(len(places)):
         circle = circles[row]
@@ -57,7 +57,7 @@ def measure_spread(places, circles, radii, ways, spread):
 
 @kernel
 def widen(near, row, circle):
-    """Enlarge ``spread`` after a row got a new timeline, which lies in ``circle`` (3,): x, y and radius [m].
+    """Enlarge ``near.spread`` after a row got a new timeline, which lies in ``circle`` (3,): x, y and radius [m].
 
     The way of a row begins at the end of its timeline, so the same distance bounds both.
     """
@@ -68,7 +68,7 @@ def widen(near, row, circle):
 
 @helper
 def widen_way(near, row, x, y):
-    """Enlarge ``spread`` after the way of a row was laid anew, which begins at (x, y) [m]."""
+    """Enlarge ``near.spread`` after the way of a row was laid anew, which begins at (x, y) [m]."""
     away = hypot(x - near.places[row, 0], y - near.places[row, 1])
     near.spread[OF_WAYS] = max(near.spread[OF_WAYS], away)
 
@@ -77,8 +77,8 @@ def widen_way(near, row, x, y):
 def cells_within(near, left, bottom, right, top, far):
     """Return first and last column, then first and last line, of all cells within ``far`` [m] of a box.
 
-    ``near`` (Neighbors) has the grid; left, bottom, right and top are the edges of the box [m]. Both last ones are
-    included.
+    left, bottom, right and top are the edges of the box [m]. The last column and line are included. Cells outside of
+    the grid are replaced by the nearest ones of the grid.
     """
     low, first = cell_of(near.frame, left - far - ROUNDED, bottom - far - ROUNDED)
     high, last = cell_of(near.frame, right + far + ROUNDED, top + far + ROUNDED)
@@ -87,7 +87,7 @@ def cells_within(near, left, bottom, right, top, far):
 
 @helper
 def rows_of_line(near, line, low, high):
-    """Return the range [first, last) in ``near.order`` of the cells in columns ``low`` to ``high`` of one line."""
+    """Return the range [first, last) in ``near.order`` of a line's cells in columns ``low`` to ``high`` (included)."""
     # Cells of one line are consecutive, so their rows are one range.
     columns = near.frame[FRAME_COLUMNS]
     return near.starts[line * columns + low], near.starts[line * columns + high + 1]

@@ -12,7 +12,8 @@ from crowdsim.crowd.near.neighbor_kernels import extent, measure_spread
 from crowdsim.steering.row_kernels import CELL, sort_rows
 
 MOST_CELLS = 1_000_000
-"""Largest number of cells, which bounds memory if agents are far apart; those beyond count to the border cells."""
+"""Largest number of cells, which bounds memory if agents are far apart; agents beyond the grid count to the border
+cells."""
 
 Frame = tuple[float, float, int, int]
 """Grid of cells: left and bottom edge [m], columns, rows."""
@@ -21,7 +22,8 @@ Frame = tuple[float, float, int, int]
 class Neighbors(NamedTuple):
     """N rows, sorted by the cells of their positions in a step, and how far their timelines and ways extend from there.
 
-    Timelines and ways may change during the step if ``spread`` is enlarged accordingly (``widen``).
+    Timelines and ways may change during the step if ``spread`` is enlarged accordingly: see
+    :func:`crowdsim.crowd.near.neighbor_kernels.widen`.
     """
 
     order: NDArray[np.int32]
@@ -33,8 +35,8 @@ class Neighbors(NamedTuple):
     places: NDArray[np.float64]
     """(N, 2) positions [m]."""
     spread: NDArray[np.float64]
-    """(3,) largest distance from the position of a row to a point of its timeline, to the begin of its way, and the
-    largest radius of a body [m]."""
+    """(3,) largest distance from the position of a row to a point of its timeline, largest distance to the begin of its
+    way, and largest radius of a body [m]."""
     found: NDArray[np.int32]
     """(N,) scratch for rows."""
 
@@ -55,7 +57,7 @@ class Neighbors(NamedTuple):
         circles : (N, 3) float64
             x, y and radius of circles that contain the timelines [m].
         radii : (N,) float64
-            Radii of the bodies [m].
+            Radii of discs that contain the bodies [m].
         ways : (N, P, 2) float64, optional
             Ways ahead [m], nan for rows without one.
         """
@@ -75,9 +77,10 @@ def sorted_places(places: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArr
 
 
 def _frame_of(left: float, bottom: float, right: float, top: float) -> Frame:
-    """Return the grid that covers an extent [m], cut off at :data:`MOST_CELLS`.
+    """Return the grid that covers an extent [m], cut off at the right and at the top beyond :data:`MOST_CELLS`.
 
-    Its left and bottom edges are multiples of CELL, so that the cells of all grids lie on one lattice.
+    Its left and bottom edges are multiples of CELL, so that the cells of all grids lie on one lattice. It has one line
+    of cells at least.
     """
     left, bottom = math.floor(left / CELL) * CELL, math.floor(bottom / CELL) * CELL
     columns = min(int((right - left) / CELL) + 1, MOST_CELLS)

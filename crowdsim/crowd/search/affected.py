@@ -17,8 +17,8 @@ from crowdsim.planning.labels.annotated_path import AnnotatedPath, points_at
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 WORTH = 0.5
-"""Length by which the straight way through a freed outline must be shorter than the rest of the route [m]. For less, no
-path is searched again; a larger value saves searches, and agents keep longer routes."""
+"""Length by which the straight way through a freed area must be shorter than the rest of the route [m]. For less, no
+path is searched again. A larger value saves searches, but agents keep longer routes."""
 
 _STRIDE = 4
 """Frames between two positions of a motion that are joined by a straight segment: at most a decimeter, so that the body
@@ -35,7 +35,7 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
         return plan.count
     graph = assets.graph
     nodes, origins = plan.nodes[first:], plan.origins[first:]
-    # Quick rejection by the lowest layer, which contains the areas of all others: each node starts too far away. The
+    # Quick rejection by the lowest layer, whose area contains those of all others: each node starts too far away. One
     # meter more amply covers blend offsets.
     reach = assets.personal_radius + float(graph.node_length[nodes].max()) + 1.0
     if float(shapely.distance(shapely.points(origins[:, :2]), ground).min()) > reach:
@@ -43,10 +43,10 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
     frames = graph.node_frames[nodes].astype(np.int64)
     out = np.empty((int(frames.sum()) // _STRIDE + 2, SAMPLE))
     chain = Chain(nodes, origins, plan.blend_offsets[first:])
-    # One sample every _STRIDE frames.
+    # One sample every _STRIDE frames; the rest of ``out`` stays at the end of the chain.
     playback = Playback.natural(0, _STRIDE)._replace(slot_frames=_STRIDE)
     sample_chain(graph, chain, len(nodes), assets.breadths, 0, playback, out)
-    # Node of each sample; on a piece from one node to the next, the broader body counts.
+    # Index of the node of each sample; on a piece from one node to the next, the broader body counts.
     owner = np.minimum(np.searchsorted(np.cumsum(frames), _STRIDE * np.arange(len(out)), side="right"), len(nodes) - 1)
     pieces = shapely.linestrings(np.stack([out[:-1, :2], out[1:, :2]], axis=1))
     radii = assets.body_radii[graph.node_behavior[nodes]]
@@ -61,8 +61,9 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
 def route_taken(assets: Assets, route: AnnotatedPath, position: NDArray[np.float64], taken: Footprints) -> bool:
     """Return True if ``taken``, an area by layer, is nearer to the rest of a route than the planned clearance.
 
-    The rest begins at the point of the route nearest to ``position`` (2,), where its agent is [m]. Routes touch corners
-    at exactly their clearance, so rounding must not count (CONTACT_TOLERANCE).
+    The rest begins at the point of the route nearest to ``position`` (2,), where its agent is [m]. Clearances are those
+    of each section's behavior on each layer. Routes touch corners at exactly their clearance, so rounding must not
+    count (CONTACT_TOLERANCE).
     """
     arc = _arc_near(route, position)
     # The area on the lowest layer contains those on all others.
@@ -91,9 +92,9 @@ def way_left(route: AnnotatedPath, position: NDArray[np.float64]) -> float:
 def could_shorten(route: AnnotatedPath, position: NDArray[np.float64], freed: BaseGeometry) -> bool:
     """Return True if a way through ``freed`` could be shorter than the rest of a route by WORTH.
 
-    Such a way is at least as long as both straight lines, from ``position`` (2,) [m] to ``freed`` and from there to the
-    end of the route. Other obstacles, and the way within ``freed``, are left out: so a shorter route is never missed,
-    but a search may find none.
+    Such a way is at least as long as the straight line from ``position`` (2,) [m] to ``freed`` plus the straight line
+    from ``freed`` to the end of the route. Other obstacles, and the way within ``freed``, are left out: so a route
+    that is shorter by WORTH is never missed, but a search may find none.
     """
     straight = shapely.Point(position).distance(freed) + shapely.Point(route.points[-1]).distance(freed)
     return bool(straight < way_left(route, position) - WORTH)
@@ -104,7 +105,8 @@ def outdated(assets: Assets, plan: MotionPlan | None, position: NDArray[np.float
 
     ``position`` (2,) is where the search began [m].
     """
-    # If there was no path, freed floor may open one; a plan stays valid unless an edit covers some of its way.
+    # If there was no path, an area that was freed may open one. A plan stays valid unless an edit covers some of its
+    # way.
     if plan is None:
         return any(edit.freed is not None for edit in edits)
     return any(

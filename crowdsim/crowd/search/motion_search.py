@@ -32,30 +32,31 @@ from crowdsim.planning.query.clear_ends import joined_to
 from crowdsim.planning.single_behavior import cheapest_uniform
 
 WORTHWHILE = 2.0
-"""Length along the route from which on a motion that does not reach the goal is begun [m]; an agent that could only
-shuffle on the spot waits instead."""
+"""Least length along the route of a motion that is begun though it does not reach the goal [m]; an agent that could
+only shuffle on the spot waits instead."""
 
 SEARCH_BUDGET = 2000
 """Map queries after which a search gives up: several times as many as searches that succeed need."""
 
 PASSING_BUDGET = 200
-"""The same for a way around others or a side step, each of which is one try among several."""
+"""Map queries after which a search for a way around others or for a side step gives up; each is one try of several."""
 
 SLICE_BRANCHES = 1200
 """Candidate branches of the first slice of a search: 1 to 2 ms; most searches end with it."""
 
 MOTION_WORK = 24
-"""Estimated work of a motion per meter of its route, in branch evaluations: one map query of a quick search."""
+"""Estimated work of a motion for each meter of its route, in branch evaluations: as many as one map query takes in a
+quick search."""
 
 ROUTE_WORK = (600, 40)
-"""Estimated work of planning a route, in branch evaluations: constant, and per meter of the straight line."""
+"""Estimated work of planning a route, in branch evaluations: constant, and for each meter from start to goal."""
 
 PASSING_WORK = 1500
-"""Estimated work of a way around others beyond its route and motion, in branch evaluations: a mesh that contains those
-that stand there."""
+"""Estimated work of a way around others beyond its route and motion, in branch evaluations: that of the meshes which
+contain the standing agents."""
 
 RECOVERIES = 3
-"""Number of times that a search begins anew if its agent has played nodes that lead to no motion to the goal."""
+"""Largest number of searches from the end of the played nodes, if no motion that begins with these reaches the goal."""
 
 SIDE_STEP = 0.5
 """Length of the side step tried when a standing agent has no feasible first node [m]."""
@@ -63,16 +64,16 @@ SIDE_STEP = 0.5
 PASSING_ROOM = 0.02
 """Clearance from agents that are passed, beyond both bodies [m]."""
 
-_RING = 12  # points around a standing disc: closer together than any body is wide
+_RING = 12  # points around the disc of a standing agent: closer together than any body is wide
 _OFF_WALLS = 0.02  # distance from walls of the points that are inserted [m]
 
-_LEAST = 1e-3  # length of the path of an agent that is at its goal already [m]
+_LEAST = 1e-3  # length that a path of length 0 gets, if an agent is at its goal already [m]
 
-_HIDDEN = -1  # number of nodes played, if nothing of a motion may be played before it is complete
+_HIDDEN = -1  # stands for the number of nodes played, if nothing of a motion may be played before it is complete
 
 
 class _Outcome(NamedTuple):
-    """A plan, and how many of its nodes are played already."""
+    """A plan, and how many of its nodes are played already, or will be in any case."""
 
     plan: MotionPlan
     kept: int
@@ -82,9 +83,9 @@ class _Outcome(NamedTuple):
 class MotionSearch:
     """A search for the motion of one agent, run by one thread at a time.
 
-    First look for a way around those that stand in the way, if there are any; then follow the old route; then a new
-    one. If nodes are played already, and no motion that begins with them is found, or the environment has changed,
-    search again from the end of these nodes.
+    First look for a way around the agents that stand in the way, if there are any; then follow the old route, if there
+    is one; then a new one. If nodes of a motion are played already, but it does not reach the goal or the environment
+    has changed, search again from the end of these nodes.
     """
 
     assets: Assets
@@ -97,7 +98,7 @@ class MotionSearch:
     backtracks: int = 0
     """Number of times that the search would have had to change nodes already played."""
     recoveries: int = 0
-    """Number of searches from the end of the nodes played that found more nodes."""
+    """Number of searches from the end of the played nodes that found more nodes."""
     _steps: Generator[MotionPlan, None, MotionPlan | PathNotFound] = field(init=False)
     # Arguments of the present call of :meth:`advance`.
     _kept: int = 0
@@ -109,9 +110,9 @@ class MotionSearch:
     def advance(self, kept: int = 0, branches: int = SLICE_BRANCHES) -> MotionPlan | PathNotFound:
         """Search for one more slice of about ``branches`` candidate branches.
 
-        Return the plan so far; a plan without nodes means that no motion was found (yet). PathNotFound is returned, not
-        raised, as the run goes on with it. ``kept`` nodes of the plan returned last are played, or will be in any case.
-        The environment must not change during a slice; between slices it may.
+        Return the plan so far; a plan without nodes means that no motion was found (yet). If there is no path, return
+        PathNotFound: it is not raised, as the run goes on. ``kept`` nodes of the plan returned last are played, or will
+        be in any case. The environment must not change during a slice; between slices it may.
         """
         self._kept, self._branches = kept, branches
         self.slices += 1
@@ -123,7 +124,7 @@ class MotionSearch:
             return found
 
     def close(self) -> None:
-        """Release what the search holds, as it is no longer wanted; no slice of it may be running.
+        """Release what the search holds, as it is not wanted any more; no slice of it may be running.
 
         The search and its generator refer to each other: both would stay, with arrays of megabytes, until Python looks
         for such cycles.
@@ -147,7 +148,7 @@ class MotionSearch:
         return int(work)
 
     def _search(self) -> Generator[MotionPlan, None, MotionPlan | PathNotFound]:
-        """Yield plans so far, and return the final result; begin anew if :meth:`_try_all` returns None."""
+        """Yield plans so far, and return the final result; begin anew whenever :meth:`_try_all` returns None."""
         while True:
             found = yield from self._try_all()
             if found is not None:
@@ -156,7 +157,7 @@ class MotionSearch:
     def _try_all(self) -> Generator[MotionPlan, None, MotionPlan | PathNotFound | None]:
         """Run all tries in the order that the class describes; yield plans so far, and return the final result.
 
-        Return None if nothing was found in an environment that has changed, and nothing is played yet.
+        Return None if the environment has changed during the tries, no motion arrives, and no node is played yet.
         """
         environment, request = self.environment, self.request
         if self.is_way_around:
@@ -182,7 +183,7 @@ class MotionSearch:
             return (yield from self._recover(plan, kept))
         if environment.revision != revision:
             return None
-        # It stands idle and finds no first node: it may be too near to an obstacle.
+        # The agent stands in an idle node, and no first node is feasible: it may be too near to an obstacle.
         if plan.count == 0 and request.departure is not None and self.assets.graph.node_idle[request.departure[0]]:
             return (yield from self._step_aside(route)) or plan
         return plan
@@ -203,12 +204,12 @@ class MotionSearch:
             except PathNotFound:
                 return played
             revision = self.environment.revision
-            # Only the first attempt tries to end exactly as requested; the others come near.
+            # Only the first attempt tries to end exactly as requested; for the others it is enough to come near.
             plan, kept = yield from self._follow(
                 request, route, self.environment.meshes, played=played, strictly=attempt == 0
             )
             self.recoveries += plan.count > played.count
-            # Begin anew only if more was played meanwhile, or the environment has changed: else the result is the same.
+            # Try again only if more was played meanwhile, or the environment has changed: else the result is the same.
             if plan.arrives or (kept == played.count and self.environment.revision == revision):
                 return plan
         return plan.until(kept - 1)
@@ -225,10 +226,11 @@ class MotionSearch:
     ) -> Generator[MotionPlan, None, _Outcome]:
         """Follow a route, by the attempts of :func:`crowdsim.crowd.search.standing.attempts` until one succeeds.
 
-        See :func:`crowdsim.following.follower.path_follower.follow_path`. ``budget``: map queries. ``shown``: parts of
-        the motion may be played before it is complete. ``played``: nodes before it, which are played already.
-        ``strictly``: try to end exactly as requested before coming near is enough. Yield plans so far; return the final
-        one, and how many of its nodes are played, both with those of ``played``.
+        See :func:`crowdsim.following.follower.path_follower.follow_path`. ``meshes``: of the layers. ``budget``: map
+        queries. ``shown``: parts of the motion may be played before it is complete. ``played``: nodes before it, which
+        are played already. ``strictly``: try to end exactly as requested before coming near is enough. Yield plans so
+        far; return the final one, which need not arrive, and how many of its nodes are played. Both include the nodes
+        of ``played``.
         """
         assets, revision = self.assets, self.environment.revision
         samples = _rest_of(route.sample(), request.position)
@@ -280,15 +282,14 @@ class MotionSearch:
     def _whole(
         self, request: Request, route: AnnotatedPath, meshes: Sequence[NavMesh]
     ) -> Generator[MotionPlan, None, MotionPlan]:
-        """Search a motion along a route as one try among several; no part of it is played before it is complete."""
+        """Search a motion along a route with PASSING_BUDGET; no part of it is played before it is complete."""
         plan, _ = yield from self._follow(request, route, meshes, PASSING_BUDGET, shown=False)
         return plan
 
     def _step_aside(self, route: AnnotatedPath) -> Generator[MotionPlan, None, MotionPlan | None]:
         """Search a motion to the goal by way of a position beside, for an agent too near to an obstacle to set out.
 
-        Positions SIDE_STEP [m] away are tried, the one in the direction of ``route`` first. None without a motion that
-        arrives.
+        Positions SIDE_STEP away are tried, the one in the direction of ``route`` first. Return None if none arrives.
         """
         request, environment = self.request, self.environment
         ahead = route.at(np.array([SIDE_STEP]))[0] - request.position
@@ -308,7 +309,7 @@ class MotionSearch:
         return None
 
     def _passing(self) -> Generator[MotionPlan, None, MotionPlan | None]:
-        """Search a motion to the goal that keeps clear of the agents that stand ``around``; None without one.
+        """Search a motion to the goal that keeps clear of the agents ``around`` of the request; None if none arrives.
 
         These become obstacles: rings of points, inserted in copies of the meshes, on which a route is planned.
         """
@@ -327,7 +328,7 @@ class MotionSearch:
             points = (middles[:, :, None] + rings).reshape(-1, 2)
             points = points[mesh.clearances(points, 1.0) > _OFF_WALLS]
             meshes.append(mesh.with_points(points) if len(points) else mesh)
-        # No point has room beside walls: there is nothing to go around.
+        # No point was inserted, as all are in walls or too near to them: there is nothing to go around.
         if all(mesh is before for mesh, before in zip(meshes, environment.meshes, strict=True)):
             return None
         # Without a roadmap, which would be built for this one plan: from the shortest path of each behavior area.
@@ -359,8 +360,9 @@ def _as_plan(
 ) -> MotionPlan:
     """Return a plan of ``played`` and, behind it, the nodes that were found.
 
-    A motion that neither arrives nor is WORTHWHILE is cut down to its first ``kept`` nodes, which are played; to none
-    if _HIDDEN. The first node found is the departure, which is no part of the plan.
+    A motion that neither arrives nor is WORTHWHILE is cut down to its first ``kept`` nodes, which are played. If
+    ``kept`` is _HIDDEN, any motion that does not arrive is cut down to none. The first node found is the departure,
+    which is no part of the plan.
     """
     origins = found.origins[1:]
     blend_offsets = np.empty(origins.shape)
@@ -381,9 +383,9 @@ def _as_plan(
 
 
 def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples:
-    """Return the samples from the one nearest to ``position`` (2,) [m] on, at least two.
+    """Return the samples from the one nearest to ``position`` (2,) [m] on, at least two; arc lengths begin at 0.
 
-    A path of length 0, as the agent is there already, becomes one of a millimeter: a search needs a length.
+    A path of length 0 (the agent is at its goal already) becomes one of a millimeter: a search needs a length.
     """
     if not samples.arc[-1] > 0.0:
         pose = samples.pose.copy()

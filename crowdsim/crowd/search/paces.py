@@ -15,7 +15,7 @@ _STEADY = 0.7
 """Least mean speed of a node of steady walking, as a share of the natural speed; slower nodes set off or stop."""
 
 _WINDOW = 4
-"""Number of consecutive nodes over which the mean speed is that of the agent: two strides or more."""
+"""Number of consecutive nodes of a plan over which the mean speed is to be that of the agent: two strides or more."""
 
 Floats = NDArray[np.float64]
 """Array of float64."""
@@ -27,14 +27,14 @@ Ints = NDArray[np.int64]
 class Paces:
     """Rates at which n agents play their plans while nothing is in their way.
 
-    Nodes are played at the natural rate, as captured, unless :meth:`keep` is called.
+    All nodes are played at the natural rate, as captured, until :meth:`keep` gives speeds.
     """
 
     def __init__(self, assets: Assets, count: int) -> None:
         graph = assets.graph
         tracks = graph.tracks[:, :2]
         steps = tracks[1:] - tracks[:-1]
-        # Length and duration of each node's track.
+        # Length [m] and duration [s] of each node's track: ``ways`` is the length up to each sample of all tracks.
         ways = np.concatenate([[0.0], np.cumsum(hypot(steps[:, 0], steps[:, 1]))])
         first = graph.node_track.astype(np.int64)
         self._lengths: Floats = ways[first + graph.node_frames] - ways[first]
@@ -48,26 +48,26 @@ class Paces:
         """(n,) float64: speed at which each agent walks straight on [m/s], nan for that of the motion."""
 
     def keep(self, speeds: Floats, natural_speed: float) -> None:
-        """Let agents walk at their own speeds, or at the nearest ones at which the motion can be played.
+        """Let agents walk at ``speeds`` of their own, or at the nearest speeds at which the motion can be played.
 
         Parameters
         ----------
         speeds : (n,) float64
-            Speed of each while nothing is in its way [m/s], nan for that of the motion.
+            Speed of each agent while nothing is in its way [m/s], nan for that of the motion.
         natural_speed : float
-            Speed of the motion at the natural rate [m/s].
+            Speed of steady walking in the preferred behavior, played as captured [m/s].
         """
         self._natural_speed = natural_speed
         self._steady = self._preferred & (self._lengths >= _STEADY * natural_speed * self._seconds)
         self.speeds = np.clip(speeds, SLOWEST * natural_speed, FASTEST * natural_speed)
 
     def rates_of(self, agent: int, plan: MotionPlan) -> Ints:
-        """Return the rates (P,) at which an agent plays the nodes of a plan [ticks/step].
+        """Return the rates (P,) at which an agent plays the P nodes of a plan [ticks/step].
 
-        Nodes of steady walking were captured at different speeds. The mean speed over a node and the next ones,
-        :data:`_WINDOW` in all, is scaled to that of the agent. Of these nodes only steady ones count; if there are
-        none, the natural speed is scaled. All rates are from SLOWEST to FASTEST, even if nodes were captured at other
-        speeds.
+        Without a speed of its own (nan), these are the natural rate. Otherwise the rate of each node scales the mean
+        speed of the steady nodes among it and the next ones, :data:`_WINDOW` in all, to the speed of the agent: nodes
+        of steady walking were captured at different speeds. If none of these nodes is steady, the natural speed takes
+        the place of the mean. All rates are clipped to SLOWEST to FASTEST, as shares of the natural rate.
         """
         speed = float(self.speeds[agent])
         if np.isnan(speed):
@@ -82,7 +82,7 @@ class Paces:
 
 
 def _over_next(values: Floats) -> Floats:
-    """Return for each of the values (P,) the sum of it and the next ones, _WINDOW in all."""
+    """Return for each of the values (P,) the sum of it and the next ones, _WINDOW in all, or fewer at the end."""
     padded = np.concatenate([values, np.zeros(_WINDOW - 1)])
     sums: Floats = np.lib.stride_tricks.sliding_window_view(padded, _WINDOW).sum(axis=1)
     return sums

@@ -6,11 +6,11 @@ from crowdsim.jit import kernel
 
 @kernel
 def measure_offsets(node_motion, nodes, origins, offsets):
-    """Fill the blend offsets (P - 1, 3) of all nodes but the first of a chain: end of the node before less the origin.
+    """Fill ``offsets`` (P - 1, 3), the blend offsets of all P nodes of a chain but the first.
 
-    ``node_motion`` (nodes of the graph, 3) is the pose at the end of each node, relative to its begin. ``nodes`` (P,)
-    are the chain, ``origins`` (P, 3) the world poses at which its nodes begin. ``offsets`` are filled. Poses and
-    offsets are x, y [m] and heading [rad].
+    The blend offset of a node is the pose at the end of the node before less its own origin. ``node_motion`` (nodes of
+    the graph, 3) is the pose at the end of each node, relative to its begin. ``nodes`` (P,) are the chain, ``origins``
+    (P, 3) the world poses at which its nodes begin. Poses and offsets are x, y [m] and heading [rad].
     """
     for k in range(len(nodes) - 1):
         node, following = nodes[k], k + 1

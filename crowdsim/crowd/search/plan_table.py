@@ -19,12 +19,12 @@ class PlanTable(NamedTuple):
     """One row for each of n agents, whether in the world or not."""
 
     places: NDArray[np.int64]
-    """(n, 4) addresses of the nodes, origins, blend offsets and rates of its plan. :class:`Motions` keeps these
-    alive."""
+    """(n, 4) addresses of the nodes, origins, blend offsets and rates of its plan, out of date without a plan.
+    :class:`Motions` keeps these arrays alive."""
     nodes: NDArray[np.int32]
     """(n,) number of nodes of the plan, NONE without one."""
     first_pass: NDArray[np.int32]
-    """(n,) index of the first node of the plan at whose end an earlier goal is passed, NO_PASS if there is none."""
+    """(n,) index of the first node of the plan at whose end an earlier goal is reached, NO_PASS if there is none."""
     passes: NDArray[np.int32]
     """(n,) number of such nodes."""
     arrives: NDArray[np.bool_]

@@ -26,28 +26,28 @@ from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 
 NO_MOTION = 2
-"""Number of consecutive searches without motion after which an agent makes a step to begin elsewhere."""
+"""Number of consecutive searches without motion after which an agent makes a move, to begin elsewhere."""
 
 _LONG_AGO = -(10**9)  # step long before the first
 _FOLLOWERS = 64  # ranks between those of two agents, for the followers of the first one
 
 
 class Join(NamedTuple):
-    """Node of a plan behind which a search continues the plan while it is played."""
+    """A place at which a search continues a plan while the plan is played: behind one of its nodes."""
 
     plan: MotionPlan
     """The plan."""
     after: int
     """Index of the node behind which the continuation begins."""
     reaches: bool = False
-    """True if the goal of the plan is reached there."""
+    """True if the goal of the plan is reached at the end of this node."""
     shorter_than: float = np.inf
-    """Length of the path found from which on it is not taken [m]; infinite if any is."""
+    """A path found is taken only if it is shorter than this [m]; infinite: any path is taken."""
 
     def fits(self, plan: MotionPlan | None, cursor: int) -> bool:
-        """Return True if an agent in node ``cursor`` of ``plan`` (NONE: before its first) can still continue there.
+        """Return True if ``plan`` is the joined one, and an agent in its node ``cursor`` has not passed ``after`` yet.
 
-        Plans are the same as long as they share their array of nodes.
+        ``cursor`` is NONE before the first node. Plans are the same if they share their array of nodes.
         """
         return plan is not None and plan.nodes is self.plan.nodes and cursor <= self.after
 
@@ -59,9 +59,10 @@ class Found(NamedTuple):
     plan: MotionPlan | None
     """The plan as far as it is found, None without one."""
     join: Join | None
-    """Where it joins the plan that the agent follows; None for a search from a stand."""
+    """Place at which ``plan`` joins the plan that the agent follows; None for a search from a stand."""
     first: int | None
-    """Node of the followed plan from which on it is replaced; None for the first result of a search."""
+    """Index of the node of the followed plan from which on ``plan`` replaces it, as this search has found these nodes
+    before; None for the first result of a search."""
     over: bool
     """True if the search has ended, or was dropped as outdated."""
     outdated: bool
@@ -79,14 +80,14 @@ class Plans:
     on_route: Callable[[int, AnnotatedPath], None]
     """Called with (agent, route) for each route that is newly followed."""
     lead: int
-    """Number of steps before a plan is needed at which it is requested, if that is known."""
+    """Number of steps by which a plan is requested before it is needed, if that time is known."""
     step: int = 0
     """Number of the present step."""
     replans: int = 0
     """Number of times that an edit made an agent plan anew."""
     motions: Motions = field(init=False)
     routes: dict[int, AnnotatedPath] = field(default_factory=dict)
-    """By agent: route that it follows; none while it is to plan another one."""
+    """By agent: route that it follows; no entry while it is to plan another one."""
     followed: dict[int, AnnotatedPath] = field(default_factory=dict)
     """By agent: route that it has followed last, also if it is to plan another one."""
     unreachable: dict[int, str] = field(default_factory=dict)
@@ -96,12 +97,12 @@ class Plans:
     looked_ahead: dict[int, NDArray[np.int32]] = field(default_factory=dict)
     """By agent: nodes of the plan from whose goal the way onwards was requested last."""
     moved: int = 0
-    """Number of times that agents gave way."""
+    """Number of moves that agents have made: to give way, to step to a wall, or to step off their places."""
     away: set[int] = field(default_factory=set)
     """Agents that had arrived, gave way, and come back."""
     looked_around: NDArray[np.int64] = field(init=False)
-    """(n,) last step in which each agent had reason to look for ways around those that stand near: its patience ended,
-    or it or one near it stepped to a wall."""
+    """(n,) last step in which each agent had reason to look for ways around the agents that stand near: its patience
+    ended, or it or an agent near it stepped to a wall."""
     paces: Paces = field(init=False)
     """Playback rates of each agent."""
     _joins: dict[int, Join | None] = field(default_factory=dict)
@@ -114,11 +115,14 @@ class Plans:
         self.motions = Motions(count, natural, self.paces.rates_of)
 
     def rank(self, agent: int) -> int:
-        """Return the rank of an agent that sets out now: behind all that did before, and behind lower numbers."""
+        """Return the rank of an agent that sets out now: behind all that did before, and behind lower numbers.
+
+        Each step has two ranks for each agent: the first n are for this, the others for :meth:`rank_behind_all`.
+        """
         return (self.step * 2 * len(self.itineraries.cast.starts) + agent) * _FOLLOWERS
 
     def rank_behind_all(self, place: int) -> int:
-        """Return the rank of the agent at ``place`` of those that let all others go first from now on."""
+        """Return the rank of the agent at ``place`` (0, 1, ...) of those that let all others go first from now on."""
         return self.rank(len(self.itineraries.cast.starts) + place)
 
     def rows_of_agents(self, view: View) -> NDArray[np.int64]:
@@ -130,14 +134,15 @@ class Plans:
     def request(self, agent: int, request: Request, join: Join | None = None, walks: bool = False) -> None:
         """Request a search for one agent, replacing the one under way; it begins in this step at the earliest.
 
-        ``walks``: the agent walks and needs the result at once, as is always so if the result is to join its plan.
+        ``walks``: the agent walks and needs the result at once. This is so in any case if the result is to join its
+        plan (``join``).
         """
         self._joins[agent] = join
         search = MotionSearch(self.assets, self.environment, request)
         self.searches.begin(agent, search, walks=walks or join is not None)
 
     def forget(self, agent: int) -> None:
-        """Drop all plans and searches of an agent."""
+        """Drop plan, search and routes of an agent, and all that is noted of its searches."""
         self.searches.drop(agent)
         for table in (
             self.motions,
@@ -152,16 +157,19 @@ class Plans:
         self.away.discard(agent)
 
     def request_on(self, agent: int, join: Join, ahead: int) -> None:
-        """Request the path onwards from ``join`` to the place that comes ``ahead`` places after the present goal."""
+        """Request the path onwards from ``join`` to the place that comes ``ahead`` places after the present goal.
+
+        With ``ahead`` 0 that is the present goal.
+        """
         node, origin = int(join.plan.nodes[join.after]), join.plan.origins[join.after]
         position = np.array(node_end(self.assets.graph, node, *origin)[:2])
         self.request(agent, self.itineraries.request(agent, position, ahead, (node, origin)), join)
 
     def search_on(self, played: Callable[[int], int]) -> None:
-        """Begin the slices of this step; ``played(agent)`` nodes of an agent's plan are played in any case."""
+        """Begin the slices of this step; ``played(agent)`` nodes of an agent's plan are played or reserved already."""
 
         def kept(agent: int, search: Ongoing) -> int | None:
-            """Return how many nodes that a search found are played in any case; None if it is of no use any more."""
+            """Return how many nodes that a search found are played in any case; None if its result is of no use."""
             plan = self.motions.get(agent)
             if search.handed is None:
                 return 0  # nothing of it was handed out yet
@@ -185,8 +193,8 @@ class Plans:
             late = outdated(self.assets, plan, request.position, self.environment.edits[search.revision :])
             goes_on = search.handed is not None
             followed = self.motions.get(agent)
-            # It follows another plan; or an edit made this result invalid: the next slice, if there is one, takes the
-            # edit into account.
+            # Useless: its agent follows another plan, or an edit made this result invalid. Then the next slice, if
+            # there is one, takes the edit into account.
             if goes_on and (late or followed is None or followed.nodes is not search.handed):
                 continue
             if late:
@@ -204,7 +212,7 @@ class Plans:
         return results
 
     def hand_out(self, agent: int, plan: MotionPlan | None, first: int = 0) -> None:
-        """Let an agent follow a plan (or none), whose nodes from ``first`` on are what its search found."""
+        """Let an agent follow ``plan``, whose nodes from ``first`` on its search found; None drops the present plan."""
         if plan is None:
             self.motions.pop(agent, None)
             self.searches.handed(agent, None, 0)
@@ -217,7 +225,10 @@ class Plans:
         return self.no_motion.get(agent, 0) >= NO_MOTION
 
     def note_motion(self, found: Found) -> None:
-        """Count searches of an agent that found a path but no motion along it; motion, or no path, ends the count."""
+        """Count consecutive searches of an agent that found a path but no motion along it.
+
+        Motion, or no path at all, ends the count. A search counts when it is over; one made invalid does not count.
+        """
         if found.plan is not None or found.agent in self.unreachable:
             self.no_motion.pop(found.agent, None)
         elif found.over and not found.outdated:

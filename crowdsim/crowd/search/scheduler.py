@@ -18,13 +18,13 @@ from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.errors import PathNotFound
 
 BRANCHES_PER_STEP = 36 * SLICE_BRANCHES
-"""Candidate branches evaluated by all slices of a step together (about), which bounds the duration of a step whatever
-the number of searches: a thousand first searches of 10 m a second at 30 steps a second. An excess of the last slice is
-subtracted from the next step."""
+"""Approximate number of candidate branches that all slices of a step evaluate together. It bounds the duration of a
+step, whatever the number of searches, and is enough for a thousand new searches a second, with routes of 10 m, at 30
+steps a second. An excess of the last slice is subtracted from the next step."""
 
 PATIENT_BRANCHES = 2 * SLICE_BRANCHES
-"""Candidate branches of a step that are left for detours around others, but at most a fourth of all. All other searches
-go first: an agent that needs a detour stands already, and in a dense crowd most of these searches fail."""
+"""Candidate branches of a step that are kept for searches for ways around others, but at most a fourth of all. These
+come last and get no more: their agents stand already, and in a dense crowd most of these searches fail."""
 
 LONGEST_SLICE = 6 * SLICE_BRANCHES
 """Largest number of candidate branches of a slice. Each slice of a search is twice as long as the one before: few
@@ -44,11 +44,11 @@ class Ongoing:
     branches: int
     """Candidate branches of the next slice."""
     walks: bool
-    """True if it is needed at once: its agent is on its way."""
+    """True if the result is needed at once, as the agent is on its way."""
     patient: bool
-    """True if it was requested by an agent that waits for others."""
+    """True if it looks for a way around others, for which its agent waits."""
     handed: NDArray[np.int32] | None = None
-    """Nodes of the plan that its agent follows since its last result; None before it follows any."""
+    """Nodes of the plan that its agent follows, some of which this search found; None as long as it found none."""
     first: int = 0
     """Index of the first of these nodes that this search found."""
     revision: int = 0
@@ -56,13 +56,16 @@ class Ongoing:
     running: bool = False
     """True from the beginning of a slice until its result is collected."""
     ready: float | None = None
-    """Time from the request until there were nodes to play [s]."""
+    """Time from the request until there were nodes to play [s]; None before."""
     counts: tuple[int, int, int] = (0, 0, 0)
-    """Slices, backtracks and recoveries of its search up to the slice collected last, as another may be running."""
+    """Slices, backtracks and recoveries of its search up to the slice collected last; another slice may be running."""
 
     @property
     def rank(self) -> int:
-        """Return 0 if the agent would come to a stand without a result, 2 if it waits for others, else 1."""
+        """Return 0 if the agent would come to a stand without a result, 2 if it waits for others, 1 if it stands else.
+
+        The lowest rank is served first.
+        """
         if self.walks or self.handed is not None:
             return 0
         return 2 if self.patient else 1
@@ -73,7 +76,10 @@ class Ongoing:
         return self.branches if self.search.slices else self.search.beginning
 
     def advance(self, kept: int) -> tuple[Ongoing, MotionPlan | PathNotFound]:
-        """Run the next slice with ``kept`` nodes played; return the search and the result."""
+        """Run the next slice with ``kept`` nodes played; return the search and the result.
+
+        If these are its first nodes to play, note the time since the request in ``ready``.
+        """
         found = self.search.advance(kept, self.branches)
         if self.ready is None and not isinstance(found, PathNotFound) and found.count:
             self.ready = time.perf_counter() - self.asked
@@ -82,11 +88,11 @@ class Ongoing:
 
 @dataclass
 class Searches:
-    """Searches by agent, at most one each. A slice that begins in one step is done in the next.
+    """Searches by agent, at most one each. The result of a slice that begins in one step is collected in a later one.
 
-    The first to ask is served first; but half of a step is for agents that walk, if there are any, and half for
-    those that stand. Those that wait for others come last. Each step does a counted amount of work at most, whatever
-    time that takes.
+    The first to ask is served first; but half of the work of a step is for agents that walk, if there are any, and half
+    for agents that stand. Agents that wait for others come last. Each step does a counted amount of work at most,
+    whatever time that takes.
     """
 
     pool: WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]]
@@ -101,13 +107,17 @@ class Searches:
     counts: dict[str, int] = field(
         default_factory=lambda: dict.fromkeys(("asked", "sliced", "backtracked", "recovered"), 0)
     )
-    """Number of searches that were requested, and of those that took more than one slice; number of times that searches
-    would have had to change nodes already played, and that they found a motion from the end of these."""
+    """By name: number of searches that were requested (``asked``), and that took more than one slice (``sliced``);
+    number of times that searches would have had to change nodes already played (``backtracked``), and that they found
+    more nodes behind these (``recovered``)."""
     _ongoing: dict[int, Ongoing] = field(default_factory=dict)
-    _left: int = 0  # branches left for this step; below 0 by the excess of its last slice
+    _left: int = 0  # branches left for this step; below 0 if its last slices exceeded them
 
     def begin(self, agent: int, search: MotionSearch, walks: bool = False) -> None:
-        """Queue a search for an agent, behind the others of its rank; a search that it has already is dropped."""
+        """Queue a search for an agent, behind the others of its rank; drop a search that the agent has already.
+
+        ``walks``: the agent is on its way, and needs the result at once.
+        """
         self.drop(agent)
         self.counts["asked"] += 1
         self._ongoing[agent] = Ongoing(
@@ -133,19 +143,26 @@ class Searches:
         return agent in self._ongoing
 
     def handed(self, agent: int, nodes: NDArray[np.int32] | None, first: int) -> None:
-        """Note which nodes an agent was given of its search, if that is still under way."""
+        """Note that an agent follows a plan of ``nodes``, those from ``first`` on found by its search.
+
+        ``nodes`` is None if it follows none. A search that has ended needs no note.
+        """
         search = self._ongoing.get(agent)
         if search is not None:
             search.handed, search.first = nodes, first
 
     def submit(self, step: int, revision: int, kept: Played) -> None:
-        """Begin the slices of a step; ``kept`` returns how many nodes of a search are played, None if it is useless."""
+        """Begin the slices of a step, in an environment with this revision.
+
+        ``kept`` returns how many nodes that a search found are played, None if it is useless: then it is dropped.
+        """
         ranks: tuple[list[tuple[int, Ongoing]], ...] = ([], [], [])
         for agent, search in self._ongoing.items():
             ranks[search.rank].append((agent, search))
         walking, standing, patient = (iter(rank) for rank in ranks)
-        # Work left for this step, less an excess of the last one. Each rank leaves a share for the ones after it, and
-        # gets what they do not need: so those that walk come again after those that stand.
+        # Work left for this step, less an excess of the last one. Each rank leaves a share for the ranks behind it, and
+        # gets what they do not need: so agents that walk come again after those that stand. Agents that wait for others
+        # get their share at most, even if more is left.
         self._left = min(self._left, 0) + self.each_step
         share = min(PATIENT_BRANCHES, self.each_step // 4)
         spared = min(share, self._left) if ranks[2] else 0
@@ -167,7 +184,7 @@ class Searches:
             self.pool.submit(step, agent, partial(search.advance, played))
 
     def collect(self, step: int) -> list[tuple[int, Ongoing, MotionPlan | PathNotFound]]:
-        """Return (agent, search, result) of all slices that are due and still wanted; drop searches that have ended."""
+        """Return (agent, search, result) of all slices that are due, unless dropped; drop searches that have ended."""
         results = []
         for agent, (search, found) in self.pool.collect(step):
             search.running = False

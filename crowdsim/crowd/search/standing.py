@@ -19,7 +19,7 @@ STRICT_BUDGET = 500
 """Map queries of each search for a motion that ends exactly as requested."""
 
 _TRIES = 40
-"""Number of solutions of one search that are bent to their goal until one arrives; each after the first costs
+"""Largest number of solutions of one search that are bent to their goal until one arrives; each after the first costs
 little."""
 
 _FURTHER = 20
@@ -27,17 +27,18 @@ _FURTHER = 20
 
 
 def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[FollowOptions, bool]]:
-    """Yield the options of the searches to try in turn until one succeeds, and whether its solution is to be bent.
+    """Yield the options of the searches to try in turn until one succeeds, and True if its solution is to be bent.
 
-    If the motion is to end standing, and ``strictly``, first search with the requested distance and heading: a quick
-    search, then a thorough one. If that distance is below STAND_WITHIN, only a bent motion comes as near: then more
-    searches, with different options, find different motions to be bent. At last coming near is enough: within the
-    default tolerance, by a quick search with a quarter of ``budget`` (map queries), then a thorough one with the rest.
+    If the motion is to end standing, and ``strictly`` is True, the first searches have the requested distance and
+    heading: a quick search, then a thorough one. If that distance is below STAND_WITHIN, only a motion that is bent to
+    the goal comes as near: then there are six searches, with different options, to find different motions to bend. For
+    the last two searches it is enough to end within the default distance, with any heading: a quick one with a quarter
+    of ``budget`` (map queries), then a thorough one with the rest.
     """
-    # Searches alone end within STAND_WITHIN of the goal; what is to end nearer has to be bent.
+    # A search alone ends within STAND_WITHIN of the goal; a motion that is to end nearer has to be bent.
     quick, nearest = max(budget // 4, 1), request.within < STAND_WITHIN
     if strictly and request.stays:
-        # Number of candidate branches of each search.
+        # Number of candidate branches of each search: as usual, fewer, and more.
         breadths = (
             (FollowOptions.branches, FEW_BRANCHES, THOROUGH_BRANCHES)
             if nearest
@@ -53,12 +54,13 @@ def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[Fo
                     budget=min(STRICT_BUDGET, budget),
                 )
                 yield options, nearest
+    # A search needs a budget of 1 at least.
     for breadth, share in ((FollowOptions.branches, quick), (THOROUGH_BRANCHES, budget - quick)):
         yield FollowOptions(end_standing=request.stays, branches=breadth, budget=max(share, 1)), False
 
 
 def only_searches_more(options: FollowOptions, than: FollowOptions) -> bool:
-    """Return True if ``options`` differ from those of another search, ``than``, only by more branches or the budget.
+    """Return True if ``options`` differ from ``than``, those of another search, at most by budget and more branches.
 
     If the other search ended without leaving out a branch, a search with ``options`` finds the same.
     """
@@ -75,6 +77,8 @@ def nearest_end(
 ) -> tuple[FollowResult, float]:
     """Bend the solutions of a search, from ``found`` on, to the goal until one is near enough.
 
+    Up to _TRIES solutions are tried; one that is near enough as it is need not be bent.
+
     Parameters
     ----------
     graph : GraphArrays
@@ -88,12 +92,13 @@ def nearest_end(
     goal : (2,) float64
         End of the path [m].
     kept : int
-        Nodes at the beginning that must not change.
+        Number of nodes at the beginning, the departure included, that must not change.
 
     Returns
     -------
     FollowResult, float
-        The solution and its distance from the goal [m]; the nearest one if none is as near as requested.
+        The solution and its distance from the goal [m]; the nearest solution, not bent, if none comes as near as
+        requested.
     """
     best, least = found, meters_off(graph, found, goal)
     for _ in range(_TRIES):

@@ -26,7 +26,7 @@ class WorkerPool(Generic[Result]):
     Raises
     ------
     ValueError
-        If one of them is less than 1.
+        If ``workers`` or ``latency`` is less than 1.
     """
 
     def __init__(self, workers: int, latency: int) -> None:
@@ -42,13 +42,16 @@ class WorkerPool(Generic[Result]):
         self._pending.append((step + self.latency, key, self._threads.submit(job)))
 
     def collect(self, step: int) -> list[tuple[int, Result]]:
-        """Return (key, result) of every job due by ``step``, by due step and key; re-raise what a job raised."""
+        """Return (key, result) of every job due by ``step``, by due step and key; wait for them.
+
+        If a job has raised an error, it is raised here.
+        """
         due = sorted((entry for entry in self._pending if entry[0] <= step), key=lambda entry: entry[:2])
         self._pending = [entry for entry in self._pending if entry[0] > step]
         return [(key, future.result()) for _, key, future in due]
 
     def settle(self) -> None:
-        """Wait until all jobs are done, so that their inputs may change; their results stay due when they were."""
+        """Wait until all jobs are done, so that their inputs may change; the steps in which results are due stay."""
         wait([future for _, _, future in self._pending])
 
     def close(self) -> None:

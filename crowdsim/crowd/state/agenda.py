@@ -30,7 +30,10 @@ class Agenda:
         return self._next == len(self.timetable.events) and not self.waiting
 
     def collect(self, step: int) -> bool:
-        """Add the events that are due in ``step`` to ``waiting``; return True if any event waits."""
+        """Add the events that are due by ``step`` to ``waiting``; return True if any event waits.
+
+        An event is due in the step nearest to its time. It takes the place of a waiting one of the same movable.
+        """
         events = self.timetable.events
         while self._next < len(events) and round(events[self._next].at * self.steps_per_second) <= step:
             self.happened[self._next] = None

@@ -53,7 +53,7 @@ class Assets:
     planner: str = "layered"
     """Name of the planner that finds routes."""
     bodies: Bodies | None = None
-    """Bodies that this planner moves through the environment in 3D, if it does."""
+    """Bodies that the planner ``collision3d`` moves through the environment; None for the other planners."""
 
     @property
     def graph(self) -> GraphArrays:
@@ -74,13 +74,14 @@ class Assets:
     def breadths(self) -> NDArray[np.float64]:
         """Return the body towards others in each behavior, (B, 2): radius of a capsule, half length of its core [m].
 
-        The core lies across the direction that the body faces. A body that faces ahead, arms held in or not, is a disc;
-        one that walks sideways is as narrow as the behavior and as long as the widest. A behavior counts as the widest
-        if it has a node that ends standing with no idle node of the same behavior to follow: an agent that stops there
-        stands in another behavior.
+        The core lies across the direction that the body faces. In a behavior that faces ahead, arms held in or not, the
+        body is a disc. In one that walks sideways it is a capsule with the radius of the behavior, as long as the
+        widest behavior is broad. A behavior in which an agent may stop, but not stand, gives the disc of the widest
+        one: a node of it ends standing, and no idle node of the same behavior may follow.
         """
         breadths = np.zeros((len(self.behaviors), 2))
         breadths[:, 0] = self.body_radii.max(axis=1)
+        # A behavior walks sideways if each of its facings does.
         sideways = np.array([np.abs(sin(np.array(b.facings))).min() > SIDEWAYS for b in self.behaviors])
         breadths[sideways, 1] = self.personal_radius - breadths[sideways, 0]
         ends = np.flatnonzero(self.graph.node_ends_standing)
@@ -111,9 +112,10 @@ class Assets:
 
     @property
     def passing_width(self) -> float:
-        """Return the least width of a passage in which an agent with its arms held in passes a standing one [m].
+        """Return the least width of a passage in which the narrowest agent that faces ahead passes a standing one [m].
 
-        It is the sum of both diameters: of the widest body, which stands, and of the narrowest that faces ahead.
+        It is the sum of two diameters: of the widest body, which stands, and of the narrowest one that faces ahead (a
+        disc).
         """
         facing = self.body_radii.max(axis=1)[self.breadths[:, 1] == 0.0]
         return 2.0 * (self.personal_radius + float(facing.min()))
@@ -129,7 +131,10 @@ class Assets:
 
     @cached_property
     def rest_nodes(self) -> NDArray[np.bool_]:
-        """Return in which nodes (N,) agents wait: idle ones, and those that end standing if no idle one may follow."""
+        """Return in which nodes (N,) agents wait: idle nodes, and nodes that end standing if no idle node may follow.
+
+        On a node of the second kind, an agent waits on the last frame.
+        """
         ends = [each and self.idle_after(node) == NONE for node, each in enumerate(self.graph.node_ends_standing)]
         rests: NDArray[np.bool_] = self.graph.node_idle | np.array(ends, bool)
         return rests
@@ -231,7 +236,7 @@ def require_usable(behavior_set: BehaviorSet, scenario: Scenario) -> None:
     levels = scenario.locomotions()
     if levels != {"steered"}:
         _require_waiting(behavior_set, scenario)
-    # Both raise MotionError if the set lacks what they look for.
+    # gait_clips and find_entries raise MotionError if the set lacks what they look for.
     if levels != {"captured"}:
         gaits = gait_clips(behavior_set)
         if levels != {"steered"}:
@@ -280,10 +285,15 @@ def prepare(
     behavior_set : BehaviorSet, optional
         That of the scenario, if it is loaded already.
 
+    Returns
+    -------
+    Assets
+        The constant data of the run.
+
     Raises
     ------
     ScenarioError, GeometryError, BehaviorError, MotionError
-        If a file cannot be used.
+        If a file cannot be used, captured agents could never stand, or a step is longer than their shortest movement.
     """
     behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
     _require_waiting(behavior_set, scenario)

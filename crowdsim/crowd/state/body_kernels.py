@@ -1,6 +1,6 @@
 """Test of a timeline against the bodies of steered agents as they stand now.
 
-``timeline`` (K, 13) has the columns of :data:`crowdsim.crowd.state.components.SAMPLE`, ``k`` is one of its samples.
+``timeline`` (K, SAMPLE) has the columns of :data:`crowdsim.crowd.state.components.SAMPLE`, ``k`` is one of its samples.
 ``body`` is a record ROW of :mod:`crowdsim.steering.row_kernels`: a capsule around (x, y) that faces (hx, hy), with its
 core across that, to ``half`` meters either side.
 """
@@ -14,8 +14,8 @@ from crowdsim.steering.capsule_kernels import core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 
 BODY_ROOM = 0.01
-"""Gap between the straight pieces of a timeline and the body of a steered agent [m], room for tracks that bend. A track
-that bends more is tested along its bend."""
+"""Least gap between a body on the straight piece from one sample to the next and the body of a steered agent [m]: room
+for the bend of the track. A track that bends more is tested along its bend, too."""
 
 
 @helper
@@ -23,8 +23,8 @@ def _bent_gap(timeline, k, body):
     """Return the gap between a body and a track as it bends from sample ``k`` to the next one [m].
 
     The track is taken as four straight pieces between its places after each quarter of the time (QUARTERS of the
-    sample). The body comes off these pieces by up to REST, which is subtracted from the gap. The radius of the body on
-    the track is not subtracted: the caller compares the gap with it.
+    sample). The body is up to REST off these pieces, which is subtracted from the gap. The radius of the body on the
+    track is not subtracted: the caller compares the gap with it.
     """
     gap = math.inf
     ax, ay = timeline[k, 0], timeline[k, 1]
@@ -44,12 +44,12 @@ def _bent_gap(timeline, k, body):
 
 @kernel
 def meets_body(agent, timeline, bodies):
-    """Return True if an agent on a timeline comes within BODY_ROOM of a steered body, or touches one as it bends.
+    """Return True if an agent on a timeline comes too near to a steered body.
 
-    ``timeline`` (K, 13) has the capsule at each sample: center, radius, and vector from center to end of the core [m].
-    ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; that of ``agent`` does not count (-1: all
-    count).
-    The agent's capsule is replaced by the disc that contains it, so the test is conservative.
+    It does if it comes within BODY_ROOM of the body on a straight piece from one sample to the next, or if it touches
+    the body as its track bends. ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; the body of
+    ``agent`` does not count (-1: all count). The capsule on the timeline is replaced by the disc that contains it: so
+    no contact is missed, and a near pass may count as one.
     """
     rows, starts, frame, broadest = bodies.rows, bodies.starts, bodies.frame, bodies.broadest
     if len(rows) == 0:

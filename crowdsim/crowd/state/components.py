@@ -15,8 +15,8 @@ TIMELINE_SLOTS = 48
 """Number of samples of a reserved timeline: 9.6 s, longer than a few nodes and the stop after them."""
 
 SAMPLE = 13
-"""Values per sample: x, y of the track, radius of the body's capsule, half of its core as a vector (x, y), and
-BEND, QUARTERS and REST of the motion to the next sample [m]."""
+"""Values per sample [m]: x, y of the track; RADIUS of the body's capsule; half of its CORE as a vector (x, y), 0 for a
+disc; and for the motion to the next sample BEND, QUARTERS (6 values) and REST."""
 
 RADIUS = 2
 """Index of the radius in a sample."""
@@ -25,14 +25,16 @@ CORE = 3
 """Index of the x component of half the core (from the middle to one end) in a sample; the y component follows."""
 
 BEND = 5
-"""Index of the distance by which the body comes off its straight motion to the next sample. This and the values behind
-it follow from the nodes that are played, so the state hash leaves them out."""
+"""Index of the largest distance of the body from its straight motion to the next sample. BEND and all values behind it
+follow from the nodes that are played, so the state hash leaves them out."""
 
 QUARTERS = 6
-"""Index of where the track is off that straight motion after one, two and three quarters of the time: x and y each."""
+"""Index of the first of six values: x, y of the track's offset from its straight motion to the next sample, after one,
+two and three quarters of the time."""
 
 REST = 12
-"""Index of the distance by which the body comes off the four straight pieces between both samples and these places."""
+"""Index of the largest distance of the body from the four straight pieces that lead through the places at the quarters
+to the next sample."""
 
 WAY_POINTS = 8
 """Number of points of the way ahead in which others do not stop."""
@@ -70,13 +72,14 @@ COLUMNS = (
     # Indices in the motion plan: of the present node, and of the last reserved node.
     Column("cursor", np.int32, (), NONE),
     Column("reserved", np.int32, (), NONE),
-    Column("plan_digest", np.uint64),
-    Column("awaiting_plan", np.bool_),
-    # Step since which it is refused; the time begins anew when it looks for a way around others; NONE if not refused.
+    Column("plan_digest", np.uint64),  # MotionPlan.digest, 0 without a plan
+    Column("awaiting_plan", np.bool_),  # True while a search for it is under way
+    # Step since which it is refused, that is, cannot reserve the next node of its plan; set to the present step when it
+    # looks for a way around others; NONE if it is not refused.
     Column("blocked_since", np.int64, (), NONE),
     Column("retry_step", np.int64),  # step before which it does not request a plan
-    # The reserved timeline: tracks and bodies every SLOT_FRAMES frames from a slot on; then the agent stands or is
-    # gone.
+    # The reserved timeline: tracks and bodies every SLOT_FRAMES frames from slot ``timeline_start`` on. After the last
+    # sample the agent stands there, unless it has left the world in ``gone_slot`` (largest int64: it never leaves).
     Column("timeline", np.float64, (TIMELINE_SLOTS, SAMPLE)),
     Column("timeline_circle", np.float64, (3,)),  # circle that contains all positions: x, y, radius [m]
     Column("timeline_digest", np.uint64),

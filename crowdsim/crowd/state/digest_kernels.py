@@ -44,7 +44,7 @@ def digest_words(words):
         first = (first ^ words[n]) * FACTOR
         first ^= first >> half
     for lane in (second, third, fourth, np.uint64(len(words))):
-        # Another factor, as otherwise a change of the top bit of a lane equals one of the last word.
+        # Another factor: otherwise changes of the top bit of the last word of two lanes would cancel each other out.
         first = (first ^ (lane * JOINING)) * FACTOR
         first ^= first >> half
     return first

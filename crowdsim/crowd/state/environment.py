@@ -26,9 +26,10 @@ Footprints = tuple[BaseGeometry | None, ...]
 
 @dataclass(frozen=True)
 class Edit:
-    """One change of the environment: area covered by it, and area freed by it; None if there is no such area.
+    """One change of the environment.
 
-    ``freed`` is that on the lowest layer, which contains those on all others.
+    ``taken`` is the area on each layer that it covers; None if its movable disappears. ``freed`` is the area on the
+    lowest layer that it frees, which contains the freed areas of all other layers; None if it frees none.
     """
 
     taken: Footprints | None
@@ -36,7 +37,7 @@ class Edit:
 
 
 def footprints_of(movable: Movable, layers: Sequence[ClearanceLayer], placing: Placing) -> Footprints:
-    """Return the area that a movable covers on each layer if placed so; the lowest contains those of all others."""
+    """Return the area that a movable at ``placing`` covers on each layer; the lowest contains all others."""
     shapes = [
         placed(shapely.union_all([taken_between(solid, layer.low, layer.high) for solid in movable.solids]), placing)
         for layer in layers
@@ -54,8 +55,8 @@ def state_of(placings: Mapping[int, Placing]) -> bytes:
 class EnvironmentState:
     """Meshes of the layers, legs first, and of the behavior areas (None for a behavior without one).
 
-    Only :meth:`put` changes it. The crowd calls that between two steps, while no search runs; all others only read, and
-    no reader keeps ``mesh.arrays`` from one step to the next.
+    Only :meth:`put` changes it. The crowd calls it while no slice of a search runs. All others only read, and none of
+    them keeps ``mesh.arrays`` from one step to the next.
     """
 
     assets: Assets
@@ -100,6 +101,7 @@ class EnvironmentState:
     def passages(self) -> NDArray[np.float64]:
         """(S, 4) segments across passages in which two bodies cannot pass each other now: x, y of both ends [m]."""
         if self._passages is None or self._passages[0] != self.revision:
+            # No body passes between obstacles of the lowest layer that are closer together than this.
             narrowest = 2.0 * float(self.assets.body_radii[:, 0].min())
             found = narrow_passages(self.meshes[0], narrowest, self.assets.passing_width)
             self._passages = self.revision, found
@@ -114,13 +116,13 @@ class EnvironmentState:
         return self._placings.get(movable)
 
     def footprints(self, movable: int, placing: Placing) -> Footprints:
-        """Return the area that a movable covers on each layer if placed so; the lowest contains those of all others."""
+        """Return the area that a movable at ``placing`` covers on each layer; the lowest contains all others."""
         return footprints_of(self.timetable.movables[movable], self.assets.layers, placing)
 
     def put(self, movable: int, placing: Placing | None, step: int) -> Edit:
         """Place a movable at ``placing``, or remove it (None), in all meshes, in ``step``; return the change.
 
-        No search may be under way.
+        No slice of a search may be running.
         """
         before = self._placings.get(movable)
         freed = None if before is None else self.footprints(movable, before)[0]
@@ -135,7 +137,7 @@ class EnvironmentState:
         return state_of(self._placings)
 
     def _put(self, movable: int, placing: Placing | None) -> None:
-        """Replace the obstacles of a movable in all meshes; None removes them."""
+        """Remove the obstacles of a movable from all meshes, and insert them at ``placing`` unless that is None."""
         for mesh, handle in self._handles.pop(movable, ()):
             mesh.remove(handle)
         if placing is None:

@@ -21,7 +21,7 @@ TRIES = 2
 
 @dataclass
 class Itineraries:
-    """Places that each agent has reached so far (n,), of how many (n,), and where it goes next."""
+    """How many places each of n agents has reached, how many there are in a round, and where it goes next."""
 
     cast: Placement
     """The agents, with the goals that they have now."""
@@ -52,7 +52,10 @@ class Itineraries:
         self._aimed_at = np.full(len(self.cast.starts), NONE, np.int64)
 
     def redirect(self, agent: int, goal: NDArray[np.float64], stays: bool) -> None:
-        """Send an agent to ``goal`` (2,) [m] instead of all its places; there it ``stays``, or leaves the world."""
+        """Send an agent to ``goal`` (2,) [m] instead of all its places; there it ``stays``, or leaves the world.
+
+        It may face in any direction there. The count of places reached begins anew at 0.
+        """
         self._goals[agent], self._headings[agent] = goal[None], np.full(1, np.nan)
         self.cast.rounds[agent], self.cast.stays[agent] = 1, stays
         self.cast.only_goals[agent] = NONE  # no other agent is known to go there
@@ -93,8 +96,8 @@ class Itineraries:
     def accepts(self, agent: int, pose: NDArray[np.float64]) -> bool:
         """Return True if an agent that arrived with ``pose`` (3,) [m, rad] need not try again.
 
-        If it is to stand there, note how it stands; but if it is too far off or faces another direction, it tries again
-        a few times first.
+        If it is to stand there, its distance and angle are noted in ``stood``. Before that, it tries again up to TRIES
+        times if it is too far off or faces another direction; each call that returns False counts as one of them.
         """
         if not self.stands(agent):
             return True
@@ -126,7 +129,10 @@ class Itineraries:
         self.reached[agent] -= 1
 
     def how_they_stood(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return distance to the place [m] and angle to the prescribed heading [rad], nan if none, of each stand."""
+        """Return distance to the place (k,) [m] and angle to the prescribed heading (k,) [rad] of each stand so far.
+
+        The angle is nan for a stand without a prescribed heading.
+        """
         off, turned = np.array(self.stood).reshape(-1, 2).T
         return off, turned
 
@@ -143,9 +149,10 @@ class Itineraries:
 
 
 def stands_summary(off: NDArray[np.float64], turned: NDArray[np.float64]) -> dict[str, float | int | None]:
-    """Sum up stands by their number, distances to the place [m] and angles to the prescribed heading.
+    """Return the number of stands, 95th percentile and maximum of their distances, and maximum of their angles.
 
-    The angles are given in rad (nan for any heading) and summed up in degrees.
+    ``off`` (k,) are distances to the place [m], ``turned`` (k,) angles to the prescribed heading [rad], nan if none.
+    Distances are returned in meters, the angle in degrees; None if there is nothing to measure.
     """
     turned = np.degrees(turned[~np.isnan(turned)])
     return {

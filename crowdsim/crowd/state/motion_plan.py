@@ -70,7 +70,7 @@ class MotionPlan:
         return digest_of(self.nodes.tobytes() + self.origins.tobytes())
 
     def until(self, last: int) -> MotionPlan:
-        """Return the plan up to and including the node with index ``last``."""
+        """Return the plan up to and including the node with index ``last``; a shortened plan does not arrive."""
         if last == self.count - 1:
             return self
         end = last + 1
@@ -87,7 +87,8 @@ class MotionPlan:
         """Return a plan of nodes ``first`` to ``last`` of this one, and behind them those of ``more``.
 
         ``reaches``: the goal of this plan is reached at the end of node ``last``. ``more`` was found by a search from
-        there, and passes no goals before its own. The departure stays that of this plan, also if ``first`` is not 0.
+        there, and passes no goals before its own; the route and ``arrives`` are those of ``more``. The departure stays
+        that of this plan, also if ``first`` is not 0.
         """
         kept = slice(first, last + 1)
         passes = [p - first for p in self.passes if first <= p <= last]

@@ -25,7 +25,7 @@ def narrow_passages(mesh: NavMesh, least: float, width: float) -> NDArray[np.flo
     origin = sides["org"].reshape(-1, 3)
     ends = np.stack([vertices["x"][origin], vertices["y"][origin]], axis=-1)
     across = np.roll(ends, -1, axis=1)
-    # Open sides: no constraint, and a free triangle on both sides.
+    # Open sides: no constraint, and a free triangle on both sides. A side at the border has no twin (-1).
     free = np.asarray(arrays.cover[:triangles]) == 0
     twin = sides["twin"].reshape(-1, 3)
     opened = (sides["constraints"].reshape(-1, 3) == 0) & free[:, None] & (twin >= 0)
@@ -51,9 +51,9 @@ def narrow_passages(mesh: NavMesh, least: float, width: float) -> NDArray[np.flo
 def _are_narrow(
     mesh: NavMesh, begins: NDArray[np.float64], ends: NDArray[np.float64], width: float
 ) -> NDArray[np.bool_]:
-    """Return which edges (k,) have a clearance below half of ``width`` [m] wherever it is measured.
+    """Return which edges (k,) have nowhere a clearance of half of ``width`` [m], as far as it is measured.
 
-    Both ends (k, 2) of each are given.
+    ``begins`` and ``ends`` (k, 2) are their ends [m].
     """
     lengths = hypot(*(ends - begins).T)
     narrow = np.asarray(lengths < width)
@@ -66,7 +66,7 @@ def _are_narrow(
         clear = mesh.clearances(places.reshape(-1, 2), width / 2).reshape(-1, parts).max(axis=1)
         left = left[clear < width / 2]
         parts *= 2
-        # Between places as close as this, there could be room for two only by a hair.
+        # Places are dense enough: room for two that lies between them could exceed the width only a little.
         near = lengths[left] / parts < _STRIDE * width
         narrow[left[near]] = True
         left = left[~near]

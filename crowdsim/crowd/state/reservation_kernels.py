@@ -2,16 +2,16 @@
 
 A timeline samples track and body at the world's slots (every ``slot_frames`` frames of the global clock) from slot
 ``start`` on. After its last sample the agent stands there for ever, or is gone from slot ``gone`` on. Between
-samples, positions are interpolated linearly; a body comes off that by at most the bend of the first sample. A body is a
-disc as broad as its behavior, narrower with the arms held in, or a capsule along the way if it walks sideways.
+two samples, positions are interpolated linearly, and the body is at most BEND of the first sample off these. A body is
+a disc as broad as its behavior, narrower with the arms held in, or, if it walks sideways, a capsule along its way.
 
-Arguments of all helpers: a timeline (K, 13) with its ``start`` and ``gone`` slots; ``first_slot``, before which
-meetings do not count; ``radius`` of the body at rest [m]; ``obstacles``, ``everyone`` or ``others`` (the timelines of
-all rows), ``chain``, ``draft`` (a scratch chain) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`;
-``frame``, the one of the present node from which a chain goes on. ``graph`` is the motion graph
-(:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``a`` and ``b`` are two timelines (K, 13), each with its own start
-and gone slots; ``me`` and ``row`` are rows. The columns of a timeline are those of
-:data:`crowdsim.crowd.state.components.SAMPLE`.
+Arguments of all helpers: a timeline (K, SAMPLE) with its ``start`` and ``gone`` slots; ``first_slot``, before which
+meetings do not count; ``radius`` of the body at rest [m]; ``obstacles`` (Obstacles), ``everyone`` or ``others``
+(Timelines, those of all rows), ``chain``, ``draft`` (a scratch chain) and ``playback`` as of
+:mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of the present node from which a chain goes on. ``graph`` is
+the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`); ``a`` and ``b`` are two timelines (K, SAMPLE),
+each with its own start and gone slots; ``me`` and ``row`` are rows, -1 for an agent that has yet to enter the world.
+The columns of a timeline are those of :data:`crowdsim.crowd.state.components.SAMPLE`.
 """
 
 import math
@@ -38,7 +38,7 @@ BLOCKED = -1
 """No timeline: its stop touches an obstacle or is too long for a chain, or it comes near a movable about to appear."""
 
 NARROW = -3
-"""No timeline: it ends in a narrow passage, but does not begin in one."""
+"""No timeline: it ends in a narrow passage, but does not begin in one, and that is not tolerated."""
 
 IN_WAY = -4
 """No timeline: it ends in the way ahead of an agent that goes first, or meets a steered body."""
@@ -52,10 +52,11 @@ ROUNDING = 1e-9
 _STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
 
 BEYOND = 0.06
-"""Clearance beyond a body up to which it is measured [m]: with less, the motion between two samples is tested, too."""
+"""Clearance beyond a body's radius up to which it is measured [m]. The motion between two samples is tested, too, if it
+is longer than what is measured at both ends together."""
 
 _REACH_ROUNDING = 1e-3
-"""Distance added to that to which a track leads, for rounding: points lie on the grid of a mesh [m]."""
+"""Distance added to the length of a track, for rounding [m]: the points of a mesh lie on a grid."""
 
 _WINDING = 0.01
 """Length by which a track is longer than the straight line between two samples, at most [m]."""
@@ -118,17 +119,13 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
 
 @kernel
 def meets_anyone(me, timeline, start, gone, first_slot, radius, others):
-    """Return True if a candidate timeline meets that of another row.
-
-    ``others`` are :class:`crowdsim.crowd.state.timelines.Timelines`; ``me`` is its own row, -1 before it enters the
-    world.
-    """
+    """Return True if a candidate timeline of row ``me`` meets the timeline of another row (see `pair_meets`)."""
     return next_met(me, timeline, start, gone, first_slot, radius, others, 0) >= 0
 
 
 @kernel
 def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
-    """Return the first row, from number ``begin`` on, that a candidate meets; -1 if none. See `meets_anyone`."""
+    """Return the first row, from number ``begin`` on, that a candidate timeline of row ``me`` meets; -1 if none."""
     starts, gones, circles = others.timeline_start, others.gone_slot, others.timeline_circle
     # Radius of a circle around the first sample that contains the candidate.
     reach = 0.0
@@ -148,6 +145,7 @@ def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
         while number < after:
             other = near.order[number]
             number += 1
+            # A row that has left the world takes no room.
             if other < begin or other == me or gones[other] <= first_slot:
                 continue
             dx = circles[other, 0] - x
@@ -158,6 +156,7 @@ def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
     for number in range(count):
         other = found[number]
         distance = radius + others.body_radius[other]
+        # Sample at the first slot, clamped as in `pair_meets`.
         here = min(max(first_slot - starts[other], 0), others.timeline.shape[1] - 1)
         end = others.timeline.shape[1] - 1
         its = others.timeline[other]
@@ -171,7 +170,7 @@ def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
 
 @helper
 def _within_reach(center, other, first, last, reach):
-    """Return True if a sample of ``other`` (K, 13) from ``first`` to ``last`` is within ``reach`` [m] of ``center``."""
+    """Return True if any sample ``first`` to ``last`` of ``other`` is within ``reach`` [m] of the sample ``center``."""
     for k in range(first, last + 1):
         dx = other[k, 0] - center[0]
         dy = other[k, 1] - center[1]
@@ -218,14 +217,14 @@ def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
 def stays_free(graph, mesh, node, first, last, origin, blend_offset, need, room, hint):
     """Return True if a disc that keeps clear of one layer's obstacles at frame ``last`` does so from ``first`` on.
 
-    ``mesh`` is that layer's, ``hint`` the triangle to look in first; ``origin`` and ``blend_offset`` (3,) are those
-    of the node. ``room`` [m] is the clearance at frame ``first`` plus that at ``last``, each beyond the radius ``need``
-    of the disc, and 0 if not measured; infinite if there is no frame to test. If the track in between is no longer than
-    ``room``, the disc cannot reach an obstacle. Otherwise its straight motion from frame to frame is tested.
+    ``mesh`` (MeshArrays) is that layer's, ``hint`` the triangle to look in first, -1 for none; ``origin`` and
+    ``blend_offset`` (3,) are those of the node. ``room`` [m] is the sum of the clearances at frames ``first`` and
+    ``last`` beyond the radius ``need`` of the disc; one that was not measured counts as 0. If the track in between is
+    no longer than ``room``, the disc cannot reach an obstacle. Otherwise its straight motion from frame to frame is
+    tested. An infinite ``room`` means that ``last`` is the first frame of a test: nothing lies between.
     """
     ox, oy, oh = origin[0], origin[1], origin[2]
     dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
-    # The first frame of a test has none before it.
     if room == math.inf:
         return True
     x, y, _ = track_pose(graph, node, first, ox, oy, oh, dx, dy, dh)
@@ -243,7 +242,10 @@ def stays_free(graph, mesh, node, first, last, origin, blend_offset, need, room,
 
 @kernel
 def append_stop(graph, chain, count):
-    """Append the nodes that bring a chain of ``count`` nodes to a stand; return the new count, -1 if it has no room."""
+    """Append the nodes that bring a chain of ``count`` nodes to a stand, in place.
+
+    Return the new count; -1 if the arrays of the chain have no room.
+    """
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     node = nodes[count - 1]
     while graph.stop_edge[node] >= 0:
@@ -268,7 +270,7 @@ def append_stop(graph, chain, count):
 
 @kernel
 def comes_near(timeline, segments, distance):
-    """Return True if the track of a timeline comes nearer than ``distance`` to one of ``segments`` (M, 4) [m]."""
+    """Return True if the track comes nearer than ``distance`` to any of ``segments`` (M, 4), x, y of both ends [m]."""
     square = distance * distance
     for k in range(len(timeline) - 1):
         ax, ay, bx, by = timeline[k, 0], timeline[k, 1], timeline[k + 1, 0], timeline[k + 1, 1]
@@ -293,8 +295,9 @@ def _copy_chain(chain, to):
 def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline):
     """Sample the present node of a chain and ``taken`` next ones, then the stop unless the agent ``leaves`` the world.
 
-    ``timeline`` (K, 13) and ``draft`` are overwritten. Return the first slot at or after the end of the last of these
-    nodes, or why they are not allowed: BLOCKED, TOO_LONG, NARROW (not if ``tolerant``) or IN_WAY.
+    ``timeline`` and ``draft`` are overwritten. Return the first slot at or after the end of the last of these nodes;
+    or, below 0, why they are not allowed: BLOCKED, TOO_LONG, NARROW (never if ``tolerant``) or IN_WAY. An agent that
+    leaves does not stop anywhere, so it is not tested for NARROW, and for IN_WAY against steered bodies only.
     """
     _copy_chain(chain, draft)
     count = taken + 1
@@ -337,10 +340,10 @@ def enters_against(timeline, chain, available, obstacles):
 
 @helper
 def _fixed_until(graph, chain, taken, frame, playback, most):
-    """Return the slot before which a timeline of ``taken`` nodes is the same if more nodes are taken; ``most`` at most.
+    """Return the slot before which a timeline of ``taken`` nodes stays the same if more nodes are taken.
 
-    The piece that begins in a slot depends on what is played until the slot after the next one: the sample at its end
-    is at least as broad as a short node that is played between that sample and the one behind it.
+    It is ``most`` at most. The piece from one sample to the next depends on what is played until the sample behind
+    both: the second one is at least as broad as a short node that is played between it and the one behind.
     """
     # Ticks of the present node and those taken, behind which more nodes or the stop follow.
     ticks = np.int64(0)
@@ -362,10 +365,10 @@ def reserve(
     Entry 0 of ``chain`` is the present node, entries 1 to ``available`` are the next nodes of the plan, of which at
     least ``first`` are taken. ``draft`` is scratch of the same size. ``ends_plan``: the agent leaves the world
     after the last of them. ``strict``: it stops in no narrow passage, even if the plan offers no other place.
-    ``obstacles`` and ``everyone`` (all rows) are those of
-    :mod:`crowdsim.crowd.state.timelines`. Return the number of nodes taken, 0 if there is no continuation; its gone
-    slot; and True if, without other agents, it could leave or stand outside of narrow passages. Its timeline (or the
-    last that was tried) is left in ``timeline`` (K, 13). Row -1 has yet to enter the world.
+
+    Return the number of nodes taken, 0 if there is no continuation; the slot from which the agent is gone, FOREVER if
+    it stands; and True if, without other agents, it could leave or stand outside of narrow passages. The timeline found
+    (or the last one that was tried) is left in ``timeline``.
     """
     forever = np.int64(FOREVER)
     start = playback.clock // playback.slot_frames

@@ -4,9 +4,9 @@ Arguments: ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.G
 are those of :mod:`crowdsim.crowd.state.timelines`; the first ``count`` nodes of the chain count; ``frame`` is the one
 of the first node from which it goes on; ``breadths`` (B, 2) are radius and half core of each behavior [m]. ``origin``
 (3,), with ``cosine`` and ``sine`` of its heading, and ``blend_offset`` (3,) are those of a node; ``part`` is the
-share of a frame. ``out`` is the timeline that is filled, and ``axis`` a column of it.
-The columns of a timeline (K, 13) are in :data:`crowdsim.crowd.state.components.SAMPLE`. For gaps, ``a`` and ``b`` are
-two timelines; one body moves from sample ``i`` to ``j``, the other from ``k`` to ``m``.
+share of a frame, in [0, 1). ``out`` is the timeline that is filled, and ``axis`` a column of it.
+The columns of a timeline (K, SAMPLE) are in :data:`crowdsim.crowd.state.components.SAMPLE`. For gaps, ``a`` and ``b``
+are two timelines; one body moves straight from sample ``i`` of ``a`` to ``j``, the other from ``k`` of ``b`` to ``m``.
 """
 
 import math
@@ -27,10 +27,10 @@ _DISCS = 4
 
 @helper
 def _set_sample(out, k, x, y, heading, breadth):
-    """Write track and body to sample ``k`` of ``out`` (K, 13): the core lies across the direction that the body faces.
+    """Write track and body to sample ``k`` of ``out``: the core lies across the direction that the body faces.
 
-    ``breadth`` (2,) is the radius of the capsule and half the length of its core [m]; heading: [rad]. Bends are set to
-    0.
+    ``breadth`` (2,) is the radius of the capsule and half the length of its core [m]; x, y: [m], heading: [rad]. BEND
+    and all values behind it are set to 0.
     """
     out[k, 0] = x
     out[k, 1] = y
@@ -53,10 +53,9 @@ def from_stand(playback):
 def sample_chain(graph, chain, count, breadths, frame, playback, out):
     """Sample tracks and bodies of a chain at the slots; its first node is at frame ``frame`` now.
 
-    ``breadths`` (B, 2) and ``playback`` are those of :mod:`crowdsim.crowd.state.timelines`. ``out`` (K, 13) is filled
-    from the present slot on. The first sample has the present body, and is placed so that linear interpolation gives
-    the present position now. After the end of the chain the samples stay there. Return the first slot at or after the
-    end, or -1 if ``out`` has no sample at that slot.
+    ``out`` is filled from the present slot on. The first sample has the present body, and is placed so that linear
+    interpolation gives the present position now. All samples after the end of the chain are at that end. Return the
+    first slot at or after the end, or -1 if ``out`` has no sample at that slot.
     """
     ended = sample_places(graph, chain, count, breadths, frame, playback, out)
     if ended >= 0:
@@ -66,7 +65,10 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
 
 @helper
 def sample_places(graph, chain, count, breadths, frame, playback, out):
-    """Sample and return as :func:`sample_chain` does, but leave the bends at 0: to measure them takes as long again."""
+    """Sample and return as :func:`sample_chain` does, but leave BEND and all values behind it at 0.
+
+    They cost as much again; :func:`measure_bends` fills them.
+    """
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     clock, slot_frames = playback.clock, playback.slot_frames
     k = 0
@@ -91,10 +93,11 @@ def sample_places(graph, chain, count, breadths, frame, playback, out):
             slot += 1
             played = first + ticks_played(playback, slot * slot_frames - clock)
         if k == before and k > 0:
-            # A node between two samples has none: the segment must be as broad as its body.
+            # No sample fell into this node: the segment across it, from the last sample on, must be as broad as its
+            # body, taken as a disc.
             out[k - 1, RADIUS] = max(out[k - 1, RADIUS], breadth[0] + breadth[1])
         begin += ticks
-    # No sample is left behind the end.
+    # All samples lie before the end: there is none left at it.
     if k == len(out):
         return -1
     ended = slot
@@ -103,7 +106,7 @@ def sample_places(graph, chain, count, breadths, frame, playback, out):
     while k < len(out):
         _set_sample(out, k, x, y, h, breadths[graph.node_behavior[nodes[count - 1]]])
         k += 1
-    # The present lies between two slots: extrapolate the first sample backwards.
+    # If the present lies between two slots, the first sample is set to it so far: extrapolate it back to its slot.
     rest = (clock // slot_frames + 1) * slot_frames - clock
     if rest < slot_frames:
         for axis in range(2):
@@ -130,10 +133,10 @@ def sway_behind(graph, node, half):
 
 @helper
 def measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
-    """Write to each sample of ``out`` how the body comes off its straight motion to the next one, at any frame.
+    """Write BEND, QUARTERS and REST of all samples: how far the body is off its straight motion between them.
 
-    ``out`` was filled by :func:`sample_places`. ``ended`` is the first slot at or after the end of the chain, behind
-    which it only sways.
+    ``out`` was filled by :func:`sample_places`. ``ended`` is the first slot at or after the end of the chain, from
+    which on the body stands and only sways.
     """
     clock, slot_frames = playback.clock, playback.slot_frames
     start = clock // slot_frames
@@ -143,7 +146,8 @@ def measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
     node = np.int64(chain.nodes[0])
     ticks = np.int64(graph.node_frames[node]) * FRAME_TICKS
     cosine, sine = cos_sin(chain.origins[0, 2])
-    # Of each frame of a slot: how far the track is off the straight line (x, y), and the end of the core off its own.
+    # For each frame of a slot [m]: offset of the track from the straight line (x, y), and distance of the end of the
+    # core from its interpolated place. It stays 0 for frames before the present one.
     offs = np.zeros((slot_frames + 1, 3))
     for at in range(clock + 1, ended * slot_frames + 1):
         k = (at - 1) // slot_frames - start
@@ -167,7 +171,7 @@ def measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
         share = inside / slot_frames
         offs[inside, 0] = x - _between(out, k, 0, share)
         offs[inside, 1] = y - _between(out, k, 1, share)
-        # Only capsules have a heading that matters.
+        # Only for capsules the heading matters; from a capsule to a disc and back, a larger disc is used (body_of).
         half = breadths[graph.node_behavior[node], 1]
         if half > 0.0 and _has_core(out, k) and _has_core(out, k + 1):
             o, s = chain.origins[c], chain.blend_offsets[c]
@@ -185,7 +189,10 @@ def measure_bends(graph, chain, count, breadths, frame, playback, ended, out):
 
 @helper
 def _place(graph, node, frame, origin, cosine, sine, blend_offset):
-    """Return x, y of :func:`track_pose`, to the last bit, for cosine and sine of the heading of ``origin`` (3,)."""
+    """Return x, y [m] of :func:`crowdsim.motion.graph.track_kernels.track_pose`, equal to the last bit.
+
+    ``cosine`` and ``sine`` of the heading of ``origin`` are given, so that they are computed once for a node.
+    """
     row = graph.node_track[node] + frame
     tx, ty = graph.tracks[row, 0], graph.tracks[row, 1]
     x, y = origin[0] + cosine * tx - sine * ty, origin[1] + sine * tx + cosine * ty
@@ -195,7 +202,7 @@ def _place(graph, node, frame, origin, cosine, sine, blend_offset):
 
 @helper
 def _place_between(graph, node, frame, part, origin, cosine, sine, blend_offset):
-    """Return x, y of :func:`track_pose_between`, to the last bit: without headings it takes a fraction of the time."""
+    """Return x, y [m] of :func:`track_pose_between`, equal to the last bit, but faster as it leaves out headings."""
     ax, ay = _place(graph, node, frame, origin, cosine, sine, blend_offset)
     if part <= 0.0 or frame >= graph.node_frames[node]:
         return ax, ay
@@ -205,10 +212,10 @@ def _place_between(graph, node, frame, part, origin, cosine, sine, blend_offset)
 
 @helper
 def _write_bends(offs, slot_frames, k, out):
-    """Write BEND, QUARTERS and REST of sample ``k``.
+    """Write BEND, QUARTERS and REST of sample ``k``, of which BEND and REST are 0 before.
 
-    ``offs`` (slot_frames + 1, 3): how far the body is off its straight motion at each frame: x and y of the track, and
-    distance of the end of the core [m].
+    ``offs`` (slot_frames + 1, 3) [m] says how far the body is off its straight motion at each frame: offset of the
+    track (x, y), and distance of the end of the core from its interpolated place. It is 0 in both end rows.
     """
     quarter = slot_frames // 4
     for s in range(3):
@@ -216,7 +223,8 @@ def _write_bends(offs, slot_frames, k, out):
             out[k, QUARTERS + 2 * s + axis] = offs[(s + 1) * quarter, axis]
     for frame in range(1, slot_frames):
         out[k, BEND] = max(out[k, BEND], hypot(offs[frame, 0], offs[frame, 1]) + offs[frame, 2])
-        # The piece between two quarters on which the frame lies.
+        # Piece from one quarter to the next on which the frame lies. If the frames of a slot are not a multiple of 4,
+        # those left over belong to the last piece.
         begin = min(frame // quarter, 3) * quarter
         share = (frame - begin) / quarter
         dx = offs[frame, 0] - offs[begin, 0] - share * (offs[begin + quarter, 0] - offs[begin, 0])
@@ -238,23 +246,24 @@ def _between(out, k, axis, share):
 
 @helper
 def body_of(a, i, j):
-    """Return the radius of a body from sample ``i`` to ``j`` [m], and True if it is a capsule.
+    """Return the radius of a body from sample ``i`` to ``j`` [m], and True if it is a capsule at both.
 
-    Between a capsule and a disc it may be either of them at any time, so a disc around both is returned.
+    If it is a capsule at one of them only, it may change to the disc at any time in between, so it counts as a disc
+    that contains both.
     """
     if _has_core(a, i) and _has_core(a, j):
         return max(a[i, RADIUS], a[j, RADIUS]), True
-    mine = a[i, RADIUS] + hypot(a[i, CORE], a[i, CORE + 1])
-    its = a[j, RADIUS] + hypot(a[j, CORE], a[j, CORE + 1])
-    return max(mine, its), False
+    at_i = a[i, RADIUS] + hypot(a[i, CORE], a[i, CORE + 1])
+    at_j = a[j, RADIUS] + hypot(a[j, CORE], a[j, CORE + 1])
+    return max(at_i, at_j), False
 
 
 @helper
 def moving_gap(a, i, j, b, k, m):
     """Return the least gap of two bodies [m] while they move straight from sample ``i`` to ``j`` and ``k`` to ``m``.
 
-    It is negative if they overlap. A capsule is replaced by three discs. A segment is as broad as the broader of its
-    ends.
+    It is negative if they overlap. A capsule is replaced by three discs, in the middle and at both ends of its core.
+    Each body has the larger radius of its two samples all the way.
     """
     my_radius, my_discs = body_of(a, i, j)
     its_radius, its_discs = body_of(b, k, m)
@@ -264,7 +273,8 @@ def moving_gap(a, i, j, b, k, m):
     least = math.inf
     for p in range(-mine, mine + 1):
         for q in range(-its, its + 1):
-            # Relative motion of two discs: a point from d to d + e. Its nearest distance to the origin is at t.
+            # Relative motion of two discs: a point that moves from d to d + e. It is nearest to the origin at d + t e,
+            # t in [0, 1]. If it does not move, any t will do.
             dx = a[i, 0] + p * a[i, CORE] - b[k, 0] - q * b[k, CORE]
             dy = a[i, 1] + p * a[i, CORE + 1] - b[k, 1] - q * b[k, CORE + 1]
             ex = a[j, 0] + p * a[j, CORE] - b[m, 0] - q * b[m, CORE] - dx
@@ -281,10 +291,10 @@ def moving_gap(a, i, j, b, k, m):
 
 @helper
 def _at_quarter(a, i, j, quarter, p, axis):
-    """Return a coordinate of a point of a core after ``quarter`` quarters of its way from sample ``i`` to ``j`` [m].
+    """Return a coordinate of a point of a core after ``quarter`` quarters (0 to 4) of the way from ``i`` to ``j`` [m].
 
-    ``p`` is the place on the core, -1 and 1 at its ends; ``axis`` is 0 for x, 1 for y. A body outside of the time of
-    its timeline (``i`` is ``j``) does not bend.
+    ``p`` is the place on the core, -1 and 1 at its ends; ``axis`` is 0 for x, 1 for y. The offset QUARTERS is added
+    after one to three quarters, unless the body stays in one sample (``i`` is ``j``), as past the end of its timeline.
     """
     share = 0.25 * quarter
     core = a[i, CORE + axis] + share * (a[j, CORE + axis] - a[i, CORE + axis])
@@ -296,9 +306,10 @@ def _at_quarter(a, i, j, quarter, p, axis):
 
 @helper
 def beside_discs(a, i, j, pieces):
-    """Return how far a capsule reaches beyond discs along its core [m], ``pieces`` to either side of the middle.
+    """Return how far a capsule reaches beyond discs along its core [m].
 
-    The body moves from sample ``i`` to ``j``; it is 0 unless that is a capsule at both.
+    One disc is at the middle of the core, and ``pieces`` discs are to either side of it, evenly up to the end. The body
+    moves from sample ``i`` to ``j``; return 0 unless it is a capsule at both.
     """
     radius, is_capsule = body_of(a, i, j)
     if not is_capsule:
@@ -306,7 +317,8 @@ def beside_discs(a, i, j, pieces):
     # Half the core, the longer one of both samples: the centers of neighboring discs are half / pieces apart.
     half = max(hypot(a[i, CORE], a[i, CORE + 1]), hypot(a[j, CORE], a[j, CORE + 1]))
     # The outlines of two neighboring discs cross halfway between their centers, ``away`` from either: there the discs
-    # reach less far off the core than the capsule, which reaches ``radius``.
+    # reach less far off the core than the capsule, which reaches ``radius``. Discs too far apart to cross do not cover
+    # the core halfway at all (0).
     away = 0.5 * half / pieces
     return radius - math.sqrt(max(radius * radius - away * away, 0.0))
 
@@ -315,8 +327,8 @@ def beside_discs(a, i, j, pieces):
 def sure_gap(a, i, j, b, k, m):
     """Return a lower bound of the gap of two bodies [m] from sample ``i`` to ``j`` and from ``k`` to ``m``.
 
-    Tracks are followed in straight pieces from quarter to quarter, and capsules are nine discs. What bodies come off
-    these pieces (REST), and what capsules reach beyond the discs, is subtracted.
+    Tracks are followed in straight pieces from quarter to quarter, and capsules are nine discs. The distance of bodies
+    from these pieces (REST) and what capsules reach beyond their discs are subtracted.
     """
     my_radius, my_discs = body_of(a, i, j)
     its_radius, its_discs = body_of(b, k, m)

@@ -65,10 +65,10 @@ def chained_hash(digest: int, environment: bytes, step: int, before: int) -> int
 
 
 def timeline_digest(timeline: NDArray[np.float64]) -> int:
-    """Return 64 bits that tell a reserved timeline (K, 13) from others; see BEND for what they leave out."""
+    """Return a 64-bit hash of a reserved timeline (K, SAMPLE), of the columns before BEND only; see BEND for why."""
     return digest_of(timeline[:, :BEND].tobytes())
 
 
 def digest_of(content: bytes) -> int:
-    """Return 64 bits of the BLAKE2b hash of ``content``."""
+    """Return the BLAKE2b hash of ``content``, 64 bits long, as an integer."""
     return int.from_bytes(hashlib.blake2b(content, digest_size=8).digest(), "little")

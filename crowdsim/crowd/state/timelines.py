@@ -69,7 +69,7 @@ class Playback(NamedTuple):
     def natural(cls, step: int, step_frames: int) -> Playback:
         """Return the playback at the captured rate from ``step`` on, for steps of ``step_frames`` frames."""
         rate = FRAME_TICKS * step_frames
-        # A step lasts step_frames / CAPTURE_RATE seconds.
+        # A step lasts step_frames / CAPTURE_RATE seconds. At least 1: with a ramp of 0, no rate could ever change.
         ramp = max(RAMP * rate * step_frames // CAPTURE_RATE, 1)
         return cls(step * step_frames, SLOT_FRAMES, step_frames, ramp, 0, rate, rate)
 
@@ -78,11 +78,11 @@ class Timelines(NamedTuple):
     """Reserved timelines of all N rows."""
 
     timeline: Floats
-    """(N, K, 13) tracks and bodies at the slots: see :data:`crowdsim.crowd.state.components.SAMPLE`."""
+    """(N, K, SAMPLE) tracks and bodies at the slots: see :data:`crowdsim.crowd.state.components.SAMPLE`."""
     timeline_start: NDArray[np.int64]
     """(N,) slot of the first sample."""
     gone_slot: NDArray[np.int64]
-    """(N,) slot from which on the row has left the world."""
+    """(N,) slot from which on the row has left the world; the largest int64 (FOREVER) if it never leaves."""
     body_radius: Floats
     """(N,) radius of a disc that contains the body in any behavior [m]."""
     timeline_circle: Floats
@@ -97,10 +97,13 @@ class Timelines(NamedTuple):
 
 
 class StandingBodies(NamedTuple):
-    """Bodies of steered agents where they are now, sorted by cells. Timelines keep clear of them, as they may stay."""
+    """Bodies of steered agents at their present places, sorted by cells.
+
+    Timelines keep clear of these places for their whole duration, as any steered agent may stay in its place.
+    """
 
     rows: NDArray[Any]
-    """ROW[n]: the bodies."""
+    """(n,) records ROW of :mod:`crowdsim.steering.row_kernels`."""
     starts: NDArray[np.int64]
     """(cells + 1,) index in ``rows`` at which each cell begins."""
     frame: tuple[float, float, int, int]
@@ -117,7 +120,7 @@ class Obstacles(NamedTuple):
     """What a body must keep clear of besides the timelines of others."""
 
     layers: tuple[Any, ...]
-    """Kernel arrays of the mesh of each layer."""
+    """:class:`crowdsim.navmesh.mesh.mesh_arrays.MeshArrays` of each layer, legs first."""
     radii: Floats
     """(B, layers) clearance that each behavior needs on each layer [m]."""
     breadths: Floats
@@ -130,14 +133,16 @@ class Obstacles(NamedTuple):
     bodies: StandingBodies
     """Bodies of steered agents."""
     agent: int
-    """Agent whose own body among these does not count."""
+    """Number of the agent whose own body, if it is one of ``bodies``, does not count; NONE: all count."""
     body_radius: float
     """Radius of a disc that contains the body in any behavior [m]."""
     ways: Floats = _NO_WAYS
-    """(W, P, 2) ways ahead of agents that go first [m]: no other may stop there, unless it is there already."""
+    """(W, P, 2) ways ahead of agents that go first [m]: the body may cross them, but not stop there; see
+    `stops_in_way`."""
     way_width: float = 0.0
     """Distance from these ways at which an agent may stop [m]."""
     passages: Floats = np.empty((0, 4))
-    """(S, 4) segments across narrow passages [m]: an agent stops there only if it cannot stop before or behind them."""
+    """(S, 4) segments across narrow passages, x, y of both ends [m]: an agent stops there only if its plan offers no
+    place before or behind them."""
     off_passages: float = 0.0
     """Distance from these segments at which an agent may stop [m]."""

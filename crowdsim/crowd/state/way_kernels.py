@@ -3,8 +3,10 @@
 A way is a polyline (P, 2) [m]: the next meters of an agent's plan after the end of its timeline; nan without one.
 The lower rank goes first. docs/waiting.md has the rules.
 
-``ways`` (N, P, 2) are those of all rows; ``ranks``, ``pose`` and ``may_move`` (True: it stands and has not decided
-yet) are columns of all rows, too.
+``ways`` (N, P, 2) are those of all rows; ``ranks`` (N,), ``pose`` (N, 3) and ``may_move`` (N,) (True: the row stands
+and has not decided yet in this step) are columns of all rows, too. A ``timeline`` (K, SAMPLE) has the columns of
+:data:`crowdsim.crowd.state.components.SAMPLE`; ``near`` are the rows by cells
+(:class:`crowdsim.crowd.near.neighbors.Neighbors`).
 """
 
 import math
@@ -18,7 +20,8 @@ FOREVER = 9223372036854775807
 """Slot of leaving of an agent that never leaves; also a rank behind all others."""
 
 IN_PASSAGE = 1 << 62
-"""Amount by which the rank of an agent at rest in a narrow passage is lower; above all ranks except the last one."""
+"""Amount by which the rank of an agent at rest in a narrow passage is lower. It is larger than all ranks but LAST of
+:mod:`crowdsim.crowd.state.components`."""
 
 
 @helper
@@ -51,9 +54,9 @@ def near_any(segments, x, y, distance):
 
 @kernel
 def stops_in_passage(timeline, passages, distance):
-    """Return True if a timeline (K, 13) ends, but does not begin, within ``distance`` [m] of one of ``passages``.
+    """Return True if a timeline ends, but does not begin, within ``distance`` [m] of any of ``passages``.
 
-    ``passages`` (S, 4) are segments [m]. An agent that is there already may stop there again.
+    ``passages`` (S, 4) are segments: x, y of both ends [m]. An agent that is near one already may stop near one again.
     """
     return near_any(passages, timeline[-1, 0], timeline[-1, 1], distance) and not near_any(
         passages, timeline[0, 0], timeline[0, 1], distance
@@ -62,11 +65,11 @@ def stops_in_passage(timeline, passages, distance):
 
 @helper
 def meets_oncoming(timeline, chain, available, ways, passages, distance, radius):
-    """Return True if a timeline (K, 13) enters a narrow passage against the way of another agent through it.
+    """Return True if a timeline enters a narrow passage, and another agent's way leads through a passage against it.
 
-    It enters one of ``passages`` (S, 4) if it ends nearer to it than ``distance`` [m], and begins farther from all than
-    the ``radius`` of its body [m]. ``chain`` holds the next ``available`` nodes of the plan, behind the present one;
-    ``ways`` (W, P, 2) are those of the others [m].
+    It enters one of ``passages`` (S, 4) if it ends nearer to one than ``distance`` [m], and begins farther from all
+    than the ``radius`` of its body [m]. ``chain`` (:class:`crowdsim.crowd.state.timelines.Chain`) holds the present
+    node and the next ``available`` nodes of the plan; ``ways`` (W, P, 2) are those of the others [m].
     """
     if not near_any(passages, timeline[-1, 0], timeline[-1, 1], distance):
         return False
@@ -75,8 +78,8 @@ def meets_oncoming(timeline, chain, available, ways, passages, distance, radius)
     for way in ways:
         for point in range(len(way) - 1):
             x, y = way[point, 0], way[point, 1]
-            # Direction of the own plan where it is nearest to that point of the way, over three nodes: it may turn on
-            # the spot in one.
+            # Direction of the own plan at the node that passes nearest to that point of the way, if any passes nearer
+            # than ``distance``. It is taken over three nodes, as the plan may turn on the spot in one.
             least = distance * distance
             ux = uy = 0.0
             for k in range(available):
@@ -98,10 +101,10 @@ def meets_oncoming(timeline, chain, available, ways, passages, distance, radius)
 
 @kernel
 def stops_in_way(timeline, ways, width):
-    """Return True if a timeline (K, 13) ends nearer than ``width`` [m] to one of ``ways`` (W, P, 2).
+    """Return True if a timeline must not end where it does, nearer than ``width`` [m] to one of ``ways`` (W, P, 2).
 
-    A stop behind the begin of a way is not in it. An agent that is in a way already may move along it, not against
-    it.
+    It may end behind the begin of the way. It may also end in a way in which it begins, if it moves along it, not
+    against it.
     """
     x, y = timeline[-1, 0], timeline[-1, 1]
     for way in ways:
@@ -111,7 +114,7 @@ def stops_in_way(timeline, ways, width):
             continue
         away, ux, uy = nearest_of_way(way, x, y)
         if away < width:
-            # It was not in the way before, or moves against it.
+            # It was not in the way at its begin, or moves against the way.
             before, _, _ = nearest_of_way(way, timeline[0, 0], timeline[0, 1])
             if before >= width or (x - timeline[0, 0]) * ux + (y - timeline[0, 1]) * uy < 0.0:
                 return True
@@ -120,15 +123,18 @@ def stops_in_way(timeline, ways, width):
 
 @kernel
 def lay_way(origins, following, pose, meters, out):
-    """Fill ``out`` (P, 2) with the way from ``pose`` through the origins (n, 3) of nodes ``following`` and later.
+    """Fill ``out`` (P, 2) with the way from ``pose`` through the origins of nodes ``following`` and later of a plan.
 
-    Only x and y [m] of poses are read. The way ends with the first node more than ``meters`` ahead, with the last node,
-    or when ``out`` is full; without nodes it is one point. Return the largest distance from its begin [m].
+    ``origins`` (n, 3) are those of all its nodes. Of them and of ``pose`` only the first two values are read, x and y
+    [m]. The way ends with the first node farther than ``meters`` along it, with the last node, or when ``out`` is full;
+    without nodes it is one point. The rest of ``out`` repeats its last point. Return the largest distance of a point of
+    the way from its begin [m].
     """
     out[0, 0], out[0, 1] = pose[0], pose[1]
     farthest = 0.0
     gone = 0.0
-    # Skip nodes that begin nearer than this, so that P points are enough for all meters.
+    # Skip nodes that begin nearer than this to the last point, so that P points are enough for all meters. The last
+    # node is never skipped.
     least = meters / (len(out) - 1)
     k = 0
     for node in range(following, len(origins)):
@@ -149,10 +155,10 @@ def lay_way(origins, following, pose, meters, out):
 
 @kernel
 def rank_behind(row, ways, ranks, width, reach, near):
-    """Return the rank right behind the lowest of those that walk ahead of ``row`` on its way, FOREVER if none.
+    """Return the lowest rank of the rows that ``row`` follows on its way, plus 1; FOREVER if it follows none.
 
-    Rows count if their ways begin ahead, nearer than ``reach`` to the begin of this way [m] and nearer than ``width``
-    to the way [m], and go the same way. ``near`` are the rows by cells.
+    It follows rows whose ways begin ahead of the begin of its own way, nearer than ``reach`` [m] to it and nearer than
+    ``width`` [m] to its own way, and lead in the direction of its own way there.
     """
     best = FOREVER
     way = ways[row]
@@ -165,7 +171,7 @@ def rank_behind(row, ways, ranks, width, reach, near):
         while number < after:
             other = near.order[number]
             number += 1
-            # Only a lower rank than the best so far can improve it, so the order of the search does not matter.
+            # Only a lower rank than the best one so far can improve it, so the order of the rows does not matter.
             if other == row or ranks[other] >= best:
                 continue
             x, y = ways[other, 0, 0], ways[other, 0, 1]
@@ -174,7 +180,7 @@ def rank_behind(row, ways, ranks, width, reach, near):
                 continue
             off, ux, uy = nearest_of_way(way, x, y)
             if off < width:
-                # The same way: its first segment is within 45 degrees (cosine 0.7) of this way, and it is ahead.
+                # Its way begins ahead, and its first segment is within 45 degrees (cosine 0.7) of the own way.
                 vx, vy = ways[other, 1, 0] - x, ways[other, 1, 1] - y
                 ahead = (x - ox) * ux + (y - oy) * uy
                 if ahead > 0.0 and vx * ux + vy * uy > 0.7 * hypot(vx, vy) * hypot(ux, uy):
@@ -184,14 +190,16 @@ def rank_behind(row, ways, ranks, width, reach, near):
 
 @kernel
 def rank_at(turn, behind, x, y, passages, radius):
-    """Return the rank of a row that comes to rest at (x, y): its turn, or ``behind`` the one that it follows if lower.
+    """Return the rank of a row that comes to rest at (x, y) [m].
 
-    In one of ``passages`` (M, 4), nearer than the ``radius`` of its body [m], it goes before all who are outside of
-    them: most bodies cannot turn about there, so the others have to make room for it to come out. Either rank may have
-    been lowered by IN_PASSAGE already (it is negative then); both are compared as outside of passages.
+    It is the lower one of ``turn``, its own rank, and ``behind``, the one right behind a row that it follows
+    (`rank_behind`). Nearer to one of ``passages`` (M, 4) than the ``radius`` of its body [m], it is lower by
+    IN_PASSAGE, so that the row goes before all who are outside of passages: most bodies cannot turn about in a passage,
+    so the others have to make room for the row to come out. Either argument may be lowered by IN_PASSAGE already (it is
+    negative then); that is undone first.
     """
     rank = min(turn + IN_PASSAGE if turn < 0 else turn, behind + IN_PASSAGE if behind < 0 else behind)
-    # Rows that go nowhere (LAST, above IN_PASSAGE) stay last.
+    # Rows that go nowhere stay last: their rank, LAST, is not below IN_PASSAGE.
     return rank - IN_PASSAGE if rank < IN_PASSAGE and near_any(passages, x, y, radius) else rank
 
 
@@ -199,8 +207,8 @@ def rank_at(turn, behind, x, y, passages, radius):
 def ways_before(row, ways, ranks, reach, near, out):
     """Gather the ways of rows with a lower rank that begin within ``reach`` [m] of the begin of the way of ``row``.
 
-    ``ways`` are (N, P, 2). Fill ``out`` (W, P, 2), by ascending row number, and return how many there are; the lowest
-    numbers are kept if there are more than W. ``near`` are the rows by cells.
+    Fill ``out`` (W, P, 2), by ascending row number, and return the number of ways filled in: W at most, those of the
+    lowest row numbers, and 0 if ``row`` has no way.
     """
     x, y = ways[row, 0, 0], ways[row, 0, 1]
     if math.isnan(x):
@@ -226,9 +234,9 @@ def ways_before(row, ways, ranks, reach, near, out):
 
 @kernel
 def next_in_way(ways, ranks, may_move, me, pose, width, begin, near):
-    """Return the first row from ``begin`` on that stands in the way ahead of ``me`` and ranks behind it; -1 if none.
+    """Return the first row, from number ``begin`` on, that stands in the way of row ``me`` and ranks behind it.
 
-    ``width`` is the distance to the way that counts [m]; ``near`` are the rows by cells.
+    It may move, and is nearer than ``width`` to the way [m]. Return -1 if there is none, or ``me`` has no way.
     """
     way = ways[me]
     left = right = way[0, 0]

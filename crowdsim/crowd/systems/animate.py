@@ -34,6 +34,9 @@ class Playing(NamedTuple):
 
 
 def animate(assets: Assets, view: View) -> None:
-    """Play all rows on by one step: rates, frames, poses, and the next node if the present one ends."""
+    """Play all rows on by one step: rates, frames, poses, and the next node if the present one ends.
+
+    The columns of ``view`` are changed in place.
+    """
     ramp = Playback.natural(0, assets.frames_per_step).ramp  # the same in every step
     advance(assets.graph, ramp, Playing(*(getattr(view, name) for name in Playing._fields)))

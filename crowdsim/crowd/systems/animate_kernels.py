@@ -15,12 +15,13 @@ def advance(graph, ramp, rows):
     """Advance each row by one step, into its next node if the present one ends.
 
     The rate changes by at most ``ramp`` [ticks/step]. ``rows`` are a :class:`crowdsim.crowd.systems.animate.Playing`,
-    whose cursors are indices of nodes in the agents' motion plans, -1 without one. A row without a next node stays on
-    the last frame of its node. ``next_node`` is set to -1 after it was entered.
+    which is changed in place: rates, frames, poses, and node, origin, blend offset, behavior and cursor of rows that
+    enter their next node. Cursors are indices of nodes in the agents' motion plans, -1 without one. A row without a
+    next node stays on the last frame of its node. ``next_node`` becomes -1 as it is entered.
     """
     node, frame, origin, blend_offset, next_node = rows.node, rows.frame, rows.origin, rows.blend_offset, rows.next_node
     for i in range(len(node)):
-        # Whole frames advance the node, the remaining ticks are kept for the next step.
+        # Whole frames count, the remaining ticks (``part``) are kept for the next step.
         rows.rate[i] = next_rate(rows.rate[i], rows.wanted_rate[i], ramp)
         ticks = rows.part[i] + rows.rate[i]
         rows.part[i] = ticks % FRAME_TICKS

@@ -41,11 +41,11 @@ class Events:
         return self.agenda.over
 
     def apply(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
-        """Let due events happen if no agent is in the way; return their numbers in the timetable.
+        """Let due events happen if no agent is in the way; return the timetable's numbers of those that happen.
 
-        Agents that an event affects plan anew. Events with an agent in the way wait; no agent may enter the outlines of
-        their movables meanwhile. ``in_the_way`` tells whether an agent that is not in ``view`` stands where a movable
-        is to appear.
+        Agents that such an event affects plan anew. Events with an agent in the way wait; no agent may enter the
+        outlines of their movables meanwhile. ``in_the_way`` returns True if an agent that is not in ``view`` stands
+        where a movable is to appear; it gets the area that the movable would cover, by layer.
         """
         plans, environment, agenda = self.plans, self.plans.environment, self.agenda
         if not agenda.collect(plans.step):
@@ -56,8 +56,8 @@ class Events:
         waiting, outlines, happened = [], [], []
         for number in agenda.waiting:
             event = agenda.timetable.events[number]
-            # Area that the movable will cover on each layer. The outline is that on the lowest layer, which contains
-            # the others; None if it disappears, or is on no layer.
+            # Area that the movable will cover on each layer, None if it disappears. The outline is that on the lowest
+            # layer, which contains all others; None, too, if it is on no layer.
             taken = None if event.placing is None else environment.footprints(event.movable, event.placing)
             outline = None if taken is None else taken[0]
             # It waits while an agent is there, or will be.
@@ -103,7 +103,10 @@ def reserved_lines(timelines: NDArray[np.float64], starts: NDArray[np.int64], sl
 
 
 def _are_near(lines: NDArray[Any], view: View, outline: BaseGeometry | None) -> bool:
-    """Return True if a body on one of ``lines`` (N,), its reserved timeline, comes within KEPT_OFF of an outline."""
+    """Return True if the body of any row of ``view`` on its line comes within KEPT_OFF of an outline.
+
+    ``lines`` (N,) are its :func:`reserved_lines`. Nothing is near an outline that is None.
+    """
     return outline is not None and bool((shapely.distance(lines, outline) < view.body_radius + KEPT_OFF).any())
 
 
@@ -114,7 +117,10 @@ class AffectedAgents:
         self.plans, self.view, self.assets = plans, view, plans.assets
 
     def plan_anew(self, edit: Edit) -> None:
-        """Let all agents that an edit of the environment affects plan anew, in the world or about to enter it."""
+        """Let all agents that an edit of the environment affects plan anew, whether in the world or about to enter it.
+
+        They search another path if the edit covers what is left of theirs, or if it frees an area that may shorten it.
+        """
         present = set()
         for row, agent in enumerate(self.view.agent.tolist()):
             present.add(agent)
@@ -122,20 +128,21 @@ class AffectedAgents:
                 self._give_way(row, agent, edit.taken)
             if edit.freed is not None:
                 self._take_chance(row, agent, edit.freed)
-        # Agents that have a plan but do not walk it yet: they are about to enter, or still steered.
+        # Agents with a plan that are not in the captured world yet: they are about to enter it, or still steered.
         for agent in sorted(self.plans.motions.keys() - present):
             plan = self.plans.motions[agent]
             position = plan.departure[:2]
             shorter = edit.freed is not None and could_shorten(plan.route, position, edit.freed)
             if shorter or outdated(self.assets, plan, position, [edit]):
-                del self.plans.motions[agent]  # another plan is requested before they enter
+                del self.plans.motions[agent]  # it requests another plan before it enters, or steers on
                 self.plans.replans += 1
 
     def turn_to_goal(self, row: int) -> None:
-        """Let a row plan the path to another goal.
+        """Let a row plan the path to its goal, which has changed.
 
-        Until that is found it goes on along the part of its old plan that it must keep (`_goes_on_to`), and stops
-        behind it. A standing row drops its plan.
+        Until the path is found it goes on along the part of its old plan that it must keep (`_goes_on_to`), and stops
+        behind that part. A row that has no plan, or has yet to begin it, drops its plan and any search under way;
+        ``Replanning`` requests a plan as soon as the row stands.
         """
         plans, view = self.plans, self.view
         agent = int(view.agent[row])
@@ -143,7 +150,7 @@ class AffectedAgents:
         plans.routes.pop(agent, None)
         plans.unreachable.pop(agent, None)
         plans.no_motion.pop(agent, None)
-        # It stands, or has not begun its plan: forget that, and request another one at once.
+        # Nothing of a plan is to be kept. The present step as ``retry_step`` means that no pause is left.
         if plan is None or self._has_yet_to_begin(row):
             plans.searches.drop(agent)
             view.awaiting_plan[row] = False
@@ -151,24 +158,25 @@ class AffectedAgents:
             self._drop(row, agent)
             return
         after = self._goes_on_to(row, plan.count)
-        # Goals that the old plan passes are no longer its own.
+        # Goals at which the old plan arrives, or that it passes, do not count any more.
         kept = replace(plan.until(after), arrives=False, passes=())
         plans.motions[agent] = kept
         self._ask(row, agent, Join(kept, after))
 
     def _give_way(self, row: int, agent: int, taken: Footprints) -> None:
-        """Let a row walk no farther than it must, and plan from there, if ``taken`` covers the way that it has left.
+        """Let a row plan anew if ``taken``, the area that an edit covers by layer, is on the way that it has left.
 
-        ``taken`` is the area that an edit covers, by layer. A row without a plan only forgets its route.
+        It keeps only the part of its plan that it must (`_goes_on_to`), and plans from the end of that. It drops a plan
+        that it has yet to begin. A row without a plan only forgets its route.
         """
         plans, view = self.plans, self.view
         position, cursor = view.pose[row, :2], int(view.cursor[row])
         plan = plans.motions.get(agent)
         route = plans.routes.get(agent) if plan is None else plan.route
-        # It has neither plan nor route that could be covered.
+        # Neither a plan nor a route could be covered.
         if route is None:
             return
-        # First node of its plan that the area takes, ``plan.count`` if none; NONE without a plan, where it is not used.
+        # First node of its plan that the area takes, ``plan.count`` if none; NONE without a plan (it is not used then).
         clear = NONE if plan is None else first_taken(self.assets, plan, max(cursor, 0), taken)
         # Neither its motion nor its route is covered.
         if (plan is None or clear == plan.count) and not route_taken(self.assets, route, position, taken):
@@ -188,16 +196,21 @@ class AffectedAgents:
         plans.replans += 1
         kept = plan.until(after)
         plans.motions[agent] = kept
-        # A search under way goes on: whether its result still fits is tested when it is handed out.
+        # A search under way goes on: whether its result still fits is tested as it is handed out.
         if not view.awaiting_plan[row]:
             self._ask(row, agent, Join(kept, after))
 
     def _take_chance(self, row: int, agent: int, freed: BaseGeometry) -> None:
-        """Let a row search a path after an area was freed, if it had none or could have a much shorter one."""
+        """Let a row search a path through the area ``freed``, if it had none, or if that could be shorter.
+
+        A row that walks takes the new path only if that is shorter than the rest of its old one. A row that has yet to
+        begin its plan drops it.
+        """
         plans, view = self.plans, self.view
         position = view.pose[row, :2]
         plan = plans.motions.get(agent)
-        # Without a plan it searches again at once if there was no path; else a search is under way or due anyway.
+        # A row without a plan searches again at once if there was no path to its goal. If there was one, a search is
+        # under way or due anyway.
         if plan is None:
             if plans.unreachable.pop(agent, None) is not None:
                 plans.replans += 1
@@ -220,14 +233,18 @@ class AffectedAgents:
         self._ask(row, agent, Join(plan, after, shorter_than=way_left(plan.route, end)))
 
     def _has_yet_to_begin(self, row: int) -> bool:
-        """Return True if a row has neither begun its plan nor reserved any node of it.
+        """Return True if a row has neither begun its plan nor reserved any node of it: it stands.
 
-        One that has just become captured walks in the node before the first one of its plan, and has reserved that.
+        A row that has just become captured has not begun its plan either, but it walks, and has reserved nodes of it.
         """
         return bool(self.view.cursor[row] == NONE and self.view.reserved[row] == NONE)
 
     def _drop(self, row: int, agent: int) -> None:
-        """Let a standing row forget its plan and its way ahead; ``Replanning`` requests another plan."""
+        """Let a standing row forget its plan, its reserved nodes and its way ahead.
+
+        If a search is under way for it, the row takes what that finds. Otherwise ``Replanning`` requests a plan, once
+        the step ``retry_step`` of the row has come.
+        """
         self.plans.motions.pop(agent, None)
         self.view.reserved[row] = self.view.blocked_since[row] = NONE
         self.view.way[row] = np.nan
@@ -235,16 +252,17 @@ class AffectedAgents:
     def _goes_on_to(self, row: int, clear: int) -> int:
         """Return the index of the last node of its plan that a row keeps.
 
-        It keeps its present node, nodes that it has reserved, and those that begin before a search from there is done.
-        ``clear`` is the first node that it must not play unless it is reserved; the number of nodes if there is none.
+        It keeps its present node, nodes that it has reserved, and later ones that begin before a search requested now
+        is done. ``clear`` is the first node that it must not play unless it is reserved; the number of nodes of the
+        plan if there is none.
         """
         plans, view = self.plans, self.view
         plan = plans.motions[int(view.agent[row])]
         lengths = self.assets.graph.node_frames[plan.nodes]
         after = int(view.cursor[row])
         end = max(min(clear, plan.count), int(view.reserved[row]) + 1)
-        # Keep nodes that are reserved, or begin before the search is done: it begins at the end of this step, and has
-        # ``lead`` steps from then on. ``left``: frames to the end of node ``after``.
+        # Keep nodes that are reserved, or begin before the search is done: the search begins at the end of this step,
+        # and has ``lead`` steps from then on. ``left``: frames to the end of node ``after``.
         left = int(self.assets.graph.node_frames[view.node[row]]) - int(view.frame[row])
         fastest = max(int(view.rate[row]), int(view.wanted_rate[row]))
         while after + 1 < end and (after < view.reserved[row] or left * FRAME_TICKS <= (plans.lead + 1) * fastest):
@@ -253,7 +271,7 @@ class AffectedAgents:
         return after
 
     def _ask(self, row: int, agent: int, join: Join) -> None:
-        """Request the path onwards from ``join``, past the goals that the kept part of the plan reaches."""
+        """Request the path from ``join`` to the goal that comes behind those that the kept part of the plan passes."""
         passed = sum(int(self.view.cursor[row]) <= p <= join.after for p in join.plan.passes)
         self.view.awaiting_plan[row] = True
         self.plans.request_on(agent, join, passed)

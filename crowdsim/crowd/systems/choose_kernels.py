@@ -2,12 +2,12 @@
 
 Rows are processed in order, and each reads the timelines that earlier ones reserved in the same step.
 
-Arguments of all helpers: ``rows`` (columns of all rows), ``progress`` and ``scratch`` as of
-:mod:`crowdsim.crowd.systems.going_on`; ``row``, one of the rows, and ``agent``, the number of its agent; ``table``
-(:class:`crowdsim.crowd.search.plan_table.PlanTable`), the plans of all agents; ``obstacles``, ``everyone`` (the
-timelines of all rows) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of its node from
-which a row goes on. ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`). Rates are in
-ticks per step, FRAME_TICKS of which are a frame.
+Arguments of all helpers: ``rows`` (Rows, the columns of all rows), ``progress`` (Progress) and ``scratch`` (Scratch) as
+of :mod:`crowdsim.crowd.systems.going_on`; ``row``, one of the rows, and ``agent``, the number of its agent; ``table``
+(:class:`crowdsim.crowd.search.plan_table.PlanTable`), the plans of all agents; ``obstacles`` (Obstacles), ``everyone``
+(Timelines, those of all rows) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of its
+node from which a row goes on. ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`). Rates
+are in ticks per step, FRAME_TICKS of which are a frame.
 """
 
 import numpy as np
@@ -30,8 +30,8 @@ NODES_LEFT = 4
 """Nodes left of a plan when the next path is searched, for agents that walk on through their goal."""
 
 AHEAD_SECONDS = 0.4
-"""Time before the end of the last node that it has reserved, from which on an agent reserves ahead, or slows down
-[s]."""
+"""Time before the end of the last reserved node from which on an agent tries to reserve its next nodes, and slows down
+if it cannot [s]."""
 
 TRIES = 1000
 """Largest number of moves that are tried for one agent that asks others to give way."""
@@ -45,28 +45,30 @@ reserve in a kernel. From :func:`ask_in_turn`: the row goes on, and the rows tha
 out."""
 
 MAKE_ROOM = 1
-"""The row has reserved but not gone on yet: a standing agent is in its way ahead."""
+"""The row has reserved: the caller lets standing agents in its way ahead step aside, then lets it go on if its node
+ends."""
 
 STAYS_REFUSED = 2
 """No others can give way to the row: its caller lets it rest, step aside, or wait on."""
 
 _MOVING = int(AgentState.MOVING)
 EXTENDED, REFUSED, BEHIND = 0, 1, 2
-"""Indices in ``Scratch.counts`` of three numbers: of rows that have reserved, of rows that cannot go on, and of rows
-that enter a node with which a search ends or may begin (these searches are left behind for the caller)."""
+"""Indices in ``Scratch.counts`` of three numbers: of rows that have reserved; of rows that cannot go on; and of rows
+that enter a node with which a search ends or may begin, which is left behind for the caller."""
 
 
 @helper
 def walks_through(table, progress, agent):
-    """Return True if a plan ends at a goal that its agent leaves at once for the next one."""
+    """Return True if the plan of an agent ends at a goal that it leaves at once for the next one."""
     return table.arrives[agent] and not is_last(table, progress, agent) and not progress.waits[agent] > 0.0
 
 
 @helper
 def note_standing(graph, rows, scratch):
-    """Note in ``scratch.may_move``, once a step, which rows stand and may be asked to give way.
+    """Note in ``scratch.may_move``, once a step, which rows stand in an idle node and have chosen no next one yet.
 
-    It is done when a row may ask for the first time; from then on, rows that decide are struck out.
+    These may be asked to give way. It is done when a row may ask for the first time in the step; from then on, rows
+    that choose are struck out one by one.
     """
     if not scratch.noted[0]:
         scratch.noted[0] = True
@@ -78,8 +80,9 @@ def note_standing(graph, rows, scratch):
 def follow(graph, rows, row, table, progress, scratch, frame):
     """Let a row enter the next node of its plan, which is reserved, when its present one ends.
 
-    ``frame`` becomes the frame of its present node: the last one if it leaves an idle node early. Return True if a
-    search for a plan ends as it enters the next node, or may begin: the caller tests that again.
+    ``frame`` becomes the frame of its present node: the last one if it leaves an idle node early. The row moves from
+    now on and is not refused. Return True if a search for a plan may have to end or to begin as it enters the next
+    node: the caller tests that more closely.
     """
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
@@ -98,35 +101,35 @@ def follow(graph, rows, row, table, progress, scratch, frame):
     # caller lets that search go on.)
     if rows.awaiting_plan[row]:
         return True
-    # The plan ends soon, at a goal where the agent goes on: the search for the way to the next one begins, unless one
-    # was made for this plan before, in vain.
+    # The plan ends soon, at a goal that the agent walks through: the search for the way to the next goal begins, unless
+    # one was made for this plan before.
     return len(nodes) - following <= NODES_LEFT and walks_through(table, progress, agent)
 
 
 @kernel
 def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scratch, playback):
-    """Let ``chosen`` rows, from number ``begin`` of them on, go on along their plans, one after the other.
+    """Let rows ``chosen[begin:]`` go on along their plans, one after the other.
 
-    Rows whose node does not end yet reserve ahead, and slow down if they cannot. ``rows``, ``progress`` and ``scratch``
-    are those of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body with a radius of 1 m;
-    ``playback`` is at the natural rate. The kernel stops at the first row that needs Python code, and returns its
-    index in ``chosen`` and what the caller has to do: OTHERWISE or MAKE_ROOM. At the end it returns the number of rows
-    and ALL_DONE.
-    In any case it notes in ``scratch`` which rows have reserved, cannot go on, or enter a node with which a search ends
-    or begins.
+    Rows whose node does not end in this step reserve ahead, and slow down if they cannot. ``chosen`` (k,) int64 are row
+    numbers; ``obstacles`` are those of a body with a radius of 1 m; ``playback`` is at the natural rate.
+
+    The kernel stops at the first row that needs Python code, and returns its index in ``chosen`` and what the caller
+    has to do: OTHERWISE or MAKE_ROOM. At the end it returns the number of chosen rows and ALL_DONE. In any case it
+    notes in ``scratch`` which rows have reserved (``extended``), cannot go on (``refused``), or enter a node with which
+    a search ends or may begin (``behind``).
     """
     for number in range(begin, len(chosen)):
         row = chosen[number]
         agent = np.int64(rows.agent[row])
         following = np.int64(rows.cursor[row]) + 1
         frame, leaves = frame_of(graph, rows, row, playback)
-        # No plan: nothing to do before the end of its node, where the caller chooses the next one. An idle node can be
-        # left before its end (``frame`` is then its end), but only to follow a plan.
+        # No plan: nothing to do before its node ends, when the caller chooses the next one. An idle node can be left
+        # before its end (``frame`` is then its end, behind the present frame), but only to follow a plan.
         if table.nodes[agent] < 0:
             if not leaves or frame > rows.frame[row]:
                 continue
             return number, OTHERWISE
-        # The next goal or the end of the plan is reached with this node: left to the caller.
+        # With this node it reaches a goal on its way (``first_pass``), or its plan ends: left to the caller.
         if following > table.first_pass[agent] or following >= table.nodes[agent]:
             if not leaves:
                 continue
@@ -136,7 +139,7 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
             # Outlines of movables are to be kept free, which only Python does.
             if scratch.reserves_otherwise:
                 return number, OTHERWISE
-            # If it is refused it slows down while its node lasts, and counts as refused at the end of the node.
+            # If that fails, it slows down as long as its node lasts; it counts as refused only at the end of the node.
             if not reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, playback, frame):
                 if not leaves:
                     # Its own obstacles, without ways of others to keep off.
@@ -166,11 +169,11 @@ def go_on(graph, rows, chosen, begin, table, progress, obstacles, everyone, scra
 
 @kernel
 def ask_in_turn(graph, rows, refused, begin, acts, table, progress, obstacles, everyone, scratch, playback, asking):
-    """Let ``refused`` rows ask others to give way, one after the other, from number ``begin`` of them on.
+    """Let rows ``refused[begin:]`` ask others to give way, one after the other.
 
-    ``acts`` (N,) is True for rows that may rest or step aside if no others give way; the rest try again in a later
-    step.
-    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`; the other arguments are those of :func:`go_on`.
+    ``refused`` (k,) int64 are row numbers. ``acts`` (N,) is True for rows that may rest or step aside if no others give
+    way; all other rows try again in a later step. ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`; the
+    other arguments are those of :func:`go_on`.
 
     Return the index in ``refused`` of the first row that does more than try in vain, what the caller has to do
     (OTHERWISE if the row has reserved the next node of its plan, and enters it; else STAYS_REFUSED), and how many rows
@@ -179,14 +182,14 @@ def ask_in_turn(graph, rows, refused, begin, acts, table, progress, obstacles, e
     trail, left = asking.trail, asking.left
     for number in range(begin, len(refused)):
         row = refused[number]
-        # It has been asked itself, by a row before it, and moves already.
+        # A row before it has asked it to give way, so it moves already.
         if rows.next_node[row] != NONE:
             continue
         frame, _ = frame_of(graph, rows, row, playback)
         count = -1  # of rows that give way to it; -1: it cannot go on
         # Others are not asked while a movable is about to appear.
         if not scratch.reserves_otherwise:
-            # Its share of the tries of this step; what is not used is for the next ones.
+            # Its share of the tries left in this step; it gives back what it does not use.
             trail.tries[0] = min(left[0], TRIES)
             left[0] -= trail.tries[0]
             count = ask_on(graph, rows, row, table, progress, obstacles, everyone, scratch, playback, frame, asking)
@@ -199,7 +202,7 @@ def ask_in_turn(graph, rows, refused, begin, acts, table, progress, obstacles, e
                 scratch.behind[scratch.counts[BEHIND]] = row
                 scratch.counts[BEHIND] += 1
             return number, OTHERWISE, count
-        # In vain, and its node ends or it has waited long.
+        # It has asked in vain, and its node ends or it has waited long.
         if acts[row]:
             return number, STAYS_REFUSED, 0
     return len(refused), ALL_DONE, 0

@@ -41,13 +41,13 @@ from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.recording.header import AgentState
 
 NEAR_GOAL = 1.0
-"""Distance from a goal to walk through below which it counts as reached if the agent is refused [m]."""
+"""Distance from a goal that an agent would walk through, below which it has reached the goal if it is refused [m]."""
 
 LONG_SECONDS = 5.0
-"""Time after which a waiting agent lets others stop in its way, until it looks for a way around [s]."""
+"""Time for which an agent is refused before it lets others stop in its way, until it looks for a way around [s]."""
 
 ASIDE_SECONDS = 3.0
-"""Time after which a waiting agent in a narrow place steps close to a wall [s]."""
+"""Time for which an agent in a narrow place is refused before it steps close to a wall [s]."""
 
 RETRY_SECONDS = 0.1
 """Time between two tries of a standing agent that waits for others to go on [s]."""
@@ -102,7 +102,7 @@ class Choosing:
         self._ask(view, np.array(sorted(refused, key=lambda row: (int(view.rank[row]), row)), np.int64), ending)
 
     def _go_on(self, view: View, chosen: NDArray[np.int64]) -> list[int]:
-        """Let ``chosen`` rows (k,) go on, one after the other; return those with a plan that cannot go on along it."""
+        """Let ``chosen`` rows (k,) go on, one after the other; return the rows whose plan is refused (not reserved)."""
         if not len(chosen):
             return []
         plans, scratch = self.plans, self._scratch
@@ -131,7 +131,7 @@ class Choosing:
     def _ask(self, view: View, refused: NDArray[np.int64], ending: NDArray[np.bool_]) -> None:
         """Let ``refused`` rows (k,) ask others to give way, in this order; if in vain, they wait, step aside, or rest.
 
-        ``ending`` (N,): rows whose node ends in this step.
+        ``ending`` (N,) is True for rows whose node ends in this step.
         """
         if not len(refused):
             return
@@ -155,7 +155,7 @@ class Choosing:
             number += 1
 
     def _note_changes(self, view: View) -> None:
-        """Update digests of rows that reserved in a kernel, searches of rows that entered a node; empty the lists."""
+        """Empty the lists of ``scratch``: update digests of rows that reserved, and searches of rows that go on."""
         scratch = self._scratch
         for row in scratch.extended[: scratch.counts[EXTENDED]].tolist():
             view.timeline_digest[row] = timeline_digest(view.timeline[row])
@@ -164,26 +164,27 @@ class Choosing:
         scratch.counts[:] = 0
 
     def _stays_refused(self, view: View, row: int, ends: bool) -> None:
-        """Let a row to which no other can give way ask those ahead to step aside, step to a wall, or wait on.
+        """Let a refused row, which others cannot let pass, ask those in its way ahead to step aside; then let it wait.
 
-        After LONG_SECONDS it gives up its way, except in a narrow passage. If its node ``ends``, it comes to rest.
+        It may step to a wall instead. After LONG_SECONDS it gives up its way, except in a narrow passage. If its node
+        ``ends``, it comes to rest.
         """
-        # No agent is asked while an event waits until its place is empty. Otherwise: others may have room to leave the
-        # way of this row while it stands, and not while it walks towards them.
+        # No agent is asked while an event waits until its place is empty. Otherwise, others are asked while this row
+        # stands: they may have no time to leave its way once it walks.
         if not self.plans.environment.waited_for:
             self._clear_ahead(view, row, self.surroundings.obstacles(view, self._walker(row)))
         if self._waits(view, row, ASIDE_SECONDS) and self._moves(view, row, self._giving_way.step_to_wall):
             # Now there may be a way past each other.
             self.plans.looked_around[view.agent[[row, *standing_near(view, row)]]] = self.plans.step
             return
-        # The rows that it waits for may need its way. In a narrow passage (its rank is below 0 there) it keeps its way.
+        # The agents that it waits for may need the room of its way. In a narrow passage (rank below 0) it keeps it.
         if view.rank[row] >= 0 and self._waits(view, row, LONG_SECONDS):
             view.way[row] = np.nan
         if ends:
             self._rests(view, row)
 
     def _goes_on(self, view: View, row: int) -> bool:
-        """Choose for a row that the kernel leaves to Python; return False if the rest of its plan is refused."""
+        """Choose for a row that the kernel leaves to Python; return False if it cannot reserve the rest of its plan."""
         agent, cursor = int(view.agent[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
         walker = self._walker(row)
@@ -205,7 +206,7 @@ class Choosing:
                     return True
                 return False
             view.way[row] = np.nan
-            # The plan is over. It drops the plan, to search another one, if it missed its goal or goes on to the next.
+            # The plan is over. The row drops it, to search another, if it missed its goal or goes on to the next one.
             if plan.arrives and not self.plans.itineraries.accepts(agent, self._end(view, row)):
                 self._abandon(view, row, agent)
             elif plan.arrives:
@@ -217,14 +218,15 @@ class Choosing:
                 else:
                     view.state[row] = AgentState.ARRIVED  # it stays for good
                     view.rank[row] = view.turn[row] = LAST
-        # If searches found a path but no motion along it, it makes a step: from elsewhere, there may be motion.
+        # If searches found a path but no motion along it, it makes a move off its place: from elsewhere, there may be
+        # motion.
         vain = self.plans.is_stuck(agent) and not view.awaiting_plan[row]
         if not (vain and self._moves(view, row, self._giving_way.step_off)):
             self._come_to_rest(view, row)
         return True
 
     def _goes_ahead(self, view: View, walker: Walker, plan: MotionPlan | None) -> None:
-        """Let a walker reserve before its node ends, or slow down if it cannot."""
+        """Let a walker reserve the next nodes of its plan before its node ends, or slow down if it cannot."""
         row = walker.row
         following = int(view.cursor[row]) + 1
         # Without a next node, and for goals that are reached before it, all is decided at the end of the node.
@@ -248,7 +250,7 @@ class Choosing:
         self._followed(view, row, following)
 
     def _followed(self, view: View, row: int, following: int) -> None:
-        """End the search for a way around, and request the path onwards, for a row that enters a node of its plan."""
+        """End the search for a way around of a row that enters a node of its plan; request the path onwards if due."""
         if view.awaiting_plan[row] and self.plans.assets.rest_nodes[view.node[row]]:
             # It stood, and its way is free before a way around was found.
             self.plans.searches.drop(int(view.agent[row]))
@@ -256,7 +258,7 @@ class Choosing:
         self._look_ahead(view, row, self.plans.motions[int(view.agent[row])], following)
 
     def _rests(self, view: View, row: int) -> None:
-        """Let a refused row whose node ends come to rest: it waits, or stops and waits."""
+        """Let a refused row whose node ends come to rest; a goal near by that it would walk through is reached."""
         agent = int(view.agent[row])
         plan = self.plans.motions[agent]
         # This near to a goal that it would walk through, it counts the goal as reached and plans the way to the next.
@@ -268,7 +270,7 @@ class Choosing:
         self._come_to_rest(view, row)
 
     def _come_to_rest(self, view: View, row: int) -> None:
-        """Let a row that cannot go on stop; one that stands already waits; one that has no stop stands where it is."""
+        """Let a row whose node ends stop; if it stands in an idle node it waits on; if it has no stop it stands."""
         graph, agent, node = self.plans.assets.graph, int(view.agent[row]), int(view.node[row])
         if graph.stop_edge[node] != NONE:
             self._interrupt(view, row, agent)
@@ -284,14 +286,15 @@ class Choosing:
     def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
         """Reserve node ``following`` of the plan and as many later ones as a stop needs; return True on success.
 
-        The way ahead and the rank of the row change in any case. On success, standing rows ahead step aside.
+        The way ahead and the rank of the row change in any case. On success, standing rows ahead are asked to step
+        aside.
         """
         rate = self.plans.motions.rate(int(view.agent[row]), following)
         walker = self._walker(row, rate)
         obstacles = self.surroundings.obstacles(view, walker)
         self.reserving.find_ways(view, row, plan, following, obstacles)
         obstacles = self.surroundings.with_ways(obstacles, self._scratch)
-        # As slowly as possible it may pass behind others that are in the way now.
+        # At the slowest rate it may pass behind others that are in the way now.
         slower = self._walker(row, min(int(slowest(self._playback)), rate))
         found = self.reserving.reserve(view, (walker, slower), plan, following, obstacles)
         if found is None:
@@ -307,7 +310,7 @@ class Choosing:
         return True
 
     def _clear_ahead(self, view: View, row: int, obstacles: Obstacles) -> None:
-        """Let standing rows in the way ahead of a row that has reserved, or is refused, step aside."""
+        """Ask standing rows in the way ahead of a row that has reserved, or is refused, to step aside."""
         self._giving_way.clear_ahead(
             view,
             row,
@@ -322,17 +325,17 @@ class Choosing:
         return Walker.of(self.plans.assets.graph, self._rows, row, self._playback, wanted)
 
     def _have_waited(self, view: View, seconds: float) -> NDArray[np.bool_]:
-        """Return which rows (N,) were refused for ``seconds``; the time begins anew as a row looks for a way around."""
+        """Return which rows (N,) were refused for ``seconds`` or more, since ``blocked_since`` of each."""
         long = self.plans.step - view.blocked_since >= seconds * self.plans.assets.steps_per_second
         return np.asarray(long & (view.blocked_since != NONE))
 
     def _waits(self, view: View, row: int, seconds: float) -> bool:
-        """Return True if a row was refused for ``seconds``; see :meth:`_have_waited`."""
+        """Return True if a row was refused for ``seconds`` or more; see :meth:`_have_waited`."""
         since = int(view.blocked_since[row])
         return since != NONE and self.plans.step - since >= seconds * self.plans.assets.steps_per_second
 
     def _moves(self, view: View, row: int, step: Step) -> bool:
-        """Let a standing row make a step of its own accord, to a wall or off its place; return True if it does."""
+        """Let a row in an idle node make a move of its own accord by ``step``; return True if it does."""
         # No row moves while an event waits until its place is empty; and moves begin from idle nodes only.
         if self.plans.environment.waited_for or not self.plans.assets.graph.node_idle[view.node[row]]:
             return False
@@ -340,7 +343,7 @@ class Choosing:
         return step(view, row, self.surroundings.obstacles(view, self._walker(row)), self._scratch.draft, near)
 
     def _begin_chain(self, view: View, row: int) -> Chain:
-        """Return the chain of the present node alone."""
+        """Return the scratch chain, with the present node of a row as its first one."""
         chain = self._scratch.chain
         chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = (
             view.node[row],
@@ -350,27 +353,27 @@ class Choosing:
         return chain
 
     def _walks_through(self, plan: MotionPlan, agent: int) -> bool:
-        """Return True if a plan ends at a goal that its agent leaves at once for the next one."""
+        """Return True if the plan of an agent ends at a goal that it leaves at once for the next one."""
         itineraries, ahead = self.plans.itineraries, len(plan.passes)
         return plan.arrives and not itineraries.is_last(agent, ahead) and not itineraries.stands(agent, ahead)
 
     def _look_ahead(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
-        """Request the path onwards from the goal of a plan before a row reaches it, if the row walks through it."""
+        """Request the path onwards from a goal that a row walks through, at the last NODES_LEFT nodes of its plan."""
         agent = int(view.agent[row])
         if plan.count - following > NODES_LEFT or view.awaiting_plan[row] or not self._walks_through(plan, agent):
             return
         if self.plans.looked_ahead.get(agent) is not plan.nodes:
-            self.plans.looked_ahead[agent] = plan.nodes  # once for each plan: another search would fail, too
+            self.plans.looked_ahead[agent] = plan.nodes  # once for each plan: a second search would fail like the first
             view.awaiting_plan[row] = True
             self.plans.request_on(agent, Join(plan, plan.count - 1, reaches=True), len(plan.passes) + 1)
 
     def _abandon(self, view: View, row: int, agent: int) -> None:
-        """Drop the plan of a row and its way ahead, in which others may stop then."""
+        """Drop the plan of a row and its way ahead, so that others may stop there."""
         self._interrupt(view, row, agent)
         view.way[row] = np.nan
 
     def _interrupt(self, view: View, row: int, agent: int) -> None:
-        """Drop the plan of a row that comes to rest; others keep its way ahead free until it has another plan."""
+        """Drop the plan of a row that comes to rest, but not its way ahead, which others keep free meanwhile."""
         self.plans.motions.pop(agent, None)
         view.cursor[row] = view.reserved[row] = NONE
 
@@ -383,8 +386,8 @@ class Choosing:
     def _stand(self, view: View, row: int, agent: int) -> None:
         """Wait at the end of the node: in an idle node if one may follow, else on the node's last frame."""
         idle = self.plans.assets.idle_after(int(view.node[row]))
-        # On the last frame it keeps its plan, whose next node may follow this one. From an idle node that one could not
-        # follow, so the plan is dropped. Agents that have arrived stay so: ARRIVED is the largest state.
+        # On the last frame it keeps its plan, whose next node may follow this node. That could not follow an idle node,
+        # so then the plan is dropped. Agents that have arrived stay so: ARRIVED is the largest state.
         if idle == NONE:
             view.state[row] = max(view.state[row], AgentState.WAITING)
             return

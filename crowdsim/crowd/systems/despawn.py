@@ -30,13 +30,14 @@ class Despawning:
     def despawn(self, view: View) -> None:
         """Note which agents have arrived, and ask the world to remove those that leave."""
         graph = self.plans.assets.graph
-        # Rows at the end of a node of their plan (they have a cursor), with none to follow. A row that missed its goal
-        # or goes on to the next one has dropped its plan.
+        # Rows at the end of a node of their plan (they have a cursor), with no next node. A row that missed its goal or
+        # goes on to the next goal has dropped its plan, and its cursor.
         at_end = (view.frame == graph.node_frames[view.node]) & (view.next_node == NONE) & (view.cursor >= 0)
         for row in np.flatnonzero(at_end & ~view.stays):
             agent = int(view.agent[row])
             plan = self.plans.motions.get(agent)
-            # Others wait on this frame, as no idle node may follow it: their plan goes on, or ends short of its goal.
+            # Only at the end of a plan that arrives. Others wait on this frame, as no idle node follows: their plan
+            # goes on, or ends short of its goal.
             if plan is not None and plan.arrives and view.cursor[row] == plan.count - 1:
                 self._note(agent)
                 self.world.remove(int(view.id[row]))

@@ -1,4 +1,4 @@
-"""Giving way: a refused agent asks those that stand in its way to move, in the order of ranks."""
+"""Giving way: standing agents in the way of another one move aside; agents also step to a wall, or off their place."""
 
 from __future__ import annotations
 
@@ -23,18 +23,17 @@ from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
 
 DEPTH = 16
-"""Largest number of agents that give way to one, in one chain."""
+"""Largest number of agents that give way to one agent at once, those included that others ask in turn."""
 
 TRIES_AHEAD = 100
-"""Largest number of moves that are tried to let an agent step aside before it is in the way, or off its place."""
+"""Largest number of moves that are tried to let one agent step out of the way ahead of another, or off its place."""
 
 TRIES_A_STEP = 6000
 """Largest number of moves that are tried in one step for all agents that ask."""
 
-
 Step = Callable[[View, int, Obstacles, Chain, Neighbors], bool]
-"""Method of GivingWay by which a row makes a step of its own accord. Its arguments are view, row, obstacles of the row,
-a scratch chain and the rows by cells; it returns True if the row makes the step."""
+"""Method of GivingWay by which a row makes a move of its own accord. Its arguments are view, row, obstacles of the row,
+a scratch chain and the rows by cells; it returns True if the row makes the move."""
 
 
 class GivingWay:
@@ -49,12 +48,12 @@ class GivingWay:
         self._scratch = Scratch.make()
 
     def begin(self, scratch: Scratch) -> None:
-        """Begin a step; ``scratch.may_move`` will say which rows may be asked to give way."""
+        """Begin a step with its scratch memory, whose ``may_move`` says later which rows may be asked to give way."""
         self._left[0] = TRIES_A_STEP
         self._scratch = scratch
 
     def asking(self, view: View) -> Asking:
-        """Return the arguments of the kernels that ask others; which rows stand is determined once a step."""
+        """Return the arguments of the kernels that ask others; the rows that may move are found once a step."""
         self._note_standing(view)
         standing = Standing(view.node, view.origin, view.goal, view.way, self._scratch.may_move, view.rank)
         return Asking(self._moves, standing, self._trail, self._left)
@@ -65,24 +64,24 @@ class GivingWay:
         self._left -= self._trail.tries
 
     def _give_back_tries(self) -> None:
-        """Leave the tries that this agent has not used to the next ones of the step."""
+        """Leave the tries that the agent that asks now has not used to later agents of the step."""
         self._left += self._trail.tries
         self._trail.tries[0] = 0
 
     def _note_standing(self, view: View) -> None:
-        """Note, once a step, which rows stand and have not decided yet."""
+        """Note in ``may_move``, once a step, which rows stand in an idle node and have chosen no next node yet."""
         scratch = self._scratch
         if not scratch.noted[0]:
             scratch.noted[0] = True
             scratch.may_move[:] = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
 
     def decided(self, view: View, row: int) -> None:
-        """Note that a row has chosen what to do in this step."""
+        """Note that a row has chosen what to do in this step, so it cannot be asked to give way any more."""
         self._note_standing(view)
         self._scratch.may_move[row] = False
 
     def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> None:
-        """Let standing agents in the way ahead of a row, which rank behind it, step aside.
+        """Let standing agents in the way ahead of a row that rank behind it step aside, if they can.
 
         ``obstacles`` are those of the row, ``draft`` is a scratch chain, and ``near`` are the rows by cells.
         """
@@ -125,15 +124,15 @@ class GivingWay:
         return bool(count > 0)
 
     def move(self, view: View, count: int) -> None:
-        """Let the first ``count`` rows of the trail set out on their moves; none if it is -1."""
+        """Let the first ``count`` rows of the trail set out on their moves; 0 and -1 mean none."""
         for place in range(count):
             self._set_out(view, int(self._trail.rows[place]), int(self._trail.moves[place]))
 
     def _set_out(self, view: View, row: int, move: int) -> None:
-        """Let a standing row play a move at once, instead of the plan that it has or searches for.
+        """Let a standing row play a move at once, as its plan; drop the plan that it has or searches for.
 
         ``move`` is its number in :class:`~crowdsim.crowd.giving_way.moves.Moves`. The row owns the timeline of the move
-        already.
+        already. It is not refused any more, and has no way ahead until it has reserved nodes of another plan.
         """
         plans, graph, chain = self.plans, self.plans.assets.graph, self._chain
         agent, node = int(view.agent[row]), int(view.node[row])

@@ -1,4 +1,4 @@
-"""Arguments of the kernel that lets rows go on along their plans, and its scratch memory."""
+"""Arguments of the kernels that let rows go on along their plans, and their scratch memory."""
 
 from __future__ import annotations
 
@@ -68,11 +68,11 @@ class Rows(NamedTuple):
 
 
 class Walker(NamedTuple):
-    """An agent that reserves: its row (NONE before it enters), its node, and how it plays that.
+    """An agent that reserves: its row (NONE before it has one), its node, and how it plays the node.
 
-    It goes on from frame ``frame`` of its node. ``origin`` and ``blend_offset`` (3,) place the node [m, rad], ``place``
-    (2,) is where the agent is now [m]; ``body_radius`` is that of a disc that contains the body in any behavior [m].
-    ``stays``: it does not leave the world at its last goal.
+    It goes on from frame ``frame`` of its node. ``origin`` and ``blend_offset`` (3,) place the node: x, y [m], heading
+    [rad]. ``place`` (2,) is where the agent is now [m]; ``body_radius`` is that of a disc that contains the body in any
+    behavior [m]. ``stays``: it does not leave the world at its last goal.
     """
 
     row: int
@@ -86,7 +86,7 @@ class Walker(NamedTuple):
     body_radius: float
     stays: bool
     leaves: bool = True
-    """True if its node ends in this step, or it can leave it."""
+    """True if its node ends in this step, or if it can leave the node in this step as it is idle."""
 
     @classmethod
     def of(cls, graph: GraphArrays, rows: Rows, row: int, natural: Playback, rate: int) -> Walker:
@@ -137,9 +137,9 @@ class Scratch(NamedTuple):
     draft: Chain
     """Copy of the chain that is extended by the stop."""
     timeline: Floats
-    """(K, 13) timeline tried last."""
+    """(K, SAMPLE) timeline tried last; columns as of :data:`crowdsim.crowd.state.components.SAMPLE`."""
     ways: Floats
-    """(WAYS, P, 2) ways of others that the row tried last keeps free."""
+    """(WAYS, P, 2) ways of others that the row tried last keeps free [m]."""
     ways_count: Longs
     """(1,) number of these ways."""
     may_move: Bools
@@ -153,9 +153,10 @@ class Scratch(NamedTuple):
     behind: Longs
     """(N,) rows that enter a node of their plan with which a search ends or may begin."""
     counts: Longs
-    """(3,) numbers of these rows, at EXTENDED, REFUSED and BEHIND."""
+    """(3,) lengths of these three lists, at the indices EXTENDED, REFUSED and BEHIND of
+    :mod:`crowdsim.crowd.systems.choose_kernels`."""
     reserves_otherwise: bool
-    """True if no row may reserve in the kernel, as there are outlines to keep free, too."""
+    """True if no row may reserve in a kernel, as there are outlines of movables to keep free, too."""
 
     @classmethod
     def make(cls) -> Scratch:
@@ -177,7 +178,11 @@ class Scratch(NamedTuple):
         )
 
     def begin(self, count: int, reserves_otherwise: bool) -> Scratch:
-        """Return the scratch for a step with ``count`` rows; arrays that fit are kept, and no row is noted."""
+        """Return the scratch for a step with ``count`` rows.
+
+        Arrays that fit are kept. All lists are empty, and ``may_move`` does not hold yet. ``reserves_otherwise``: see
+        the field.
+        """
         self.noted[0] = False
         self.counts[:] = 0
         if len(self.may_move) == count:
@@ -194,7 +199,7 @@ class Scratch(NamedTuple):
 def take(
     view: View, row: int, node: int, origin: NDArray[np.float64], blend_offset: NDArray[np.float64], cursor: int = NONE
 ) -> None:
-    """Let a row enter a node when its present one ends.
+    """Choose the node that a row enters when its present one ends.
 
     ``origin`` and ``blend_offset`` (3,) place the node: x, y [m], heading [rad]. ``cursor`` is its index in the plan,
     NONE without one.

@@ -15,14 +15,15 @@ from crowdsim.geometry.elementary import distance, hypot
 from crowdsim.recording.header import AgentState
 
 RETRY_SECONDS = 2.0
-"""Time that an agent stands after a failed search before it searches again [s]."""
+"""Time that an agent stands after a failed search before it searches again [s]; not if an edit made the result
+invalid."""
 
 PATIENCE_SECONDS = 8.0
-"""Time that an agent waits for others before it looks for a way around those that stand near [s]."""
+"""Time that an agent waits for others before it looks for a way around the agents that stand near [s]."""
 
 LOOKING_SECONDS = 20.0
-"""Time during which an agent looks for a way around those that stand near whenever it plans [s]. It begins when its
-patience ends, or when it or one near it has stepped to a wall."""
+"""Time during which an agent that plans looks for a way around the agents that stand near [s]. It begins when its
+patience ends, or when it or an agent near it has stepped to a wall."""
 
 IMPATIENCE_SECONDS = 2.0
 """Time between two searches for a way around others, for an agent that still waits during LOOKING_SECONDS [s]."""
@@ -31,7 +32,7 @@ NEARBY = 2.5
 """Distance within which others count as near [m]."""
 
 AT_GOAL = 0.25
-"""Distance from a goal below which a standing agent that goes on from there has reached it [m]."""
+"""Distance from a goal below which a standing agent has reached it, if it goes on to another goal [m]."""
 
 
 def search_on(plans: Plans, view: View) -> None:
@@ -60,16 +61,17 @@ class Replanning:
             row = int(row_of[found.agent])
             if row == NONE:
                 plans.hand_out(found.agent, found.plan)  # not in the world yet: spawning takes it from there
-            # More of a motion whose beginning it walks; a continuation of another plan; a plan from a stand, its first
-            # result (None) or a longer one that still begins at node 0.
+            # More of a continuation that was joined to its plan: the search found its nodes from ``first`` (> 0) on.
             elif found.first:
                 self._go_on(view, row, found, found.first)
+            # The first result of a search for the continuation of its plan.
             elif found.first is None and found.join is not None:
                 self._join(view, row, found, found.join)
+            # A plan from a stand: the first result (None), or a longer one, all nodes of which are from its search (0).
             else:
                 self._hand_out(view, row, found)
 
-        # Standing agents that have no plan, or whose patience with their plan is over, request one.
+        # Standing agents that await no plan request one if they have none, or if their patience with it is over.
         waiting = (view.state == AgentState.WAITING) & assets.rest_nodes[view.node]
         rate = assets.steps_per_second
         blocked = plans.step - view.blocked_since
@@ -77,8 +79,8 @@ class Replanning:
         patience = np.where(looks, IMPATIENCE_SECONDS, PATIENCE_SECONDS) * rate
         patient = (view.blocked_since < 0) | (blocked < patience)
         rows = np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step))
-        # Those whose patience ends in one step change their order: the last in rank gets place 0, and goes first then.
-        # So two who only wait for each other take turns.
+        # Agents whose patience ends in the same step change their order: the last of them in rank gets place 0, and
+        # goes first from then on. So two that only wait for each other take turns.
         places = np.empty(len(rows), np.int64)
         places[np.lexsort((rows, view.rank[rows]))[::-1]] = np.arange(len(rows))
         of_rows = zip(rows.tolist(), view.agent[rows].tolist(), patient[rows].tolist(), places.tolist(), strict=True)
@@ -87,9 +89,9 @@ class Replanning:
             if agent in plans.motions:
                 if waits:
                     continue
-                # It keeps its plan, as it may be free before a way around is found. Others go first meanwhile.
+                # It keeps its plan, as its way may be free before a way around is found. Others go first meanwhile.
                 view.blocked_since[row] = plans.step
-                # While it looks around already, it keeps its rank.
+                # While it looks around already (LOOKING_SECONDS), it keeps its rank.
                 if not looks[row]:
                     view.rank[row] = view.turn[row] = plans.rank_behind_all(place)
                     plans.looked_around[agent] = plans.step
@@ -102,7 +104,7 @@ class Replanning:
             view.awaiting_plan[row] = True
             departure = int(view.node[row]), view.origin[row].copy()
             request = plans.itineraries.request(agent, view.pose[row, :2].copy(), departure=departure)
-            # The route that it followed serves again, unless its goal has changed.
+            # The route that it followed serves again, unless its goal has changed since.
             route = plans.routes.get(agent)
             if route is not None and (route.points[-1] != request.goal).any():
                 route = None
@@ -110,20 +112,25 @@ class Replanning:
             plans.request(agent, replace(request, route=route, around=view.pose[near].copy(), postures=postures))
 
     def _hand_out(self, view: View, row: int, found: Found) -> None:
-        """Give a plan to an agent that stands or has begun it; without a plan, let it stand for a while."""
+        """Give an agent the result of a search from a stand: a plan, a longer plan than it walks, or none.
+
+        Without a plan, let it stand until the search finds one. If the search has ended, it stands for RETRY_SECONDS,
+        or searches again at once if an edit made the result invalid. Its rank changes if it has no motion or no way to
+        its goal, or has a way again.
+        """
         plans, plan = self.plans, found.plan
-        # A search for a way around others has failed: keep the plan.
+        # The search for a way around others has failed: keep the plan.
         if plan is None and found.over and not found.outdated and found.agent in plans.motions:
             view.awaiting_plan[row] = False
             return
         view.awaiting_plan[row] = plan is None and not found.over
-        # The first result, or none: no node of it is played or reserved yet.
+        # The first plan of the search, or none: no node of it is played or reserved yet.
         if found.first is None or plan is None:
             view.cursor[row] = view.reserved[row] = NONE
         view.plan_digest[row] = 0 if plan is None else plan.digest
         plans.hand_out(found.agent, plan)
         plans.note_motion(found)
-        # If it finds no motion, it cannot go first: others may have to ask it to make room.
+        # Searches found no motion, so it ranks as if it set out now: others may have to ask it to make room.
         if plan is None and plans.is_stuck(found.agent):
             view.rank[row] = view.turn[row] = plans.rank(found.agent)
         # Without a way to its goal it ranks last; with one again, as if it set out now.
@@ -138,20 +145,24 @@ class Replanning:
             view.retry_step[row] = plans.step + int(pause * plans.assets.steps_per_second)
 
     def _join(self, view: View, row: int, found: Found, join: Join) -> None:
-        """Let a walking agent continue as was found, unless it has stopped or left its plan meanwhile."""
+        """Let a walking agent continue its plan along what was found behind ``join``.
+
+        Keep its plan instead if it has left or passed ``join`` meanwhile, or if the new route is not shorter than
+        ``join.shorter_than``. Either way it awaits no plan any more, unless the search has found nothing yet.
+        """
         plans, agent, cursor = self.plans, found.agent, int(view.cursor[row])
         plan = plans.motions.get(agent)
         fits = plan is not None and join.fits(plan, cursor)
         # Nothing yet: the search goes on.
         if found.plan is None and not found.over and fits:
             return
-        # No other way, or one that no longer fits or is no gain: keep the plan.
+        # Nothing was found, or what no longer fits or is no gain: keep the plan.
         view.awaiting_plan[row] = False
         if found.plan is None or plan is None or not fits or found.plan.route.length >= join.shorter_than:
             plans.searches.drop(agent)
             return
-        # Go on along the old nodes up to ``join.after``, then along the new ones. Numbers count from the present node;
-        # from the first one of the plan if the present node is the one before.
+        # Go on along the old nodes up to ``join.after``, then along the new ones. The joined plan begins with the
+        # present node; with the first node of the old plan if the present node is the one before it (cursor NONE).
         first = max(cursor, 0)
         joined = plan.joined(first, join.after, found.plan, join.reaches)
         plans.hand_out(agent, joined, join.after - first + 1)
@@ -162,7 +173,10 @@ class Replanning:
         view.plan_digest[row] = joined.digest
 
     def _go_on(self, view: View, row: int, found: Found, first: int) -> None:
-        """Replace the plan of a walking agent from node ``first`` on by what its search found since."""
+        """Replace the plan of a walking agent from node ``first`` on by what its search has found since.
+
+        If the search has found no motion that can be used, cut the plan off behind node ``first`` - 1.
+        """
         plan = self.plans.motions[found.agent]
         plan = plan.until(first - 1) if found.plan is None else plan.joined(0, first - 1, found.plan, reaches=False)
         self.plans.hand_out(found.agent, plan, first)
@@ -170,9 +184,9 @@ class Replanning:
         view.plan_digest[row] = plan.digest
 
     def _is_there(self, view: View, row: int, agent: int) -> bool:
-        """Return True if an agent stands at its goal already, as prescribed there, and goes on to another one.
+        """Return True if a standing agent is at its goal, as prescribed there, and goes on to another one.
 
-        ``accepts`` notes how it stands, and lets it try again a few times.
+        ``Itineraries.accepts`` notes how it stands, or lets it try again a few times if that is not as prescribed.
         """
         near = distance(view.pose[row, :2], view.goal[row]) < AT_GOAL
         itineraries = self.plans.itineraries
@@ -180,9 +194,10 @@ class Replanning:
 
 
 def reach_goal(plans: Plans, view: View, row: int) -> None:
-    """Count the goal of an agent that goes on from it as reached, and give it the next one.
+    """Count the present goal of a row as reached, and give it the next goal of its agent.
 
-    It searches the way there after the time that it stands at the goal reached.
+    It ranks as if it set out now, has no way ahead, and searches the way to the next goal only after the time for which
+    it is to stand at the goal reached.
     """
     agent = int(view.agent[row])
     seconds = plans.itineraries.reach(agent)
@@ -194,7 +209,7 @@ def reach_goal(plans: Plans, view: View, row: int) -> None:
 
 
 def standing_near(view: View, row: int) -> NDArray[np.int64]:
-    """Return the rows (k,) of others that stand within NEARBY meters: they wait or have arrived."""
+    """Return the rows (k,) of others that stand within NEARBY of ``row``: they wait or have arrived."""
     near = (view.state != AgentState.MOVING) & (hypot(*(view.pose[:, :2] - view.pose[row, :2]).T) < NEARBY)
     near[row] = False
     return np.flatnonzero(near)

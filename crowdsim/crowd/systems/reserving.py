@@ -1,4 +1,4 @@
-"""Reservations by Python: of agents that enter or reach a goal on the way, and of all while an event waits."""
+"""Reservations by Python: of agents that become captured or reach a goal on the way; of all while an event waits."""
 
 from __future__ import annotations
 
@@ -36,9 +36,10 @@ class Reserving:
         self._scratch = scratch
 
     def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
-        """Reserve the beginning of the plan of an agent that enters the world in the middle of a node.
+        """Reserve the beginning of the plan of an agent that becomes captured in the middle of a node.
 
-        Return the columns of its reservation; None if there is no room, or its plan has no node.
+        Return the columns of its reservation, as :meth:`reserve` does; None if there is no room, or its plan has no
+        node.
         """
         plan = self.plans.motions[walker.agent]
         obstacles = self.surroundings.obstacles(view, walker)
@@ -62,9 +63,12 @@ class Reserving:
     ) -> dict[str, Any] | None:
         """Find a reservation from a walker's pose on along a plan; return its columns, None if there is none.
 
-        ``walkers`` are the same one at several rates, which are tried in turn: a slower one stops in no narrow passage
-        if one before it could stand elsewhere; if ``strict``, none stops in one. It takes node ``following`` and as few
-        later ones as lead to a stop, or out of the world. Its timeline is scratch, which the next one overwrites.
+        ``walkers`` are the same walker at several rates, which are tried in turn. At a slower rate it stops in no
+        narrow passage if at one before it could stand elsewhere; if ``strict``, it stops in none at any rate. The
+        reservation takes node ``following`` of the plan and as few later ones as lead to a stop, or out of the world.
+
+        The columns are values of the row by name, for those of :data:`crowdsim.crowd.state.components.COLUMNS` that
+        change (``rank`` only if the walker has a row). ``timeline`` is scratch memory, which the next call overwrites.
         """
         assets, walker = self.plans.assets, walkers[0]
         available = min(plan.count - following, LOOKAHEAD)
@@ -79,7 +83,8 @@ class Reserving:
         leaves = plan.arrives and last and not walker.stays and following + available == plan.count
         everyone = self.surroundings.everyone(view)
         ahead_of = chain, self._scratch.draft, 1, available, leaves
-        # Behind a passage, places that a faster one can reach may be too far for the timeline of a slower one.
+        # Behind a passage, places that are reached at a faster rate may be too far for the timeline of a slower one:
+        # that is no reason to stop in the passage.
         for walker in walkers:
             now = walker.row, walker.frame, walker.playback
             taken, gone, stands = reserve(assets.graph, obstacles, everyone, *now, *ahead_of, strict, timeline)
@@ -107,14 +112,15 @@ class Reserving:
         return columns
 
     def find_ways(self, view: View, row: int, plan: MotionPlan, following: int, obstacles: Obstacles) -> None:
-        """Publish the way ahead along a plan from node ``following`` on, and gather the ways of rows that go first.
+        """Publish the way ahead of a row along its plan from node ``following`` on; set its rank.
 
-        A row that follows another one closely takes over its rank.
+        A row that follows another one closely takes the rank right behind that one's. The ways of rows that go first
+        are gathered in ``scratch.ways``. ``obstacles`` are those of the row.
         """
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
         near, scratch = self.surroundings.neighbors(view), self._scratch
         rest = view.timeline[row, -1, :2]
-        # The way begins there: searches for ways must reach as far.
+        # The way begins at ``rest``: searches of rows by their ways must reach as far.
         near.spread[OF_WAYS] = max(near.spread[OF_WAYS], distance(rest, near.places[row]))
         behind = rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near)
         view.rank[row] = rank_at(view.turn[row], behind, *rest, obstacles.passages, obstacles.body_radius)

@@ -1,11 +1,11 @@
 """Reservation of the next nodes of a plan: at the natural rate, more slowly, or while others give way.
 
-Arguments of all helpers: ``rows`` (columns of all rows), ``progress`` and ``scratch`` as of
-:mod:`crowdsim.crowd.systems.going_on`; ``row``, one of the rows, and ``agent``, the number of its agent; ``table``
-(:class:`crowdsim.crowd.search.plan_table.PlanTable`), the plans of all agents; ``obstacles``, ``everyone`` (the
-timelines of all rows) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of its node from
-which a row goes on. ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`). Rates are in
-ticks per step, FRAME_TICKS of which are a frame.
+Arguments of all helpers: ``rows`` (Rows, the columns of all rows), ``progress`` (Progress) and ``scratch`` (Scratch) as
+of :mod:`crowdsim.crowd.systems.going_on`; ``row``, one of the rows, and ``agent``, the number of its agent; ``table``
+(:class:`crowdsim.crowd.search.plan_table.PlanTable`), the plans of all agents; ``obstacles`` (Obstacles), ``everyone``
+(Timelines, those of all rows) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of its
+node from which a row goes on. ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`). Rates
+are in ticks per step, FRAME_TICKS of which are a frame.
 """
 
 import math
@@ -25,25 +25,25 @@ LOOKAHEAD = 12
 """Largest number of nodes of the plan that one reservation takes, if the agent cannot come to a stand after fewer."""
 
 BEHIND_METERS = 2.0
-"""Distance behind another agent of the same way up to which one takes its turn [m], so that not each agent at a
-door waits for its own turn."""
+"""Distance behind another agent on the same way up to which an agent takes the rank right behind the other's [m], so
+that agents go through a door in groups."""
 
 BEHIND_WIDTH = 0.6
-"""Distance of the other agent from the way up to which it is followed [m]."""
+"""Distance of the other agent from the own way up to which an agent follows it, that is, takes that rank [m]."""
 
 WAY_ROOM = 0.2
-"""Room beyond the radii of both bodies that stops keep from the ways of others [m], so that these can give way."""
+"""Distance, beyond the sum of both bodies' radii, that the stop of one agent keeps from the way of another [m]."""
 
 WAY_METERS = 4.0
 """Length of the way ahead in which others do not stop (they may cross it) [m]."""
 
 WAY_REACH = 3.0 * WAY_METERS
-"""Distance between the begins of two ways up to which one is kept free for the other [m]."""
+"""Distance between the begins of the ways of two agents up to which one agent keeps the way of the other free [m]."""
 
 
 @helper
 def plan_of(table, agent):
-    """Return nodes (n,) int32, origins and blend offsets (n, 3) [m, rad] of the plan of an agent, which has one."""
+    """Return nodes (n,) int32, origins and blend offsets (n, 3) [m, rad] of the plan of an agent that has one."""
     # The table holds the addresses of arrays that the plan keeps alive.
     places, count = table.places[agent], np.int64(table.nodes[agent])
     return (
@@ -55,7 +55,7 @@ def plan_of(table, agent):
 
 @helper
 def rates_of(table, agent):
-    """Return the rates (n,) int64 of the nodes of an agent's plan while nothing is in its way [ticks/step]."""
+    """Return the rates (n,) int64 of the nodes of an agent's plan if nothing is in the way [ticks/step]."""
     return array_at(table.places[agent][3], (np.int64(table.nodes[agent]),), np.int64)
 
 
@@ -63,9 +63,8 @@ def rates_of(table, agent):
 def frame_of(graph, rows, row, playback):
     """Return the frame of its node from which a row goes on, and True if it can leave its node in this step.
 
-    ``rows`` are the columns of the captured agents (:mod:`crowdsim.crowd.state.components`), ``row`` is one of
-    them. Time within a frame is counted in ticks, FRAME_TICKS of which are a frame. An agent in an idle node can leave
-    it in any step: it then counts as at the end of that node.
+    An agent in an idle node can leave it in any step: it then counts as at the end of that node. In other nodes it goes
+    on from the present frame.
     """
     length = np.int64(graph.node_frames[rows.node[row]])
     frame = np.int64(rows.frame[row])
@@ -81,8 +80,8 @@ def frame_of(graph, rows, row, playback):
 def playback_of(graph, rows, row, playback, wanted):
     """Return the playback of a row from now on, at a rate that approaches ``wanted`` [ticks/step].
 
-    A standing row starts at the wanted rate, as no movement shows a sudden change, and at a whole frame. All else is
-    that of ``playback``.
+    A row in an idle node starts at the wanted rate, as a sudden change does not show in a stand, and at a whole frame.
+    The other values are those of ``playback``.
     """
     stands = graph.node_idle[rows.node[row]]
     return Playback(
@@ -138,8 +137,8 @@ def obstacles_of(obstacles, rows, row, ways):
 def own_timeline(rows, row, timeline, gone, playback, everyone):
     """Reserve a timeline (K, 13) for a row from the present slot on, and play its nodes as ``playback`` says.
 
-    ``gone`` is the slot from which the row takes no room. Sets the row's timeline, circle, slots and rates. The
-    neighbor search ``everyone.near`` gets the new circle.
+    ``gone`` is the slot from which on the row takes no room, FOREVER if it stays. Sets the row's timeline, circle,
+    slots, rates and ``part``. The neighbor search ``everyone.near`` gets the new circle.
     """
     # Circle around the first sample that contains all others; rounding must not leave any of them outside.
     circle = rows.timeline_circle[row]
@@ -162,15 +161,16 @@ def own_timeline(rows, row, timeline, gone, playback, everyone):
 def prepare(rows, row, table, progress, obstacles, everyone, scratch):
     """Publish the way ahead of a row, and lay its present node and the next ones of its plan into ``scratch.chain``.
 
-    ``obstacles`` are those of a body with a radius of 1 m. Sets the way and the rank of the row. Return the obstacles
-    of its own body, with the ways of others that it keeps free; the number of next nodes laid; and True if it leaves
-    the world at the end of the last one.
+    ``obstacles`` are those of a body with a radius of 1 m. Sets the way and the rank of the row, and ``scratch.ways``.
+    Return the obstacles of its own body, with the ways of others that it keeps free; the number of next nodes laid,
+    LOOKAHEAD at most; and True if it leaves the world at the end of the last one.
     """
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
     nodes, origins, blend_offsets = plan_of(table, agent)
 
-    # Publish the way ahead, take over the rank of an agent that it follows, and gather the ways to be kept free.
+    # Publish the way ahead, from the end of its present timeline on; take over the rank of an agent that it follows;
+    # and gather the ways to be kept free.
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, rows.way[row])
     widen_way(everyone.near, row, rows.timeline[row, -1, 0], rows.timeline[row, -1, 1])
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, everyone.near)
@@ -199,9 +199,10 @@ def prepare(rows, row, table, progress, obstacles, everyone, scratch):
 
 @helper
 def own_nodes(rows, row, table, taken, timeline, gone, playback, everyone, obstacles):
-    """Let a row own the next ``taken`` nodes of its plan with their ``timeline``; its way begins at the end of that.
+    """Let a row own the next ``taken`` nodes of its plan with their ``timeline``; its way begins where that ends.
 
-    ``gone`` is the slot from which the row takes no room; ``obstacles`` are those of its own body.
+    ``gone`` is the slot from which on the row takes no room; ``obstacles`` are those of its own body. If the timeline
+    ends in a narrow passage, the row ranks before all outside of passages from now on.
     """
     following = np.int64(rows.cursor[row]) + 1
     _, origins, _ = plan_of(table, np.int64(rows.agent[row]))
@@ -216,12 +217,11 @@ def own_nodes(rows, row, table, taken, timeline, gone, playback, everyone, obsta
 def reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, playback, frame):
     """Reserve the next nodes of a row's plan, as few as end in a stand or out of the world; return True on success.
 
-    Arguments are those of :func:`~crowdsim.crowd.systems.choose_kernels.go_on`; ``frame`` is that of the present node
-    from which the row goes on.
+    Arguments are those of :func:`~crowdsim.crowd.systems.choose_kernels.go_on`.
 
-    If it cannot at the rate of its next node, it tries the slowest one: then it need not stop behind others that walk
-    ahead.
-    Its way and rank are set in any case; its timeline, rates and ``reserved`` (last reserved node) on success only.
+    If it cannot at the rate of its next node, it tries the slowest rate: so it need not stop behind others that walk
+    ahead. Its way and rank are set in any case; its timeline, rates and ``reserved`` (last reserved node) on success
+    only.
     """
     kept_clear, available, leaves = prepare(rows, row, table, progress, obstacles, everyone, scratch)
     chain, timeline = scratch.chain, scratch.timeline
@@ -244,8 +244,8 @@ def reserve_on(graph, rows, row, table, progress, obstacles, everyone, scratch, 
 def ask_on(graph, rows, row, table, progress, obstacles, everyone, scratch, playback, frame, asking):
     """Reserve the next nodes of a row's plan as :func:`reserve_on` does, for which others may be asked to give way.
 
-    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`. It tries the row's own rate only. Return how many
-    rows give way: the first ones of ``asking.trail``; -1 if no reservation is possible.
+    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`. Only the row's own rate is tried. Return how many
+    rows give way (the first ones of ``asking.trail``), 0 or more; -1 if no reservation is possible.
     """
     kept_clear, available, leaves = prepare(rows, row, table, progress, obstacles, everyone, scratch)
     chain, draft, timeline = scratch.chain, scratch.draft, scratch.timeline
@@ -262,12 +262,13 @@ def ask_on(graph, rows, row, table, progress, obstacles, everyone, scratch, play
 
 @kernel
 def slow_down(graph, rows, row, obstacles, everyone, scratch, playback, frame):
-    """Let a row play the rest of its node, and the stop behind it, slower if that meets nothing; return True if so.
+    """Let a row play the rest of its node, and the stop behind it, at the slowest rate; return True on success.
 
-    ``obstacles`` are those of its own body; ``playback`` is at the natural rate.
+    It fails if the row is to be as slow already, or if it would meet an obstacle or another agent. On success the row
+    owns the new timeline. ``obstacles`` are those of its own body; ``playback`` is at the natural rate.
     """
     slow = slowest(playback)
-    # It is as slow already.
+    # It is as slow already, or about to be.
     if rows.wanted_rate[row] <= slow:
         return False
     mine = playback_of(graph, rows, row, playback, slow)

@@ -30,14 +30,14 @@ NO_MOTION = "there is a path, but no motion of the set follows it; add clips tha
 
 @dataclass
 class Spawning:
-    """Search motions ahead of time for agents about to enter, and let them in one by one, in order."""
+    """Search motions ahead of time for agents about to enter, and let them in one by one, by ascending number."""
 
     world: World
     plans: Plans
     requested: dict[int, int] = field(default_factory=dict)
-    """Step in which each agent asked for its motion."""
+    """By agent: step in which its motion was requested last."""
     refused: dict[int, int] = field(default_factory=dict)
-    """Step in which each agent last found its place taken."""
+    """By agent: step in which its place was last found taken."""
     spawned: NDArray[np.int64] = field(init=False)
     """(n,) step in which each agent entered the world, -1 before."""
 
@@ -51,10 +51,10 @@ class Spawning:
         self._pause = max(SLOT_FRAMES // self.assets.frames_per_step, 1)
 
     def spawn(self, view: View, wanted: NDArray[np.bool_] | None = None, bodies: StandingBodies = NO_BODIES) -> None:
-        """Ask the world for the agents whose time has come, and plan for those whose time is near.
+        """Let agents enter whose time has come, whose motion is found and whose place is free; plan for those due soon.
 
-        ``wanted`` (n,): which agents may enter; all if None. They keep clear of the ``bodies`` of steered
-        agents.
+        They appear with the next ``apply_changes`` of the world. ``wanted`` (n,): which agents may plan and enter; all
+        if None. They keep clear of the ``bodies`` of steered agents.
         """
         step = self.plans.step
         slot = slot_of(step, self.assets.frames_per_step)
@@ -65,7 +65,7 @@ class Spawning:
             plan = self.plans.motions.get(agent)
             if plan is None:
                 self._ask(agent)
-            # Its time has come, and its place was not found taken within the last slot.
+            # Its time has come, and its place was not found taken within the last slot (``_pause`` steps).
             elif max(self.cast.start_steps[agent], self.refused.get(agent, -self._pause) + self._pause) <= step:
                 position = plan.departure[:2]
                 # It may have to stand there, swaying; as a disc, it has no core (half length 0.0).
@@ -110,12 +110,16 @@ class Spawning:
         self.refused.pop(agent, None)
 
     def _ask(self, agent: int) -> None:
-        """Request a motion for an agent without one, unless a search is under way, or would fail as before."""
+        """Request a motion for an agent without one, unless a search is under way, or would fail as before.
+
+        In the last case, note the reason in ``plans.unreachable``.
+        """
         plans = self.plans
         if agent in self.requested:
             if plans.searches.is_under_way(agent):
                 return
-            # Its search has failed. Try again only if the environment has changed since.
+            # Its search has failed. Try again only if the environment has changed in a later step than the request, as
+            # events of a step come before its requests.
             if self.requested[agent] >= plans.environment.last_edit_step:
                 # Without a reason, a path was found, but no motion.
                 plans.unreachable.setdefault(agent, NO_MOTION)
@@ -124,7 +128,10 @@ class Spawning:
         self._request(agent)
 
     def _request(self, agent: int) -> None:
-        """Request the motion to the first goal that is not at the start, or to the last one."""
+        """Request the motion to the first goal that is not at the start, or to the last one.
+
+        Goals before it, which are at the start, count as reached.
+        """
         self.requested[agent] = self.plans.step
         itineraries = self.plans.itineraries
         for _ in self.cast.goals[agent]:

@@ -30,14 +30,14 @@ class Surroundings:
         self.bodies: StandingBodies = NO_BODIES
         """Bodies of steered agents, which stand still as far as reservations know."""
         self._near: tuple[View, Neighbors] | None = None
-        # For a view and bodies: distinct goals of the agents in the world (NONE for those with several), and how many
-        # agents these are.
+        # For a view and bodies: distinct goals of the agents in the world, captured or steered (NONE for agents with
+        # several goals), and the number of these agents.
         self._present: tuple[View, StandingBodies, NDArray[np.int64], int] | None = None
-        # Revision of the environment and goal for which passages at the goal were found last, and these.
+        # Revision of the environment and goal for which passages at the goal were found last, and these passages.
         self._at_goal: tuple[int, int, NDArray[np.float64]] = NONE, NONE, _NOTHING
 
     def begin(self) -> None:
-        """Begin a step; rows have moved since the last one."""
+        """Begin a step: forget what was found for the rows of the last one, which have moved since."""
         self._near = self._present = None
 
     def obstacles(self, view: View, walker: Walker) -> Obstacles:
@@ -45,13 +45,17 @@ class Surroundings:
         return self._obstacles(view, walker, self._kept_free(view, walker))
 
     def of_any(self, view: View, playback: Playback) -> Obstacles:
-        """Return the obstacles from which kernels derive those of each row: distances in radii of its body."""
-        # In the world (its row is not NONE), no steered body is its own (agent NONE), and its body has a radius of 1 m.
+        """Return the obstacles from which kernels derive those of each row (`obstacles_of`).
+
+        They are those of a body with a radius of 1 m, so that distances are in radii of the row's body. Outlines of
+        movables about to appear are left out.
+        """
+        # In the world (row 0, not NONE); no steered body is its own (agent NONE); its body has a radius of 1 m.
         walker = Walker(0, NONE, 0, 0, playback, _NOTHING, _NOTHING, _NOTHING, 1.0, False)
         return self._obstacles(view, walker, _NOTHING)
 
     def with_ways(self, obstacles: Obstacles, scratch: Scratch) -> Obstacles:
-        """Return obstacles with the ways noted last in ``scratch``, in which their body must not stop."""
+        """Return ``obstacles`` with the ways that ``scratch`` holds, in which their body must not stop."""
         ways = scratch.ways[: scratch.ways_count[0]]
         return obstacles._replace(ways=ways, way_width=2.0 * obstacles.body_radius + WAY_ROOM)
 
@@ -84,15 +88,16 @@ class Surroundings:
     def _passages(self, view: View, walker: Walker) -> NDArray[np.float64]:
         """Return the segments (S, 4) across narrow passages in which agents may meet that come from both sides [m].
 
-        An agent that is alone in the world meets none. Agents that all go to one goal come through each passage from
-        one side, unless it lies among the places of the goal: their shortest ways lead only one way through it.
+        An agent that is alone in the world meets no other. Agents that all go to one goal come through each passage
+        from one side, as their shortest ways lead through it in one direction; only passages among the places of the
+        goal, or near these, are returned then.
         """
         if self._present is None or self._present[0] is not view or self._present[1] is not self.bodies:
             agents = np.union1d(view.agent, self.bodies.rows["id"])
             goals = np.unique(self.plans.itineraries.cast.only_goals[agents])
             self._present = view, self.bodies, goals, len(agents)
         _, _, goals, count = self._present
-        # An agent that is about to enter is not in the world yet, unless it steered before.
+        # A walker without a row is not counted in the world yet, unless it has been steered until now.
         enters = walker.row == NONE and walker.agent not in self.bodies.rows["id"]
         if count + enters < 2:
             return _NOTHING
@@ -101,7 +106,7 @@ class Surroundings:
         # With several goals, agents may come from both sides of any passage.
         if len(goals) > 1 or goal == NONE or (enters and cast.only_goals[walker.agent] != goal):
             return environment.passages
-        # One goal: only passages near its region count.
+        # One goal: only passages near its region, or between its parts (convex hull), count.
         if self._at_goal[:2] != (environment.revision, goal):
             lines = shapely.linestrings(environment.passages.reshape(-1, 2, 2))
             off = shapely.distance(lines, cast.regions[goal].convex_hull)
@@ -112,13 +117,13 @@ class Surroundings:
     def _kept_free(self, view: View, walker: Walker) -> NDArray[np.float64]:
         """Return the outlines (M, 4) of movables about to appear, as segments: x, y of both ends [m].
 
-        Outlines that the agent is near, or has reserved to come near, are left out: it must be free to go away.
+        Outlines that the walker is near, or has reserved to come near, are left out: it must be free to go away.
         """
         waited_for = self.plans.environment.waited_for
         if not waited_for:
             return _NOTHING
         slot = slot_of(self.plans.step, self.plans.assets.frames_per_step)
-        # Where it is before it enters; then all that is left of its reserved timeline.
+        # A walker without a row is at its place; another one, on all that is left of its reserved timeline.
         if walker.row == NONE:
             line = shapely.Point(walker.place)
         else:
