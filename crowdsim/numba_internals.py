@@ -1,7 +1,8 @@
 """Changes to numba's private parts that make kernels faster or compile sooner; none changes a result.
 
 Only `crowdsim/jit.py` imports this module. It calls :func:`try_out` first and uses plain numba if that fails.
-docs/design.md lists what each part gains, and the command that measures it.
+`crowdsim/numba_tuples.py` holds those that concern tuples. docs/design.md lists what each part gains, and the command
+that measures it.
 """
 
 from __future__ import annotations
@@ -12,12 +13,10 @@ import pickle
 import warnings
 from collections import Counter
 from collections.abc import Callable
-from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir as llvm
 from numba import njit, types
 from numba.core import cgutils, ir
 from numba.core.caching import IndexDataCacheFile
@@ -26,22 +25,20 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering
-from numba.core.datamodel.models import DataModel, TupleModel, UniTupleModel
-from numba.core.boxing import unbox_tuple
-from numba.core.datamodel.packer import _flatten
-from numba.core.runtime.context import NRTContext
-from numba.core.types.functions import BaseFunction
-from numba.extending import NativeValue, intrinsic, register_model, unbox
+from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
+from crowdsim import numba_tuples
 from crowdsim.errors import CacheWarning
+from crowdsim.numba_tuples import value_at
 
 _OVERRIDDEN = (
-    (Lower, ("pre_lower", "lower_assign", "delvar")),
+    (Lower, ("pre_lower", "lower_assign", "storevar", "loadvar", "delvar", "_alloca_var")),
     (NativeLowering, ("lowering_class",)),
     (CompilerBase, ("define_pipelines",)),
     (IndexDataCacheFile, ("save", "load", "_open_for_write", "_dump")),
     (JITCodeLibrary, ("codegen", "get_pointer_to_function", "_optimize_final_module", "_finalize_final_module")),
+    *numba_tuples.OVERRIDDEN,
 )
 """Methods that the classes below override, by class. If numba no longer has one of them, its override has no effect."""
 
@@ -95,7 +92,7 @@ class _BorrowingLower(Lower):
                 self._read[path] = (
                     self.builder.extract_value(argument, path[1:])
                     if place is None
-                    else _value_at(self.builder, cgutils.gep_inbounds(self.builder, place, 0, *path[1:]))
+                    else value_at(self.builder, cgutils.gep_inbounds(self.builder, place, 0, *path[1:]))
                 )
         return self._read[path]
 
@@ -123,175 +120,6 @@ class _BorrowingLower(Lower):
         """Delete a variable; a borrowed one stays, because its count was not incremented."""
         if self._path(name) is None:
             super().delvar(name)
-
-
-_FEW = 8
-"""Most numbers and pointers of a NamedTuple that is handed to a function one by one."""
-
-
-def _value_at(builder: Any, place: Any) -> Any:
-    """Read a value from a place in memory that does not change while the function runs; keep the place with it."""
-    value = builder.load(place)
-    value.place = place
-    return value
-
-
-class _ReferredTuple(DataModel):
-    """How a NamedTuple of this package is handed to functions: by its address, if it is large.
-
-    numba hands over each number and pointer of it as an argument of its own: hundreds of them from kernel to kernel,
-    each taken out of the tuple for the call, and put into it again in the function.
-    """
-
-    def is_referred(self) -> bool:
-        """Return whether functions get the address of the tuple."""
-        is_own = self.fe_type.instance_class.__module__.partition(".")[0] == __package__
-        return is_own and len(list(_flatten([super().get_argument_type()]))) > _FEW
-
-    def get_argument_type(self) -> Any:
-        """Return the LLVM type of the argument, a nested tuple of types if there are several."""
-        return self.get_value_type().as_pointer() if self.is_referred() else super().get_argument_type()
-
-    def as_argument(self, builder: Any, value: Any) -> Any:
-        """Return the argument for a tuple: the place that it was read from, else a new one on the stack."""
-        if not self.is_referred():
-            return super().as_argument(builder, value)
-        place = getattr(value, "place", None)
-        if place is None:
-            with builder.goto_entry_block():
-                place = builder.alloca(value.type)
-            builder.store(value, place)
-        return place
-
-    def from_argument(self, builder: Any, value: Any) -> Any:
-        """Return the tuple of an argument."""
-        return _value_at(builder, value) if self.is_referred() else super().from_argument(builder, value)
-
-    def traverse(self, builder: Any) -> list[tuple[Any, Callable[[Any], Any]]]:
-        """Return the type of each field, and a function that returns the field of a tuple."""
-
-        def field_of(value: Any, field: int) -> Any:
-            if not hasattr(value, "place"):
-                return builder.extract_value(value, field)
-            return _value_at(builder, cgutils.gep_inbounds(builder, value.place, 0, field))
-
-        return [(kind, partial(field_of, field=field)) for field, kind in enumerate(self.fe_type)]
-
-
-@register_model(types.NamedTuple)
-class _ReferredNamedTuple(_ReferredTuple, TupleModel):
-    """A NamedTuple whose fields have several types."""
-
-
-@register_model(types.NamedUniTuple)
-class _ReferredNamedUniTuple(_ReferredTuple, UniTupleModel):
-    """A NamedTuple whose fields have one type."""
-
-
-@unbox(types.BaseNamedTuple)
-def _unbox_named_tuple(kind: Any, given: Any, c: Any) -> NativeValue:
-    """Take a NamedTuple from Python: one call an array, not dozens of instructions, if it is handed on by address."""
-    if not c.context.data_model_manager[kind].is_referred():
-        return unbox_tuple(kind, given, c)
-    with c.builder.goto_entry_block():
-        place = c.builder.alloca(c.context.get_value_type(kind))
-    failed = _fill_tuple(kind, given, place, c)
-    return NativeValue(_value_at(c.builder, place), is_error=failed)
-
-
-def _fill_tuple(kind: Any, given: Any, place: Any, c: Any) -> Any:
-    """Generate code that fills a tuple at a place from one of Python, and return whether it fails, with an error set.
-
-    numba has compared the types of both before. Fields are arrays, tuples and numbers, which need no cleaning up.
-    """
-    failed = cgutils.false_bit
-    for field, part in enumerate(kind):
-        to = cgutils.gep_inbounds(c.builder, place, 0, field)
-        if isinstance(part, types.Array):
-            itemsize = c.context.get_abi_sizeof(c.context.get_data_type(part.dtype))
-            numbers = (ir_number(field), c.builder.bitcast(to, cgutils.voidptr_t), ir_number(itemsize))
-            wrong = c.builder.call(_array_from_python(c), (given, *numbers))
-        elif isinstance(part, types.BaseTuple):
-            wrong = _fill_tuple(part, c.pyapi.tuple_getitem(given, field), to, c)
-        else:
-            native = c.unbox(part, c.pyapi.tuple_getitem(given, field))
-            c.builder.store(native.value, to)
-            wrong = native.is_error
-        failed = c.builder.or_(failed, wrong)
-    return failed
-
-
-def ir_number(value: int) -> Any:
-    return cgutils.intp_t(value)
-
-
-def _array_from_python(c: Any) -> Any:
-    """Return a function of LLVM that fills an array at a place from an item of a tuple, and returns whether it fails.
-
-    Its arguments are the tuple, the number of the item, the place, and the size of an element [byte].
-    """
-    name = "crowdsim.array_from_python"
-    found = c.builder.module.globals.get(name)
-    if found is not None:
-        return found
-    kinds = (c.pyapi.pyobj, cgutils.intp_t, cgutils.voidptr_t, cgutils.intp_t)
-    function = llvm.Function(c.builder.module, llvm.FunctionType(cgutils.bool_t, kinds), name)
-    function.linkage = "internal"
-    given, field, place, itemsize = function.args
-    builder = llvm.IRBuilder(function.append_basic_block("entry"))
-    api = c.context.get_python_api(builder)
-    item = builder.call(api._get_function(llvm.FunctionType(api.pyobj, (api.pyobj, api.py_ssize_t)), "PyTuple_GetItem"), (given, field))
-    is_none = builder.icmp_signed("!=", api.nrt_adapt_ndarray_from_python(item, place), cgutils.int32_t(0))
-    # An array at a place begins with the addresses of its memory block and its parent, then the counts of items and of bytes in each.
-    held = builder.load(builder.gep(builder.bitcast(place, cgutils.intp_t.as_pointer()), [cgutils.intp_t(3)]))
-    failed = builder.or_(is_none, builder.icmp_signed("!=", held, itemsize))
-    with builder.if_then(failed, likely=False):
-        api.err_set_string("PyExc_TypeError", "a field of a NamedTuple is no array of the expected type")
-    builder.ret(failed)
-    return function
-
-
-@cache
-def _is_counted(model: Any) -> bool:
-    """Return whether values of a data model hold memory whose references are counted."""
-    return model.contains_nrt_meminfo()
-
-
-def _meminfos(self: NRTContext, builder: Any, kind: Any, value: Any) -> list[tuple[Any, Any]]:
-    """Return the memory blocks in a value, with the type of each, as NRTContext does.
-
-    It takes out of a value only what holds some. numba takes out each number, too, which is most of the code
-    generated for a tuple of arrays.
-    """
-    model = self._context.data_model_manager[kind]
-    found = [(kind, model.get_nrt_meminfo(builder, value))] if model.has_nrt_meminfo() else []
-    for part, part_of in model.traverse(builder):
-        if _is_counted(self._context.data_model_manager[part]):
-            found += self.get_meminfos(builder, part, part_of(value))
-    return found
-
-
-NRTContext.get_meminfos = _meminfos
-
-_resolve_call = BaseFunction.get_call_type
-
-
-@cache
-def _resolve_operation(function: BaseFunction, context: Any, kinds: tuple[Any, ...]) -> Any:
-    return _resolve_call(function, context, kinds, {})
-
-
-def _get_call_type(self: BaseFunction, context: Any, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
-    """Return the signature of a call of a function of numba; that for plain numbers is found once, then kept.
-
-    For `a < b`, numba tries tens of definitions, for arrays, too, each time.
-    """
-    if kws or not all(isinstance(each, (types.Number, types.Boolean)) for each in args):
-        return _resolve_call(self, context, args, kws)
-    return _resolve_operation(self, context, args)
-
-
-BaseFunction.get_call_type = _get_call_type
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -477,22 +305,46 @@ def array_at(_: Any, address: Any, shape: Any, dtype: Any) -> Any:
     return kind(address, shape, dtype), generate
 
 
+class _Tried(NamedTuple):
+    """What :func:`try_out` hands to a kernel: enough to be handed on by address, the smaller tuple within it not."""
+
+    numbers: Any
+    counts: Any
+    within: Any
+
+
 def try_out(**options: Any) -> None:
-    """Compile and run a kernel with a helper; raise an exception if numba is not built as this module expects."""
+    """Compile and run a kernel with a helper; if numba is not built as expected, take the changes back and raise.
+
+    Raises
+    ------
+    Exception
+        Of any type: numba has other private parts.
+    """
+    try:
+        _try_out(**options)
+    except Exception:
+        numba_tuples.undo()
+        raise
+
+
+def _try_out(**options: Any) -> None:
     for owner, names in _OVERRIDDEN:
         for name in names:
             getattr(owner, name)
 
-    helper = linked_helper(lambda values, more: values[0] + more, **options)
+    helper = linked_helper(lambda tried, more: tried.numbers[0] + tried.within[1][0] + more, **options)
 
-    def kernel(values: Any, address: int) -> Any:
-        return helper(values, 1.0) + array_at(address, (1,), np.float64)[0]
+    def kernel(tried: Any, address: int) -> Any:
+        changed = _Tried(tried.numbers[1:], tried.counts, tried.within)
+        return helper(tried, 1.0) + helper(changed, 1.0) + array_at(address, (1,), np.float64)[0]
 
-    values = np.ones(1)
-    if borrowing_kernel(**options)(kernel)(values, values.ctypes.data) != 3.0:
+    numbers, counts = np.array([1.0, 2.0]), np.array([3])
+    tried = _Tried(numbers, counts, (counts, counts))
+    if borrowing_kernel(**options)(kernel)(tried, numbers.ctypes.data) != 12.0:
         raise RuntimeError("a kernel with a helper gives a wrong sum")
     try:
-        helper(values, 1.0)
+        helper(tried, 1.0)
     except TypeError:
         return
     raise RuntimeError("a helper can be called from Python")

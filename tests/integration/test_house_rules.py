@@ -14,7 +14,7 @@ from tests.support.module_state import state_in
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "crowdsim"
 SOURCES = sorted(path for folder in ("crowdsim", "tests", "tools") for path in (ROOT / folder).rglob("*.py"))
-MAY_IMPORT_NUMBA = {"first_run.py", "jit.py", "numba_internals.py", "cli/doctor.py", "cli/progress.py"}
+MAY_IMPORT_NUMBA = {"first_run.py", "jit.py", "numba_internals.py", "numba_tuples.py", "cli/doctor.py", "cli/progress.py"}
 MAY_READ_A_CLOCK = {"cli", "bench", "live", "playback"}
 MAY_USE_ANY_SINE = {"analysis", "cli", "bench", "export", "live", "playback"}
 DRAWS = {"figures.py", "motion/analysis/graph_picture.py", "navmesh/picture.py", "scenario/picture.py"}
