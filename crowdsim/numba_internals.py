@@ -64,7 +64,8 @@ class _BorrowingLower(Lower):
     def _path(self, name: str) -> tuple[int, ...] | None:
         """Return the argument's number and the numbers of fields that lead to a variable's value; None if none do."""
         if name not in self._paths:
-            value, path = self._once.get(name), None
+            value: Any = self._once.get(name)
+            path: tuple[int, ...] | None = None
             if isinstance(value, ir.Arg):
                 if self.typeof("arg." + value.name) == self.typeof(name):
                     path = (value.index,)

@@ -165,9 +165,6 @@ def _is_counted(model: Any) -> bool:
     return bool(model.contains_nrt_meminfo())
 
 
-_get_meminfos = NRTContext.get_meminfos
-
-
 def _counted_parts(self: NRTContext, builder: Any, kind: Any, value: Any) -> list[tuple[Any, Any]]:
     """Return the memory blocks in a value, with the type of each, as ``NRTContext.get_meminfos`` does.
 
@@ -181,9 +178,7 @@ def _counted_parts(self: NRTContext, builder: Any, kind: Any, value: Any) -> lis
     return found
 
 
-NRTContext.get_meminfos = _counted_parts
-
-_resolve_call = BaseFunction.get_call_type
+_resolve_call: Any = BaseFunction.get_call_type
 
 
 @cache
@@ -202,12 +197,17 @@ def _get_call_type(self: BaseFunction, context: Any, args: tuple[Any, ...], kws:
     return _resolve_numbers(self, context, args)
 
 
-BaseFunction.get_call_type = _get_call_type
+_CHANGED = ((NRTContext, "get_meminfos", _counted_parts), (BaseFunction, "get_call_type", _get_call_type))
+_USUAL = [(owner, name, getattr(owner, name)) for owner, name, _ in _CHANGED]
+
+for _owner, _name, _method in _CHANGED:
+    setattr(_owner, _name, _method)
 
 
 def undo() -> None:
     """Take back what this module has changed in numba."""
-    NRTContext.get_meminfos, BaseFunction.get_call_type = _get_meminfos, _resolve_call
+    for owner, name, method in _USUAL:
+        setattr(owner, name, method)
     default_manager.register(types.NamedTuple, TupleModel)
     default_manager.register(types.NamedUniTuple, UniTupleModel)
     default_manager._cache.clear()
