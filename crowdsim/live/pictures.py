@@ -40,7 +40,7 @@ def picture_columns(motion: MotionRecord) -> Columns:
     In this order each column begins at a multiple of the size of its type, as the arrays of JavaScript need.
     """
     columns = [*_ALWAYS, *(_CAPTURED if len(motion.node_names) else ()), *(_STEERED if motion.gaits else ())]
-    if len(motion.node_names) > np.iinfo(np.int16).max:  # more nodes than int16 can number
+    if len(motion.node_names) > np.iinfo(np.int16).max:  # more nodes than int16 surely numbers
         columns = [(name, "int32" if kind == "int16" else kind) for name, kind in columns]
     return tuple(sorted(columns, key=lambda column: -np.dtype(column[1]).itemsize))
 

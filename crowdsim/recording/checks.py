@@ -151,18 +151,22 @@ def check_frames(path: Path, motion: MotionRecord, frame: RecordedFrame) -> None
 
 
 def require_readable(path: Path, file: h5py.File) -> None:
-    """Raise ValueError if a dataset claims more memory than its file can hold, or if strings are damaged."""
+    """Raise ValueError if a dataset claims more memory than its file can hold, or if strings are damaged.
+
+    So it does if the file holds anything but groups and datasets.
+    """
     require_sound_heaps(path)
     size = path.stat().st_size
 
     def visit(name: str, item: object) -> None:
         """Check a dataset or group of the file by its path ``name``."""
         if isinstance(item, h5py.Dataset):
-            stored = max(item.id.get_storage_size(), 0)
-            # What was never written has no bytes in the file and is read as zeros: 64 * _PACKED of them do no harm.
+            stored = item.id.get_storage_size()
+            # A damaged stored size may be above that of the file. What was never written has no bytes in the file and is
+            # read as zeros: 64 * _PACKED of them do no harm.
             if stored > size or item.nbytes > _PACKED * (stored + 64):
-                raise ValueError(f"{name} claims {item.nbytes} bytes, of which the file holds {stored}")
-        elif not isinstance(item, h5py.Group):
+                raise ValueError(f"{name} claims {item.nbytes} bytes in memory, {stored} of {size} in the file")
+        elif not isinstance(item, h5py.Group):  # a recording has no named data types
             raise ValueError(f"{name} is neither a group nor a dataset")
 
     file.visititems(visit)

@@ -122,7 +122,8 @@ class _Tree(NamedTuple):
 
     heap: (w,) HEAP_ROW of :mod:`crowdsim.navmesh.mesh.heap_kernels`, the queue; its items are rows of ``waiting``.
     waiting: (w, 2). link: (budget, 3) and place: (budget, PLACE_COLUMNS), rows of laid nodes; for the columns see
-    :mod:`~crowdsim.following.graph_search.graph_search_kernels`. closed: hash set of the laid ones, 0 in free slots.
+    :mod:`~crowdsim.following.graph_search.graph_search_kernels`. closed: (2^k,) hash set of
+    the laid ones, 0 in free slots.
     """
 
     heap: NDArray[np.void]

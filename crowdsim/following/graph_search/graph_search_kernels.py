@@ -112,7 +112,10 @@ def _key(rules, node, x, y, heading):
 
 @helper
 def _slot(closed, key):
-    """Return the slot of ``key`` in the closed set, or the free slot for it (Fibonacci hashing, linear probing)."""
+    """Return the slot of a node in the set of laid ones, or the free slot for it (Fibonacci hashing, linear probing).
+
+    closed: (2^k,) int64, 0 in free slots; at most a quarter is taken, so the search ends. key: as of `_key`, never 0.
+    """
     mask = closed.shape[0] - 1
     slot = ((key * np.int64(-7046029254386353131)) >> 32) & mask
     while closed[slot] != 0 and closed[slot] != key:

@@ -69,7 +69,7 @@ def _shoulder_frame(clip: Clip) -> Floats:
 
 
 def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direction, held: Direction) -> Floats:
-    """Return local rotations (F, 4) of ``joint`` with which the limb from ``joint`` to ``tip`` points to ``held``.
+    """Return local rotations (F, 4) of ``joint`` with which the limb from ``joint`` to ``tip`` points along ``held``.
 
     Directions ``hanging`` and ``held`` are in the frame of the shoulders. The direction of the limb in the clip less
     ``hanging`` is its swing, of which the share _SWING_LEFT is added to ``held``. rotations: (F, J, 4) of the clip;
@@ -77,7 +77,7 @@ def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direc
     """
     positions, world = forward_kinematics(clip.skeleton, clip.root_positions, rotations)
     frame = _shoulder_frame(clip)
-    # From the world to the frame of the shoulders, and with the share of the swing back to the world.
+    # The swing of the clip's limb, in the frame of the shoulders; then the wanted direction of the limb, in the world.
     own = unit(clip.joint_positions[:, tip] - clip.joint_positions[:, joint])
     swing = dot(np.swapaxes(frame, 1, 2), own[:, None]) - unit(np.array(hanging))
     wanted = dot(frame, unit(unit(np.array(held)) + _SWING_LEFT * swing)[:, None])

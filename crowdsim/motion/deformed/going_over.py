@@ -30,8 +30,8 @@ def go_over(
 ) -> Clip:
     """Pose a body on a track as ``before``, then between both, then as ``after``; return a clip with the name ``name``.
 
-    Each footstep is mixed once, by the phase at the middle of its stance, so feet that stand do not slide. The rest of
-    the body is mixed anew at each time.
+    Each footstep is mixed once, by the phase near the middle of its stance, so feet that stand do not slide. The rest
+    of the body is mixed anew at each time.
 
     Parameters
     ----------
@@ -45,8 +45,8 @@ def go_over(
         """Return the share of ``after`` at phases ``at`` [cycles]."""
         return smooth_share((at - phases[0]) / (phases[1] - phases[0]))
 
-    # Both plans have the same rows, as these depend on the phases of the track alone. A stance is half over about a
-    # quarter of a cycle after its landing.
+    # Both plans have the same rows, as these depend on the phases of the track alone. A quarter of
+    # a cycle after its landing, the body passes over the foot.
     one, two = plan_steps(before, [track]), plan_steps(after, [track])
     steps = weigh(0.5 * (one.halves[0] + np.arange(len(one.steps))) + 0.25)[:, None]
     samples = weigh(one.samples[:, PHASE])[:, None]

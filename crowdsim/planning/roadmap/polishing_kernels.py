@@ -37,7 +37,7 @@ _LEAST_SPREAD = 0.05
 """Shift below which nothing more is tried [m]."""
 
 _ROUNDS = 4
-"""Number of attempts to shift, each from the result of the last one."""
+"""Number of attempts to shift, each from the best path so far."""
 
 
 @kernel

@@ -107,7 +107,7 @@ class Offsets(NamedTuple):
 def offsets_between(
     skeleton: Skeleton, times: Floats, old: tuple[Body, Body], new: tuple[Body, Body], lapse: tuple[Floats, Floats]
 ) -> Offsets:
-    """Return the differences of old motions to new ones, without times of feet, which :func:`with_feet` adds.
+    """Return the differences of old motions to new ones, without times and lifts of feet, which :func:`with_feet` adds.
 
     Parameters
     ----------
