@@ -20,7 +20,7 @@ from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.errors import MotionError
 from crowdsim.geometry.elementary import cos, hypot, sin, tan
-from crowdsim.geometry.planar import compose, invert
+from crowdsim.geometry.planar import compose, invert, shorter_ways
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import Floats, forward_kinematics
 from crowdsim.motion.deformed.clip_phases import clip_phases
@@ -189,7 +189,7 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
     wanted = natural[behavior]
     aheads = np.abs(velocity[:, 1]) <= tan(_MOST_ASIDE) * velocity[:, 0]
     last = (arrays.node_track + arrays.node_frames)[nodes]
-    rest = np.abs(arrays.tracks[last, 2] - arrays.tracks[:, 2]) * CAPTURE_RATE
+    rest = np.abs(shorter_ways(arrays.tracks[last, 2] - arrays.tracks[:, 2], 2.0 * np.pi)) * CAPTURE_RATE
     straight = aheads & (np.abs(turn) <= _MOST_TURN) & (rest <= _MOST_TURN * np.maximum(left, 1))
     walks = ~np.array([each.turned for each in behavior_set.behaviors])[behavior]
     usable = (_lead_on(behavior_set) & _plain(behavior_set))[nodes] & (left >= _LEAST_LEFT * CAPTURE_RATE)
@@ -256,16 +256,19 @@ def entry_origins(entries: Entries, rows: NDArray[np.int64], poses: Floats) -> F
 
 
 def _movement(tracks: Floats, frames: NDArray[np.int64], left: NDArray[np.int64]) -> tuple[Floats, Floats]:
-    """Return velocities (P, 2), ahead and left [m/s], and turning rates (P,) [rad/s], by central differences.
+    """Return velocities (P, 2), forward and to the left [m/s], and turning rates (P,) [rad/s], by central differences.
 
-    ``tracks`` (P, 3) are x, y [m] and heading [rad] of all frames of all nodes. The differences stay within the node:
-    ``frames`` and ``left`` (P,) are the numbers of frames of the node before each frame and after it.
+    ``tracks`` (P, 3) are x, y [m] and heading in [-pi, pi] [rad] of all frames of all nodes; headings differ by the
+    shorter way around. The differences stay within the node: ``frames`` and ``left`` (P,) are the numbers of frames of
+    the node before each frame and after it.
     """
     reach = round(_AROUND * CAPTURE_RATE)
     rows = np.arange(len(tracks))
     before, after = np.minimum(frames, reach), np.minimum(left, reach)
     # The maximum is for a node of a single frame, which has no movement.
-    moved = (tracks[rows + after] - tracks[rows - before]) * (CAPTURE_RATE / np.maximum(before + after, 1))[:, None]
+    moved = tracks[rows + after] - tracks[rows - before]
+    moved[:, 2] = shorter_ways(moved[:, 2], 2.0 * np.pi)
+    moved *= (CAPTURE_RATE / np.maximum(before + after, 1))[:, None]
     c, s = cos(tracks[:, 2]), sin(tracks[:, 2])
     velocity = np.stack([c * moved[:, 0] + s * moved[:, 1], c * moved[:, 1] - s * moved[:, 0]], axis=1)
     return velocity, moved[:, 2]

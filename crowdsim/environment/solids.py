@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from shapely import Polygon
+from shapely import Polygon, get_coordinates
 from shapely.validation import explain_validity
 
 from crowdsim.errors import GeometryError
@@ -62,7 +62,7 @@ def require_polygon(polygon: Polygon, what: str) -> None:
     """Raise :class:`GeometryError`, naming ``what``, unless ``polygon`` is a finite, simple polygon with an area."""
     if not isinstance(polygon, Polygon) or polygon.is_empty:
         raise GeometryError(f"{what}: the outline is empty; give at least three points")
-    if not all(math.isfinite(bound) for bound in polygon.bounds):
+    if not np.isfinite(get_coordinates(polygon)).all():
         raise GeometryError(f"{what}: the outline has a coordinate that is not a finite number")
     # The hull, because the two halves of a crossed outline may cancel in the area.
     if polygon.convex_hull.area < MIN_EXTENT * MIN_EXTENT:

@@ -162,8 +162,8 @@ def require_readable(path: Path, file: h5py.File) -> None:
         """Check a dataset or group of the file by its path ``name``."""
         if isinstance(item, h5py.Dataset):
             stored = item.id.get_storage_size()
-            # A damaged stored size may be above that of the file. What was never written has no bytes in the file and is
-            # read as zeros: 64 * _PACKED of them do no harm.
+            # A damaged stored size may be above that of the file. What was never written has no bytes in the file, and
+            # is read as zeros: 64 * _PACKED of them do no harm.
             if stored > size or item.nbytes > _PACKED * (stored + 64):
                 raise ValueError(f"{name} claims {item.nbytes} bytes in memory, {stored} of {size} in the file")
         elif not isinstance(item, h5py.Group):  # a recording has no named data types

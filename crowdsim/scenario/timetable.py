@@ -165,7 +165,7 @@ class TimetableReader:
         return Timetable(tuple(self._fixed), tuple(self._movables), tuple(self._events))
 
     def append(self, path: KeyPath, command: Command) -> str | None:
-        """Read a command about a door or an obstacle that comes after all events read so far.
+        """Read a command about a door or an obstacle, later than all events read so far.
 
         Return None; or why it is impossible, in which case it is not added.
         """

@@ -202,11 +202,12 @@ def is_lane(walls, x, y, ux, uy, width):
 
 @helper
 def is_lane_behind(walls, x, y, ux, uy, width, length):
-    """Return True if a lane narrower than ``width`` [m] (:func:`is_lane`) leads along ``(ux, uy)`` to ``(x, y)`` [m].
+    """Return True if a lane narrower than ``width`` less LANE_SPARE [m] leads along ``(ux, uy)`` to ``(x, y)`` [m].
 
-    (ux, uy) is a unit vector. The lane must be at least ``length`` long [m]. Walk back from ``(x, y)`` in strides, and
-    test the lane after each; at ``(x, y)`` itself it is not tested. A stride goes straight on or turns a little, to the
-    side with the largest clearance: so the search follows the bends of the lane.
+    (ux, uy) is a unit vector; for lanes, see :func:`is_lane`. The lane must be ``length`` long [m], rounded to whole
+    strides of LANE_STRIDE. Walk back from ``(x, y)``, and test the lane after each stride; at ``(x, y)`` itself it is
+    not tested. Each stride goes straight on or turns a little to either side, whichever leads to the largest clearance:
+    so the search follows the bends of the lane.
     """
     for _ in range(int(length / LANE_STRIDE + 0.5)):
         # Choose the bend with the largest clearance; (ux, uy) stays the direction of the lane, so go against it.
@@ -214,13 +215,13 @@ def is_lane_behind(walls, x, y, ux, uy, width, length):
         along_x = ux
         along_y = uy
         for k in range(len(BENDS)):
-            back_x = along_x * BENDS[k, 0] - along_y * BENDS[k, 1]
-            back_y = along_y * BENDS[k, 0] + along_x * BENDS[k, 1]
-            room = distance_at(walls, x - LANE_STRIDE * back_x, y - LANE_STRIDE * back_y)
+            bent_x = along_x * BENDS[k, 0] - along_y * BENDS[k, 1]
+            bent_y = along_y * BENDS[k, 0] + along_x * BENDS[k, 1]
+            room = distance_at(walls, x - LANE_STRIDE * bent_x, y - LANE_STRIDE * bent_y)
             if room > most:
                 most = room
-                ux = back_x
-                uy = back_y
+                ux = bent_x
+                uy = bent_y
         # Take the stride; the lane must be narrow there, too.
         x -= LANE_STRIDE * ux
         y -= LANE_STRIDE * uy

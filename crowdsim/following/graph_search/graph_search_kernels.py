@@ -32,7 +32,8 @@ PROBE_COLUMNS = 7
 of the blend offset that is left, and the radius that must be free on each layer [m] (0: not tested)."""
 
 PARENT, EDGE, NODE = range(3)
-"""Columns of ``tree.link``; the first two are those of ``tree.waiting``, too."""
+"""Columns of ``tree.link``; the first two are those of ``tree.waiting``, too. Without a parent (NONE), EDGE is the
+number of the first node."""
 
 END = 3
 WALKED = 6
@@ -281,7 +282,7 @@ def _lay(graph, space, rules, start, start_node, goal, tree, item, row):
     """
     parent = np.int64(tree.waiting[item, PARENT])
     edge = np.int64(tree.waiting[item, EDGE])
-    # The first node begins at the start, any other behind its parent's end with a blend offset.
+    # The first node, then held by EDGE, begins at the start; any other behind its parent's end, with a blend offset.
     node, walked = edge, 0.0
     ox, oy, oh = start[0], start[1], start[2]
     dx, dy, dh = 0.0, 0.0, 0.0

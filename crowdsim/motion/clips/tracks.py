@@ -50,7 +50,10 @@ def _hips_and_heading(clip: Clip) -> tuple[Floats, Floats]:
 
 
 def _seconds_from_standing(hips: Floats) -> Floats:
-    """Return the time (F,) to the nearest frame in which the hips rest [s]; infinite if they never do."""
+    """Return the time (F,) to the nearest frame in which the hips rest [s]; infinite if they never do.
+
+    ``hips`` (F, 2) is the middle between the hip joints on the ground [m].
+    """
     # A single frame has no speed; it counts as rest.
     if len(hips) < 2:
         return np.zeros(len(hips))
@@ -60,11 +63,11 @@ def _seconds_from_standing(hips: Floats) -> Floats:
     if len(rests) == 0:
         return np.full(len(hips), np.inf)
     frames = np.arange(len(hips))
-    # Distances to the next rest and to the last one; beyond the first or the last of all, to that one.
+    # Distances to the next rest and to the one before; frames before the first rest or behind the final one have one.
     after = np.searchsorted(rests, frames)
     to_next = np.abs(rests[np.minimum(after, len(rests) - 1)] - frames)
-    to_last = np.abs(rests[np.maximum(after - 1, 0)] - frames)
-    seconds: Floats = np.minimum(to_next, to_last) / CAPTURE_RATE
+    to_previous = np.abs(rests[np.maximum(after - 1, 0)] - frames)
+    seconds: Floats = np.minimum(to_next, to_previous) / CAPTURE_RATE
     return seconds
 
 

@@ -231,7 +231,7 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, farther=None, longest=None):
     """Search for a short way from triangle ``start`` to ``goal``; return (last label or -1, number of labels, limit).
 
-    The way passes widths of at least ``width`` [m], the diameter less the tolerance. Not found are ways that cross a
+    The way passes widths of at least ``width`` [m], twice the clearance it needs. Not found are ways that cross a
     bridge of regions and come back over it, and ways for which the workspace has no room. ``guide`` is None, or a guide
     to this goal, (k,) GUIDE, with ``regions`` None. ``longest`` is None, or a length [m] beyond which no way is
     followed. ``farther`` is None, or (factor, meters): then the search goes on until all keys exceed the limit, and

@@ -102,7 +102,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
     radius : float
         Radius of the disc [m].
     width : float
-        Least width to pass [m]: the diameter less the tolerance.
+        Least width to pass [m]: twice the clearance that counts as enough, the radius less `NavMesh.tolerance`.
     """
     sides = m.sides
     vertices = m.vertices

@@ -120,9 +120,10 @@ def _joined(parts: list[TrackBlock]) -> TrackBlock:
 def _read_part(
     recording: RecordedTracks, agents: Ints, block: int, before: int
 ) -> tuple[TrackBlock, NDArray[np.bool_]]:
-    """Return the bodies of some ``agents`` in a block, and (A,) which of them need more samples before.
+    """Return the bodies of some agents in a block, and (A,) which of them need more samples before.
 
-    ``before`` is the number of ticks to read before the block.
+    ``agents`` (A,) are their numbers, ascending, at least one. ``before`` is the number of ticks to read before the
+    block.
     """
     rate = recording.steps_per_second
     first_tick, end_tick = block * BLOCK_TICKS, (block + 1) * BLOCK_TICKS
@@ -137,7 +138,7 @@ def _read_part(
     inside = (began < block_end) & (left > block_first)
     stretches, began, left = stretches.chosen(inside), began[inside], left[inside]
     here, begins, stops = stretches.columns, stretches.begins, stretches.stops
-    # Resample at ticks, from the one before a body's first row to the one after its last.
+    # Resample at ticks, from the one at or before a body's first row to the one at or after its last.
     first_ticks = np.maximum((begins + rows.start) * TICKS_PER_SECOND // rate, low)
     last_ticks = np.minimum(-(-(stops + rows.start - 1) * TICKS_PER_SECOND // rate), high)
     counts = last_ticks - first_ticks + 1

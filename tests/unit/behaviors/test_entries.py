@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crowdsim.behaviors.entries import entry_origins, find_entries, find_exits, node_phases
+from crowdsim.behaviors.entries import _movement, entry_origins, find_entries, find_exits, node_phases
 from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import load_behavior_set
-from crowdsim.constants import NONE
+from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.errors import MotionError
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.deformed.phase_kernels import STAND
@@ -108,6 +108,14 @@ def test_a_node_goes_on_from_the_track_that_enters_it():
         at = track_pose(graph, int(entries.node[row]), int(entries.frame[row]), *origin, 0.0, 0.0, 0.0)
         np.testing.assert_allclose(at[:2], pose[:2], atol=1e-12)
         assert abs(wrap_angle(at[2] - pose[2])) < 1e-12
+
+
+def test_a_body_that_turns_past_south_turns_at_the_same_rate():
+    # Headings are in [-pi, pi]: a straight difference across the ends would be 63 rad/s here.
+    headings = np.pi - 0.1 + 0.02 * np.arange(12)
+    tracks = np.column_stack((np.zeros(12), np.zeros(12), wrap_angle(headings)))
+    frames = np.arange(12)
+    assert _movement(tracks, frames, frames[::-1])[1] == pytest.approx(0.02 * CAPTURE_RATE)
 
 
 def test_a_graph_without_a_way_to_stand_has_no_entries():

@@ -7,7 +7,7 @@ import pytest
 import shapely
 from shapely import Point, Polygon
 
-from crowdsim.environment.solids import Solid, box, centered_box, circle_around, cylinder, extrusion
+from crowdsim.environment.solids import Solid, box, centered_box, circle_around, cylinder, extrusion, require_polygon
 from crowdsim.errors import GeometryError
 
 
@@ -62,6 +62,14 @@ def test_circle_has_no_more_corners_than_it_needs():
 def test_bad_outlines_name_the_solid(points, word):
     with pytest.raises(GeometryError, match=f"'shelf'.*{word}"):
         extrusion("shelf", points, 0.0, 1.0)
+
+
+def test_an_outline_with_nan_says_so():
+    # Bounds leave nan out.
+    with np.errstate(invalid="ignore"):
+        outline = Polygon([(0.0, 0.0), (1.0, 0.0), (1.0, math.nan), (0.0, 1.0)])
+    with pytest.raises(GeometryError, match="crate: the outline has a coordinate that is not a finite number"):
+        require_polygon(outline, "crate")
 
 
 @pytest.mark.parametrize(("bottom", "top"), [(1.0, 1.0), (1.0, 0.5), (math.nan, 1.0), (0.0, math.inf)])
