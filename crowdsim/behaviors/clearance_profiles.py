@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from crowdsim.behaviors.behavior import read_behavior
 from crowdsim.behaviors.library import LEGS_TOP
+from crowdsim.errors import BehaviorError
 from crowdsim.motion.captures.reader import read_clip
 from crowdsim.motion.clips.clearance import clearance_profile
 from crowdsim.whole_files import whole_file
@@ -55,9 +56,11 @@ def measure_profile(name: str, library: Path, heights: Floats = HEIGHTS) -> Clea
     Raises
     ------
     BehaviorError, MotionError
-        If its files cannot be used.
+        If its files cannot be used, or if it lists no clips, as a behavior of captures may.
     """
     behavior = read_behavior(name, library)
+    if not behavior.clips:
+        raise BehaviorError(f"behavior {name!r} lists no clips to be measured; name them under 'clips'")
     clips = [read_clip(library / name / entry.file) for entry in behavior.clips]
     frames = np.concatenate(
         [clearance_profile(clip, heights, float(np.radians(side))) for clip in clips for side in behavior.facing]

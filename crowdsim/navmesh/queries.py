@@ -215,7 +215,7 @@ class MeshQueries(ABC):
         Returns
         -------
         bool
-            True if :meth:`find_path` finds a path, so False if the disc is not free at an end.
+            True if there is a way, which :meth:`find_path` finds; False also if the disc is not free at an end.
 
         Raises
         ------

@@ -36,7 +36,13 @@ class Rvo2:
             raise CrowdSimError(f"RVO2 in {folder} does not compile:\n{done.stderr[-2000:]}")
 
     def step_times(self, agents: int, density: float, steps: int) -> list[float]:
-        """Return the time of each step on one thread, divided by the number of agents [us], at a density [1/m2]."""
+        """Return the time of each step on one thread, divided by the number of agents [us], at a density [1/m2].
+
+        Raises
+        ------
+        subprocess.CalledProcessError
+            If the program fails.
+        """
         arguments = [str(self._program), str(agents), str(density), str(steps)]
         done = subprocess.run(arguments, capture_output=True, text=True, check=True)
         return [float(line) for line in done.stdout.split()]

@@ -57,9 +57,10 @@ FARTHER = 0.2
 
 @helper
 def room_beside(obstacles, x, y):
-    """Return the room between the widest body at (x, y) and the nearest wall of any layer [m], at most NARROW_ROOM.
+    """Return the room between a body at (x, y) and the nearest wall of any layer [m], at most NARROW_ROOM.
 
-    It is negative if the widest body overlaps a wall there, or if (x, y) is not in free space.
+    The body is as wide on each layer as the widest behavior is there. The room is negative if the body overlaps a wall,
+    or if (x, y) is not in free space.
     """
     room = NARROW_ROOM
     for k, mesh in enumerate(obstacles.layers):

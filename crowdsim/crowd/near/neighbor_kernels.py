@@ -75,10 +75,10 @@ def widen_way(near, row, x, y):
 
 @helper
 def cells_within(near, left, bottom, right, top, far):
-    """Return first and last column, then first and last line, of all cells within ``far`` [m] of a box.
+    """Return first and last column, then first and last line, of all cells that a widened box meets.
 
-    left, bottom, right and top are the edges of the box [m]. The last column and line are included. Cells outside of
-    the grid are replaced by the nearest ones of the grid.
+    left, bottom, right and top are the edges of the box [m]; it is ``far`` [m] wider to each side. The last column and
+    line are included. Cells outside of the grid are replaced by the nearest ones of the grid.
     """
     low, first = cell_of(near.frame, left - far - ROUNDED, bottom - far - ROUNDED)
     high, last = cell_of(near.frame, right + far + ROUNDED, top + far + ROUNDED)

@@ -143,7 +143,8 @@ class Entering:
     def _rows(self, agents: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[Any]:
         """Return the rows (ROW[k]) of agents (k,) as they enter at ``places`` (k, 2) [m]; they choose exits.
 
-        Each faces its prescribed heading, else the way that guidance leads, else its goal.
+        Exits stay chosen (``self._exits``), also of agents that are not admitted then. Each faces its prescribed
+        heading, else the way that guidance leads, else its goal.
         """
         cast = self._cast
         rows = np.zeros(len(agents), ROW)

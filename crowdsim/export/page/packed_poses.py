@@ -35,7 +35,7 @@ _GAIT_NUMBERS = ("stride", "stand", "width", "spine")
 
 
 def skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
-    """Return the facts about the skeleton that bodies need, for the page's JSON."""
+    """Return parents (-1: none), offsets [m] and the joint of each role, for the page's JSON."""
     return {
         "parents": skeleton.parents.tolist(),
         "offsets": np.round(skeleton.offsets, 6).tolist(),

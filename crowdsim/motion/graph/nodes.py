@@ -19,10 +19,10 @@ from crowdsim.motion.graph.segmentation import Segment, require_locomotion, segm
 BOTH_FEET = 2
 """Planted foot of a standing cut; otherwise 0 is the left foot and 1 the right one."""
 
+# A node leads nowhere if its track is shorter [m], its pose changes less [m] and it turns less [rad].
 _SHORTEST_TRACK = 0.01
 _SMALLEST_CHANGE = 0.05
 _SMALLEST_TURN = np.radians(2.0)
-"""A node leads nowhere if its track is shorter [m], its pose changes less [m] and it turns less [rad]."""
 
 
 @dataclass(frozen=True)

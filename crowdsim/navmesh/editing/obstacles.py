@@ -153,9 +153,10 @@ class Obstacles:
             raise
 
     def _find(self, handle: Handle) -> tuple[int, _Slot]:
-        """Return the slot of a handle, or raise StaleHandle."""
+        """Return the number and the slot of a handle, or raise StaleHandle."""
         if isinstance(handle, tuple) and len(handle) == 2 and handle[0] in range(len(self._slots)):
-            number, slot = int(handle[0]), self._slots[handle[0]]
+            number = int(handle[0])  # a float may be equal to a number
+            slot = self._slots[number]
             if slot.generation == handle[1] and slot.ids is not None:
                 return number, slot
         name = tuple(handle) if isinstance(handle, tuple) else handle

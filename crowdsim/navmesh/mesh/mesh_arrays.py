@@ -222,7 +222,7 @@ def trimmed(mesh: MeshArrays) -> MeshArrays:
 
 
 def resized(mesh: MeshArrays, vertices: int) -> MeshArrays:
-    """Return a copy with room for exactly ``vertices`` vertices, at least the filled ones.
+    """Return a copy with room for exactly ``vertices`` vertices, which must not be less than the filled ones.
 
     There is room for twice as many triangles.
     """

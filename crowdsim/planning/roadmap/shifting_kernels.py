@@ -178,7 +178,8 @@ def choose_shifts(stations, spread, prices, befores):
         b = stations[s]
         for k in range(SHIFTS):
             totals[1 - now, k] = math.inf
-            # Stations away from narrow sections keep their own place.
+            # Stations that may not shift keep their own place: both ends, those away from narrow sections that can get
+            # shorter, and those whose piece of the path cut a corner before.
             if (b.near == 0 and k != middle) or prices[s, k] == math.inf:
                 continue
             shift = spread * (k - middle) / middle

@@ -47,7 +47,7 @@ SEEDS = 2
 
 @helper
 def anchor_place(ground, points, anchor):
-    """Return the position of an anchor: a pin if its number is below that of boxes, else a point of the goal."""
+    """Return the position of an anchor: a pin if its number is below the number of boxes, else a point of the goal."""
     boxes = len(ground.widest)
     if anchor < boxes:
         return pin_of(ground, anchor)

@@ -165,7 +165,7 @@ def mend_pins(ground, nobody, raw, labels, first_row, last_row, first_column, la
             if labels[box] < 0 or ground.far[row, column] * FAR_UNIT > ground.reach + 4.0 * CORNER:
                 continue
             px, py = pin_of(ground, box)
-            # Move only a pin from which no line leads to some narrower box.
+            # Keep the pin if lines lead to all adjacent boxes for whose sake it may move.
             if _count_ways(ground, nobody, row, column, px, py, raw, labels, True) == 0:
                 continue
             most = _count_ways(ground, nobody, row, column, px, py, raw, labels, False)

@@ -11,6 +11,7 @@ from crowdsim.behaviors.clearance_profiles import (
     representative_heights,
     write_profile,
 )
+from crowdsim.errors import BehaviorError
 from crowdsim.library import library_folder
 
 NAMES = ("lateral", "arm_constrained", "frontal")
@@ -34,6 +35,15 @@ def test_behaviors_differ_at_the_arms_and_hardly_at_the_shins(profiles):
     for profile in profiles:
         assert (np.diff(profile.quartiles, axis=0) >= 0.0).all()
         assert (profile.quartiles[2] <= profile.diameters + 1e-12).all()
+
+
+def test_a_behavior_without_clips_says_so(tmp_path):
+    folder = tmp_path / "strolling"
+    folder.mkdir()
+    text = "name: strolling\ndescription: As captured.\ncost_per_meter: 1.0\nspeed: 1.0\ncolor: '#1f77b4'\n"
+    (folder / "behavior.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(BehaviorError, match="lists no clips"):
+        measure_profile("strolling", tmp_path)
 
 
 def test_layers_are_represented_where_the_widest_is_widest():

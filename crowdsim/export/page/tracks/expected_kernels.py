@@ -87,11 +87,14 @@ def expected_turn(ahead, heading, units):
 def choose_turn(exact_turn, expected, near, last, total, units, slack):
     """Return by which number ``exact_turn`` is coded: (0, steps off the ``expected`` turn) or (1, steps off no turn).
 
-    The first is chosen for at most ``near`` steps. ``slack`` (2,) allows a turn that is coded shorter to be inexact:
-    its error is ``slack[0]`` at most, and the sum of all errors, ``total`` before this turn, stays within ``slack[1]``.
-    If they are 0, 0, the turn is rounded. Errors may be large if their sum stays small, because bodies are shown with
-    headings smoothed over some 0.85 s. Turns, ``total`` and ``slack`` are in units of turn; a step is TURN_STEP of
-    them. ``last`` is the number of steps of the turn before, 0 if that was counted from its expected turn.
+    ``exact_turn`` leads from the heading as coded in the step before to the exact one. So the error of a turn is that
+    of the heading after it, and errors do not add up to a drift. The first way is chosen for at most ``near`` steps.
+
+    ``slack`` (2,) allows a turn that is coded shorter to leave the heading inexact: by ``slack[0]`` at most, and so
+    that the sum of the errors of all headings, ``total`` before this step, stays within ``slack[1]``. If they are 0, 0,
+    the turn is rounded. Errors may be large if their sum stays small, because bodies are shown with headings averaged
+    over some 0.85 s. Turns, ``total`` and ``slack`` are in units of turn; a step is TURN_STEP of them. ``last`` is the
+    number of steps of the turn before, 0 if that was counted from its expected turn.
     """
     step = units[TURN_STEP]
     if slack[0] > 0.0:

@@ -211,7 +211,7 @@ def put_played(state, out, models, nodes, exact, track, node, begin, first, end,
             for k in range(3):
                 shown[k] = math.floor(exact[k, t] + 0.5)
         elif t == first:
-            # The person was steered before: expect that it goes on as in the last step.
+            # The person was steered before: expect that it moves on as in the last step.
             shown[0], shown[1], shown[2] = x[t - 1], y[t - 1], heading[t - 1]
             if t > begin + 1:
                 shown[0] += x[t - 1] - x[t - 2]
