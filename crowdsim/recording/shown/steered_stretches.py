@@ -125,7 +125,7 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
 
 
 def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rate: int) -> Stretches:
-    """Return the stretches with phases equal to those of the nodes at both switches, and their own after IN_STEP.
+    """Return the stretches with the phases of the nodes at both switches, up to whole cycles; their own after IN_STEP.
 
     If the phases differ by more than _OUT_OF_STEP at a switch, or no node is played there, they stay as they are. Short
     stretches have their own phases in their middle only. No phase goes back.
@@ -148,10 +148,11 @@ def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rat
         off = np.where(np.isfinite(off) & (np.abs(off) <= _OUT_OF_STEP), off, 0.0)
         u = np.clip(far / np.repeat(most, counts), 0.0, 1.0)
         phases += np.repeat(off, counts) * (1.0 - u * u * (3.0 - 2.0 * u))
-    # The correction may make phases of a standing body decrease: hold them at their maximum so far. Offsets of 1000
-    # cycles separate the stretches in the running maximum.
-    apart = 1000.0 * np.repeat(np.arange(len(counts)), counts)
-    rising = phases - np.repeat(phases[stretches.starts], counts) + apart
+    # The correction may make phases of a standing body decrease: hold them at their maximum so far. Offsets above
+    # all advances [cycles] separate the stretches in the running maximum.
+    rising = phases - np.repeat(phases[stretches.starts], counts)
+    apart = max(1000.0, np.max(rising, initial=0.0) - np.min(rising, initial=0.0) + 1.0)
+    rising += apart * np.repeat(np.arange(len(counts)), counts)
     lost = np.maximum.accumulate(rising) - rising
     return stretches._replace(phases=np.where(lost > 0.0, phases + lost, phases))
 

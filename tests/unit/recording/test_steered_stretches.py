@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from crowdsim.recording.levels import Level
-from crowdsim.recording.shown.steered_stretches import played_phases
+from crowdsim.recording.shown.steered_stretches import Stretches, _in_step, played_phases
 
 
 def phases_in(pool, frames):
@@ -29,3 +29,14 @@ def test_a_standing_body_stands_between_the_frames_in_which_its_phase_jumps():
     for old, new in ((0.06, 0.56), (0.56, 0.06), (0.03, 0.5), (0.5, 0.1)):
         found = phases_in([old, old, new, new], [0.75, 1.0, 1.25, 1.75, 2.0, 2.75])
         np.testing.assert_allclose(found, [old, old, old, new, new, new], atol=1e-6)
+
+
+def test_long_stretches_leave_those_behind_them_alone():
+    # Twenty minutes of walking are more than 1000 cycles.
+    steps, rate = 15_000, 10
+    phases = np.tile(0.09 * np.arange(steps), 2)
+    columns, begins, stops = np.array([0, 1]), np.zeros(2, np.int64), np.full(2, steps)
+    stretches = Stretches(columns, begins, stops, begins, stops, np.array([0, steps]), phases)
+    since = np.tile(np.arange(steps), 2)
+    nowhere = np.full((steps, 2), np.nan)
+    np.testing.assert_array_equal(_in_step(stretches, nowhere, since, steps - since, rate).phases, phases)
