@@ -43,7 +43,7 @@ def reach_of_turn(hx, hy, ex, ey, nx, ny):
 
 @helper
 def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
-    """Return True if a body that moves by d, turns to e and whose core becomes ``half`` long satisfies all half planes.
+    """Return True if a body that moves by d, turns to e and whose core gets the half length ``half`` satisfies all half planes.
 
     The support of the body along n grows by n . d through the move, and by ``growth`` through turning and stretching.
     """

@@ -63,8 +63,8 @@ def rates_of(table, agent):
 def frame_of(graph, rows, row, playback):
     """Return the frame of its node from which a row goes on, and True if it can leave its node in this step.
 
-    An agent in an idle node can leave it in any step: it then counts as at the end of that node. In other nodes it goes
-    on from the present frame.
+    A node that ends in this step is played on from the present frame. An idle node can also be left before: its row
+    then counts as at the node's end, which tells callers that it is left early. Other nodes cannot be left yet.
     """
     length = np.int64(graph.node_frames[rows.node[row]])
     frame = np.int64(rows.frame[row])
