@@ -43,9 +43,10 @@ def reach_of_turn(hx, hy, ex, ey, nx, ny):
 
 @helper
 def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
-    """Return True if a body that moves by d, turns to e and whose core gets the half length ``half`` satisfies all half planes.
+    """Return True if a body satisfies all half planes as it moves by d, turns to e, and its core gets ``half`` long.
 
-    The support of the body along n grows by n . d through the move, and by ``growth`` through turning and stretching.
+    ``half`` is the half length of the core [m]. A bound is tested, so False may be too cautious. The support of
+    the body along n grows by n . d through the move, and by ``growth`` through turning and stretching.
     """
     longest = max(mine.half, half)
     for k in range(count):

@@ -166,7 +166,7 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
     """Find the tangents between a stand and the arcs it sees; return their number. They fill ``ends`` of ``scratch``.
 
     The tangents lead from the arcs to the stand if ``to_goal`` is True, as for the goal, and from the stand to the arcs
-    if False. Tangents outside of the ellipse of the view may be missing. They are not checked for obstacles that cut them.
+    if False. Tangents outside of the ellipse of the view may be missing. No tangent is tested for obstacles in it.
 
     A disc may stand closer to an obstacle than its ``radius``, down to ``least``. A tangent that then misses the begin
     or the end of an arc by a small angle leads to that end instead. At the largest such angle, the tangent dips into
