@@ -75,7 +75,7 @@ class _BorrowingLower(Lower):
             elif isinstance(value, ir.Expr) and value.op == "getattr":
                 owner = self.typeof(value.value.name)
                 above = self._path(value.value.name) if isinstance(owner, types.BaseNamedTuple) else None
-                if above is not None:
+                if above is not None and value.attr in owner.fields:  # else a method, as `index`
                     field = owner.fields.index(value.attr)
                     if owner.types[field] == self.typeof(name):
                         path = (*above, field)
@@ -191,6 +191,24 @@ class _HelperCompiler(_KernelCompiler):
         return super().define_pipelines()
 
 
+def _key_text(part: Any) -> str:
+    """Return a text for the key of a cache entry, with the modules and fields of NamedTuples.
+
+    numba prints two classes of one name alike, and one would run the code of the other.
+    """
+    classes = []
+    waiting = [part]
+    while waiting:
+        each = waiting.pop()
+        if isinstance(each, types.BaseNamedTuple):
+            classes.append((each.instance_class.__module__, each.instance_class.__qualname__, each.fields))
+        if isinstance(each, (tuple, types.BaseTuple)):
+            waiting += each
+        elif isinstance(each, types.Type) and isinstance(inner := getattr(each, "dtype", None), types.Type):
+            waiting.append(inner)
+    return f"{part!r} {classes!r}"
+
+
 class _CheckedCacheFile(IndexDataCacheFile):
     """Cache files of a compiled kernel, one for each signature, named by it, with its key and a checksum inside.
 
@@ -200,7 +218,7 @@ class _CheckedCacheFile(IndexDataCacheFile):
 
     def save(self, key: Any, data: Any) -> None:
         """Save a compiled function; without effect, but for a warning, if it cannot be written, as on a full disk."""
-        content = self._dump((self._version, self._source_stamp, repr(key), data))
+        content = self._dump((self._version, self._source_stamp, _key_text(key), data))
         try:
             os.makedirs(self._cache_path, exist_ok=True)
             with self._open_for_write(self._entry_path(key)) as file:
@@ -221,14 +239,14 @@ class _CheckedCacheFile(IndexDataCacheFile):
         if hashlib.sha256(content[32:]).digest() == content[:32]:
             version, stamp, name, data = pickle.loads(content[32:])
             # An entry of another key under the same name counts as damaged.
-            if name == repr(key):
+            if name == _key_text(key):
                 return data if version == self._version and stamp == self._source_stamp else None
         warnings.warn(f"a cached kernel is damaged and compiled again: {path}", CacheWarning, stacklevel=2)
         return None
 
     def _entry_path(self, key: Any) -> str:
         """Return the path of the file for a key: its name has a hash of the key."""
-        name = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
+        name = hashlib.sha256(_key_text(key).encode()).hexdigest()[:16]
         return os.path.join(self._cache_path, f"{self._index_name.removesuffix('.nbi')}.{name}.nbc")
 
 

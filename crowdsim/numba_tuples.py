@@ -99,19 +99,27 @@ class _NamedUniTupleModel(_ByAddress, UniTupleModel):
 @unbox(types.BaseNamedTuple)
 def _unbox_named_tuple(kind: Any, given: Any, c: Any) -> NativeValue:
     """Take a NamedTuple from Python; into memory, with one call for each array, if it is handed on by address."""
-    if not c.context.data_model_manager[kind].is_by_address():
+    model = c.context.data_model_manager[kind]
+    # Types that were compiled for before this module was imported keep numba's model.
+    if not isinstance(model, _ByAddress) or not model.is_by_address():
         return unbox_tuple(kind, given, c)
     with c.builder.goto_entry_block():
         place = c.builder.alloca(c.context.get_value_type(kind))
-    failed = _fill_tuple(kind, given, place, c)
-    return NativeValue(value_at(c.builder, place), is_error=failed)
+    cleanups: list[Callable[[], None]] = []
+    failed = _fill_tuple(kind, given, place, cleanups, c)
+
+    def clean_up() -> None:
+        for each in reversed(cleanups):
+            each()
+
+    return NativeValue(value_at(c.builder, place), is_error=failed, cleanup=clean_up if cleanups else None)
 
 
-def _fill_tuple(kind: Any, given: Any, place: Any, c: Any) -> Any:
+def _fill_tuple(kind: Any, given: Any, place: Any, cleanups: list[Callable[[], None]], c: Any) -> Any:
     """Generate code that fills a tuple at a place from one of Python, and return whether it fails, with an error set.
 
-    The dispatcher has chosen the code by the types of all fields. They are arrays, tuples and numbers, which need no
-    cleaning up, but for the references to arrays, which numba's wrapper gives back.
+    The dispatcher has chosen the code by the types of all fields. What is to be done after the call is added to
+    ``cleanups``; references to arrays are given back by numba's wrapper.
     """
     failed = cgutils.false_bit
     for field, part in enumerate(kind):
@@ -121,11 +129,13 @@ def _fill_tuple(kind: Any, given: Any, place: Any, c: Any) -> Any:
             numbers = (cgutils.intp_t(field), c.builder.bitcast(at, cgutils.voidptr_t), itemsize)
             wrong = c.builder.call(_array_from_python(c), (given, *numbers))
         elif isinstance(part, types.BaseTuple):
-            wrong = _fill_tuple(part, c.pyapi.tuple_getitem(given, field), at, c)
+            wrong = _fill_tuple(part, c.pyapi.tuple_getitem(given, field), at, cleanups, c)
         else:
             native = c.unbox(part, c.pyapi.tuple_getitem(given, field))
             c.builder.store(native.value, at)
             wrong = native.is_error
+            if native.cleanup is not None:
+                cleanups.append(native.cleanup)
         failed = c.builder.or_(failed, wrong)
     return failed
 
