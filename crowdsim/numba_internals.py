@@ -348,6 +348,7 @@ def try_out(**options: Any) -> None:
 
 
 def _try_out(**options: Any) -> None:
+    """Compile and run a kernel with a helper and a large tuple; raise any exception if numba is built otherwise."""
     for owner, names in _OVERRIDDEN:
         for name in names:
             getattr(owner, name)

@@ -114,7 +114,7 @@ def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict
 
 @helper
 def _cheapest(moves, node, costs):
-    """Return the number of the cheapest move left from ``node``, and set its cost to infinity; -1 if none is left."""
+    """Return the number of the cheapest move left from ``node``, -1 if none is; set its cost in ``costs`` to inf."""
     best = -1
     least = math.inf
     for k in range(moves.begin[node], moves.begin[node + 1]):

@@ -72,7 +72,8 @@ def nearest_end(arc, nx, ny, margin):
 def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
     """Add the tangent ``end`` from node i to the corner of arc b, if it is free and meets both arcs.
 
-    ``end`` is a record SEEN of view_arrays. Return (tangents, their number), as the array grows if it is full.
+    ``end`` is a record SEEN of view_arrays, ``count`` the number of ``tangents``. Return (tangents, count), as the
+    array grows if it is full.
     """
     one = arcs[i >> 1]
     other = arcs[b]
