@@ -156,13 +156,11 @@ def _array_from_python(c: Any) -> Any:
     python = c.context.get_python_api(builder)
     get_item_type = llvm.FunctionType(python.pyobj, (python.pyobj, python.py_ssize_t))
     get_item = cgutils.get_or_insert_function(c.builder.module, get_item_type, "PyTuple_GetItem")
-    is_none = cgutils.is_not_null(
-        builder, python.nrt_adapt_ndarray_from_python(builder.call(get_item, (given, item)), place)
-    )
+    status = python.nrt_adapt_ndarray_from_python(builder.call(get_item, (given, item)), place)  # 0: it is an array
     # An array begins with the addresses of its memory block and its owner; its count of elements and their size follow.
     sizes = builder.bitcast(place, cgutils.intp_t.as_pointer())
     held = builder.load(builder.gep(sizes, [cgutils.intp_t(3)]))
-    failed = builder.or_(is_none, builder.icmp_signed("!=", held, itemsize))
+    failed = builder.or_(cgutils.is_not_null(builder, status), builder.icmp_signed("!=", held, itemsize))
     with builder.if_then(failed, likely=False):
         python.err_set_string("PyExc_TypeError", "a field of a NamedTuple is not the array that a kernel expects")
     builder.ret(failed)

@@ -25,7 +25,8 @@ def walk_on(view: View, headings_before: NDArray[np.float64], asked: NDArray[np.
     each behavior prescribes, -1 for none.
     """
     rows = view.row
-    if not len(rows):  # do not even compile the kernel: most small places are walked in captured motion only
+    # Without steered agents, the kernel is not even compiled, which shortens the first run of a small place.
+    if not len(rows):
         return
     places = np.column_stack((rows["x"], rows["y"], rows["heading"]))
     velocities = np.column_stack((rows["vx"], rows["vy"]))

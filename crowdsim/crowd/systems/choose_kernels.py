@@ -2,12 +2,8 @@
 
 Rows are processed in order, and each reads the timelines that earlier ones reserved in the same step.
 
-Arguments of all helpers: ``rows`` (Rows, the columns of all rows), ``progress`` (Progress) and ``scratch`` (Scratch) as
-of :mod:`crowdsim.crowd.systems.going_on`; ``row``, one of the rows, and ``agent``, the number of its agent; ``table``
-(:class:`crowdsim.crowd.search.plan_table.PlanTable`), the plans of all agents; ``obstacles`` (Obstacles), ``everyone``
-(Timelines, those of all rows) and ``playback`` as of :mod:`crowdsim.crowd.state.timelines`; ``frame``, the one of its
-node from which a row goes on. ``graph`` is the motion graph (:class:`crowdsim.motion.graph.arrays.GraphArrays`). Rates
-are in ticks per step, FRAME_TICKS of which are a frame.
+Arguments of all helpers are as in :mod:`crowdsim.crowd.systems.reserving_kernels`: ``rows``, ``progress``, ``scratch``,
+``row``, ``agent``, ``table``, ``obstacles``, ``everyone``, ``playback``, ``frame`` and ``graph``.
 """
 
 import numpy as np
