@@ -151,7 +151,7 @@ def test_what_cannot_be_recovered_is_refused(path, tmp_path):
     with pytest.raises(RecordingError, match="not a file of a killed run"):
         recover(part)
     part.write_bytes(b"nothing of a recording")
-    with pytest.raises(RecordingError, match="cannot be read .*; run the scenario again"):
+    with pytest.raises(RecordingError, match=r"cannot be read .*; run the scenario again"):
         recover(part)
     write_and_die(tmp_path / "none.h5", 0)
     with pytest.raises(RecordingError, match="holds no step"):
