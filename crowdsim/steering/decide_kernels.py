@@ -23,6 +23,9 @@ from crowdsim.steering.look_kernels import MOST_NEAR, take_in
 from crowdsim.steering.stuck_kernels import handed_on, is_wedged, press_or_step_back, push_on, rank_of, way_aside
 from crowdsim.steering.wall_kernels import distance_at, is_in_sight, is_lane, is_lane_behind
 
+AT_PLACE = 0.9
+"""Share of a rank that an agent without a goal inherits."""
+
 WANTED = np.dtype(
     [
         ("vx", np.float64),  # velocity [m/s]
@@ -115,8 +118,9 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
     seen = near[first]
     other = rows[seen.row]
     want.vx, want.vy, want.ix, want.iy = way_aside(mine, seen, other, walls, rules)
-    # Inherit the rank, a little lower, so that agents behind this one yield to it in turn.
-    want.rank = max(want.rank, handed_on(other.rank))
+    # Inherit the rank, a little lower, so that agents behind this one yield to it in turn. An agent at its place
+    # inherits a share of it only: many of them would hand it to and fro long after its owner has left.
+    want.rank = max(want.rank, handed_on(other.rank) if mine.goal >= 0 else AT_PLACE * other.rank)
     # Turn the shoulders parallel to the other's way, so that the body is narrow across it.
     want.facing_x = other.ix
     want.facing_y = other.iy

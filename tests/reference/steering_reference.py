@@ -268,7 +268,8 @@ class Decision:
                 highest, first = row["rank"], other
         if first is None:
             return None
-        its_way, self.rank = self.intent(first), max(self.rank, handed_on(highest))
+        inherited = handed_on(highest) if self.mine["goal"] >= 0 else 0.9 * highest
+        its_way, self.rank = self.intent(first), max(self.rank, inherited)
         # Step to the other's left (the own right), unless already clearly on its right.
         left_of_it = -cross(its_way, self.apart(first))
         aside = turned(its_way, math.pi / 2 if left_of_it > -0.25 else -math.pi / 2)

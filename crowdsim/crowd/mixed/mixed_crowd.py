@@ -360,9 +360,9 @@ class MixedCrowd:
     def _others(self, view: View) -> Others:
         """Return captured agents as steered ones see them."""
         itineraries, steered = self.captured.itineraries, self.steered
-        velocities, walkers = self._velocities(view), self.cast.walkers
+        walks, velocities, walkers = self._walks(view), self._velocities(view), self.cast.walkers
         errands, guidance, breadths = steered.errands, steered.place.guidance, self.captured.assets.breadths
-        return seen(view, velocities, self.step_count, itineraries, errands, walkers, guidance, breadths)
+        return seen(view, walks, velocities, self.step_count, itineraries, errands, walkers, guidance, breadths)
 
     def _velocities(self, view: View) -> NDArray[np.float64]:
         """Return the velocities (m, 2) of captured rows in the last step [m/s]; 0 for those that have just entered."""

@@ -9,11 +9,10 @@ from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
 from crowdsim.crowd.state.components import BEND, QUARTERS, RADIUS, REST
 from crowdsim.crowd.state.itineraries import Itineraries
 from crowdsim.crowd.state.timelines import slot_of
-from crowdsim.crowd.steered.components import NO_GOAL
+from crowdsim.crowd.steered.components import standing_at
 from crowdsim.crowd.steered.errands import Errands
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import cos, hypot, sin
-from crowdsim.recording.header import AgentState
 from crowdsim.scenario.people.walkers import Walkers
 from crowdsim.steering.guidance.guidance import PLAIN, Guidance
 from crowdsim.steering.row_kernels import ROW
@@ -40,6 +39,7 @@ agent."""
 
 def seen(
     view: View,
+    walks: NDArray[np.bool_],
     velocities: NDArray[np.float64],
     step: int,
     itineraries: Itineraries,
@@ -54,6 +54,8 @@ def seen(
     ----------
     view : View
         The captured agents.
+    walks : (m,) bool
+        True for those on their way, False for those that stand at a place.
     velocities : (m, 2) float64
         Their velocities [m/s].
     step : int
@@ -71,8 +73,8 @@ def seen(
     rows["hx"], rows["hy"] = cos(rows["heading"]), sin(rows["heading"])
     rows["vx"], rows["vy"] = velocities.T
     rows["radius"], rows["half"] = breadths[view.behavior].T
-    stays = view.state == AgentState.ARRIVED
-    rows["goal"] = np.where(stays, NO_GOAL, errands.goal(agents, itineraries.reached[agents]))
+    reached = itineraries.reached[agents]
+    rows["goal"] = np.where(walks, errands.goal(agents, reached), standing_at(errands.goal(agents, reached - 1)))
     rows["share"] = walkers.shares[agents]
     rows["id"] = agents
     rows["turn"] = rows["held"] = -1.0  # no section of a plan prescribes them

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.ecs.world import Column
@@ -29,8 +31,17 @@ class Errand(IntEnum):
 
 
 NO_GOAL = -1
-"""Goal in ROW of an agent that stands, turns or walks to its spot. It differs from all goals, so the agent steps aside
-for any stuck one."""
+"""Goal in ROW of an agent that stands where it entered. It differs from all goals, so the agent steps aside for any
+stuck one; so do those of :func:`standing_at`."""
+
+
+def standing_at(goal: NDArray[Any]) -> NDArray[Any]:
+    """Return the goal in ROW of agents that stand at goals (k,), turn there, or walk to their spots: -2 and less.
+
+    The function is its own inverse: it also returns the goals at which they stand.
+    """
+    return -2 - goal
+
 
 COLUMNS = (
     Column("agent", np.int32, (), NONE),  # index of the agent in the run, also its row in the recording

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,10 +15,12 @@ from shapely import Polygon
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.ranks.protocol import ONE_RANK, Ranks
-from crowdsim.crowd.steered.components import NO_GOAL, Errand
+from crowdsim.crowd.steered.components import Errand, standing_at
 from crowdsim.crowd.steered.exits import ExitChoice
+from crowdsim.crowd.steered.gathering import KEPT_OFF_AFTER, ONE_BODY, is_point, kept_off
+from crowdsim.crowd.steered.last_steps import lead, speed_near, stop, turn
 from crowdsim.ecs.world import View
-from crowdsim.geometry.elementary import cos, hypot, sin
+from crowdsim.geometry.elementary import atan2, hypot
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.scenario.people.crowd_placement import CrowdPlacement
 from crowdsim.scenario.schema.agents import STAND_WITHIN
@@ -42,15 +45,6 @@ PUSHED_OFF = 0.5
 
 TURN_SECONDS = 3.0
 """Longest time that an agent turns to the prescribed heading [s]; then it counts as standing, however it faces."""
-
-TURNED_OFF = 0.1
-"""Angle to the prescribed heading above which a standing agent turns [rad]."""
-
-_SLOWING = 2.0
-"""Largest speed of an agent near its spot, per meter of the distance to it [1/s]."""
-
-_SLOWEST = 0.2
-"""Speed of an agent in the last steps to its spot [m/s]."""
 
 Floats = NDArray[np.float64]
 """Array of float64."""
@@ -87,6 +81,7 @@ class Errands:
             self._headings[number, : len(itinerary.goals)] = itinerary.headings
         # Regions of the goals by number; commands add others, or replace what they added before.
         self._regions = list(cast.goals)
+        self._points = np.array([is_point(region) for region in cast.goals], np.bool_)
         # Itinerary of each agent, and its own spots at places; commands change both.
         self._itinerary, self._own_spots = cast.group.copy(), cast.spots.copy()
         # By itinerary: number of places of one round, and of all rounds (NONE if these never end); steps to stand at
@@ -128,6 +123,8 @@ class Errands:
         # Put the goal in place of an old one of that number, or behind all; its first spot serves as a point in it.
         shapely.prepare(goal.region)
         self._regions[goal.number : goal.number + 1] = [goal.region]
+        point = np.array([is_point(goal.region)])
+        self._points = np.concatenate((self._points[: goal.number], point, self._points[goal.number + 1 :]))
         self.middles = np.concatenate((self.middles[: goal.number], goal.places[:1], self.middles[goal.number + 1 :]))
         # Append an itinerary of one place and one round, with no prescribed heading, wait or exit.
         number, none = len(self._places), np.full((1, self._goals.shape[1]), NONE, np.int32)
@@ -216,7 +213,33 @@ class Errands:
         distance = hypot(spots[:, 0] - state["x"][rows], spots[:, 1] - state["y"][rows])
         # A spot behind a wall is as far as the way to its region.
         distance = np.maximum(distance, state["togo"][rows])
-        state["speed"][rows] = _speed_near(distance, state["speed"][rows])
+        state["speed"][rows] = speed_near(distance, state["speed"][rows])
+
+    def gather(self, view: View, crowds: Sequence[NDArray[Any]], step: int) -> None:
+        """Let agents stand where others keep them off the point where they are to stand, or come closer to it.
+
+        ``crowds`` (ROW[m] each) are all agents nearby. Call it when :meth:`update` is done.
+        """
+        row, places = view.row, np.column_stack((view.row["x"], view.row["y"]))
+        # Once a second, those that stand look if they have room to come closer. They do so before others begin to stand
+        # in this step, which other processes do not know yet.
+        if step % self._rate == 0:
+            stands = (view.errand == Errand.STANDS) | (view.errand == Errand.STAYS)
+            rows = np.flatnonzero(stands & (view.reached > 0))
+            goals = self.goal(view.agent[rows], view.reached[rows] - 1)
+            rows, goals = rows[self._points[goals]], goals[self._points[goals]]
+            spots = self._spots(view, rows, view.reached[rows] - 1)
+            off = kept_off(row[rows], goals, spots, crowds)
+            view.stand[rows] = np.where(off[:, None], places[rows], spots)
+        # Those that come stand where they are as soon as they are kept off.
+        comes = (view.errand == Errand.WALKS) | (view.errand == Errand.TAKES_PLACE)
+        rows = np.flatnonzero(comes & self._points[view.goal] & (row["stuck"] > KEPT_OFF_AFTER))
+        _, stands = self._how_it_ends(view, rows)
+        rows = rows[stands]
+        spots = self._spots(view, rows, view.reached[rows])
+        rows = rows[kept_off(row[rows], view.goal[rows], spots, crowds)]
+        self._turn_next(view, step, rows)
+        view.stand[rows] = places[rows]
 
     def how_they_stood(self, view: View) -> tuple[Floats, Floats]:
         """Return distance to the spot [m] and angle to the prescribed heading [rad] (nan if none) of each stand, (k,).
@@ -273,14 +296,18 @@ class Errands:
         self._exits.leave(view.goal[leaves])
         self._visits[agents[last & ~stands]] += 1
         takes_place = there[stands]
-        view.errand[takes_place] = Errand.TAKES_PLACE
-        view.row["goal"][takes_place] = NO_GOAL
-        view.stand[takes_place] = self._spots(view, takes_place, view.reached[takes_place])
+        self._have_come(view, takes_place, Errand.TAKES_PLACE)
         # Give up at this step if the spot cannot be reached: ``alone`` is the time of the free way to it [s].
-        alone = self._lead(view, takes_place) / view.pace[takes_place]
+        alone = lead(view, takes_place) / view.pace[takes_place]
         view.go_step[takes_place] = step + np.rint((TAKES_SECONDS + 2.0 * alone) * self._rate).astype(np.int64)
         self._go_on(view, there[~last & ~stands])
         return np.asarray(leaves)
+
+    def _have_come(self, view: View, rows: NDArray[np.int64], errand: Errand) -> None:
+        """Let rows (k,) have an ``errand`` at the goal to which they walked, where they are to stand at their spots."""
+        view.errand[rows] = errand
+        view.row["goal"][rows] = standing_at(view.goal[rows])
+        view.stand[rows] = self._spots(view, rows, view.reached[rows])
 
     def _how_they_stand(self, view: View, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
         """Return distances to the spots [m] and angles to the prescribed headings [rad], nan if none, of rows (k,).
@@ -309,17 +336,20 @@ class Errands:
         """Lead rows (k,) straight to their spots; those that are there, or give up as they take too long, turn next."""
         # ``go_step`` is the last step for this errand: first to take the spot, after that to turn.
         group = self._itinerary[view.agent[rows]]
-        distance = self._lead(view, rows)
+        distance = lead(view, rows)
         is_there = distance <= self._within[group]
         gives_up = ~is_there & ((view.row["stuck"][rows] > GIVES_UP) | (view.go_step[rows] <= step))
-        there = rows[is_there | gives_up]
-        view.errand[there] = Errand.TURNS
-        view.go_step[there] = step + round(TURN_SECONDS * self._rate)
+        self._turn_next(view, step, rows[is_there | gives_up])
+
+    def _turn_next(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
+        """Let rows (k,) turn at the goal to which they walked, before they stand there."""
+        self._have_come(view, rows, Errand.TURNS)
+        view.go_step[rows] = step + round(TURN_SECONDS * self._rate)
 
     def _turn_and_stand(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
         """Let rows (k,) turn to their prescribed headings, for TURN_SECONDS at most; then they stand."""
-        self._stop(view, rows)
-        turns = self._turn(view, rows, self._asked(view, rows, view.reached[rows]))
+        stop(view.row, rows)
+        turns = turn(view.row, rows, self._facing(view, rows, view.reached[rows]))
         stops = rows[~turns | (view.go_step[rows] <= step)]
         agents = view.agent[stops]
         group = self._itinerary[agents]
@@ -338,56 +368,31 @@ class Errands:
         An agent that stays for good, but is more than PUSHED_OFF from its spot, walks there: it was pushed off, or has
         given up before. The time stuck of agents that stay for good is 0, so that they give way to all that are stuck.
         """
-        self._stop(view, rows)
+        stop(view.row, rows)
         # Those that have reached a place turn as it prescribes; others stand where they entered.
         at = rows[view.reached[rows] > 0]
-        self._turn(view, at, self._asked(view, at, view.reached[at] - 1))
-        stays = at[view.errand[at] == Errand.STAYS]
+        turn(view.row, at, self._facing(view, at, view.reached[at] - 1))
+        stays = at[(view.errand[at] == Errand.STAYS) | self._points[self.goal(view.agent[at], view.reached[at] - 1)]]
         away = hypot(*(view.stand[stays].T - np.array([view.row["x"][stays], view.row["y"][stays]]))) > PUSHED_OFF
-        self._lead(view, stays[away])
+        lead(view, stays[away])
         view.row["stuck"][stays] = 0.0
-
-    def _stop(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Remove the guidance of rows (k,): set gx, gy and togo to 0, turn and held to -1 (nothing is prescribed)."""
-        state = view.row
-        state["gx"][rows] = state["gy"][rows] = state["togo"][rows] = 0.0
-        state["turn"][rows] = state["held"][rows] = -1.0
-
-    def _turn(self, view: View, rows: NDArray[np.int64], headings: Floats) -> NDArray[np.bool_]:
-        """Let rows (k,) turn on the spot to headings (k,) [rad], nan for any; return which rows still turn, (k,).
-
-        The heading becomes their guidance, and their free speed 0: so the body turns to it, and does not move.
-        """
-        state = view.row
-        off = np.abs(wrap_angle(headings - state["heading"][rows])) > TURNED_OFF
-        turns = rows[off]
-        state["gx"][turns], state["gy"][turns] = cos(headings[off]), sin(headings[off])
-        state["speed"][turns] = 0.0
-        return np.asarray(off)
 
     def _asked(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
         """Return the headings (k,) of rows (k,) at the place after ``reached`` (k,) places [rad]; nan for any."""
         group = self._itinerary[view.agent[rows]]
         return np.asarray(self._headings[group, reached % self._places[group]])
 
+    def _facing(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
+        """Return the headings (k,) in which rows (k,) stand at the place after ``reached`` (k,) places [rad], or nan.
+
+        Those that stand around a point face it, unless a heading is prescribed.
+        """
+        state, headings = view.row, self._asked(view, rows, reached)
+        off = self._spots(view, rows, reached) - np.column_stack((state["x"][rows], state["y"][rows]))
+        around = self._points[self.goal(view.agent[rows], reached)] & (hypot(*off.T) > ONE_BODY)
+        return np.where(np.isnan(headings) & around, atan2(off[:, 1], off[:, 0]), headings)
+
     def _spots(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
         """Return the spots (k, 2) of rows (k,) at the place that comes after ``reached`` (k,) places [m]."""
         agents = view.agent[rows]
         return np.asarray(self._own_spots[agents, reached % self._places[self._itinerary[agents]]])
-
-    def _lead(self, view: View, rows: NDArray[np.int64]) -> Floats:
-        """Lead rows (k,) straight to their spots, slower near them; return their distances (k,) [m]."""
-        state: NDArray[Any] = view.row
-        dx, dy = view.stand[rows, 0] - state["x"][rows], view.stand[rows, 1] - state["y"][rows]
-        distance: Floats = hypot(dx, dy)
-        far = np.maximum(distance, 1e-9)  # at the spot itself there is no direction
-        state["gx"][rows], state["gy"][rows], state["togo"][rows] = dx / far, dy / far, distance
-        # No section prescribes an angle between heading and way [rad], or arms held in [m]: -1.
-        state["turn"][rows] = state["held"][rows] = -1.0
-        state["speed"][rows] = _speed_near(distance, view.pace[rows])
-        return distance
-
-
-def _speed_near(distance: Floats, speed: Floats) -> Floats:
-    """Return speeds (k,) [m/s] that fall as the distances (k,) [m] to spots do; at most ``speed`` (k,) [m/s]."""
-    return np.minimum(speed, np.maximum(_SLOWING * distance, _SLOWEST))

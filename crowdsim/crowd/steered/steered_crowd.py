@@ -254,6 +254,7 @@ class SteeredCrowd:
         if self.ranks.size > 1:
             everybody = joined(view.row, ghosts.rows[~ghosts.leaves])
             numbers = np.concatenate((view.id, ghosts.ids[~ghosts.leaves]))
+        self.errands.gather(view, (everybody, others.rows), self._step)
         self.steering.step(everybody, others, len(view.row), numbers)
         # Joined rows were copied: take the results over.
         if everybody is not view.row:
