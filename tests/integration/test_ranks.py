@@ -54,7 +54,7 @@ agents:
   - {name: src, locomotion: steered, count: 60, start: {rectangle: [0.5, 1, 3, 19]}, rate: 3,
      exits: [north, south], choice: quickest, attributes: {luggage: {words: {none: 3, bag: 2}}}}
   - {name: tour, locomotion: steered, count: 15, start: {rectangle: [4, 1, 17, 18]},
-     goals: [{rectangle: [20, 16, 24, 19]}, {rectangle: [2, 2, 6, 6]}], wait: 3, on_arrival: stay}
+     goals: [{point: [18.6, 17.5]}, {rectangle: [2, 2, 6, 6]}], wait: 3, on_arrival: stay}
   - {name: back, locomotion: steered, count: 40, start: {rectangle: [20, 1, 35, 18]}, goal: {rectangle: [1, 1, 3, 19]},
      delay: {uniform: [0, 3]}}
 """

@@ -221,8 +221,7 @@ class Errands:
         ``crowds`` (ROW[m] each) are all agents nearby. Call it when :meth:`update` is done.
         """
         row, places = view.row, np.column_stack((view.row["x"], view.row["y"]))
-        # Once a second, those that stand look if they have room to come closer. They do so before others begin to stand
-        # in this step, which other processes do not know yet.
+        # Once a second, those that stand look if they have room to come closer.
         if step % self._rate == 0:
             stands = (view.errand == Errand.STANDS) | (view.errand == Errand.STAYS)
             rows = np.flatnonzero(stands & (view.reached > 0))
@@ -231,7 +230,8 @@ class Errands:
             spots = self._spots(view, rows, view.reached[rows] - 1)
             off = kept_off(row[rows], goals, spots, crowds)
             view.stand[rows] = np.where(off[:, None], places[rows], spots)
-        # Those that come stand where they are as soon as they are kept off.
+        # Those that come stand where they are as soon as they are kept off. Their rows tell so from the next step on, as
+        # other processes have copies of them already.
         comes = (view.errand == Errand.WALKS) | (view.errand == Errand.TAKES_PLACE)
         rows = np.flatnonzero(comes & self._points[view.goal] & (row["stuck"] > KEPT_OFF_AFTER))
         _, stands = self._how_it_ends(view, rows)
@@ -296,18 +296,14 @@ class Errands:
         self._exits.leave(view.goal[leaves])
         self._visits[agents[last & ~stands]] += 1
         takes_place = there[stands]
-        self._have_come(view, takes_place, Errand.TAKES_PLACE)
+        view.errand[takes_place] = Errand.TAKES_PLACE
+        view.row["goal"][takes_place] = standing_at(view.goal[takes_place])
+        view.stand[takes_place] = self._spots(view, takes_place, view.reached[takes_place])
         # Give up at this step if the spot cannot be reached: ``alone`` is the time of the free way to it [s].
         alone = lead(view, takes_place) / view.pace[takes_place]
         view.go_step[takes_place] = step + np.rint((TAKES_SECONDS + 2.0 * alone) * self._rate).astype(np.int64)
         self._go_on(view, there[~last & ~stands])
         return np.asarray(leaves)
-
-    def _have_come(self, view: View, rows: NDArray[np.int64], errand: Errand) -> None:
-        """Let rows (k,) have an ``errand`` at the goal to which they walked, where they are to stand at their spots."""
-        view.errand[rows] = errand
-        view.row["goal"][rows] = standing_at(view.goal[rows])
-        view.stand[rows] = self._spots(view, rows, view.reached[rows])
 
     def _how_they_stand(self, view: View, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
         """Return distances to the spots [m] and angles to the prescribed headings [rad], nan if none, of rows (k,).
@@ -343,12 +339,13 @@ class Errands:
 
     def _turn_next(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
         """Let rows (k,) turn at the goal to which they walked, before they stand there."""
-        self._have_come(view, rows, Errand.TURNS)
+        view.errand[rows] = Errand.TURNS
         view.go_step[rows] = step + round(TURN_SECONDS * self._rate)
 
     def _turn_and_stand(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
         """Let rows (k,) turn to their prescribed headings, for TURN_SECONDS at most; then they stand."""
         stop(view.row, rows)
+        view.row["goal"][rows] = standing_at(view.goal[rows])
         turns = turn(view.row, rows, self._facing(view, rows, view.reached[rows]))
         stops = rows[~turns | (view.go_step[rows] <= step)]
         agents = view.agent[stops]
