@@ -230,8 +230,8 @@ class Errands:
             spots = self._spots(view, rows, view.reached[rows] - 1)
             off = kept_off(row[rows], goals, spots, crowds)
             view.stand[rows] = np.where(off[:, None], places[rows], spots)
-        # Those that come stand where they are as soon as they are kept off. Their rows tell so from the next step on only:
-        # other processes have copies of them already.
+        # Those that come stand where they are as soon as they are kept off. Their rows tell so only from the next step
+        # on, as other processes have copies of them already.
         comes = (view.errand == Errand.WALKS) | (view.errand == Errand.TAKES_PLACE)
         rows = np.flatnonzero(comes & self._points[view.goal] & (row["stuck"] > KEPT_OFF_AFTER))
         _, stands = self._how_it_ends(view, rows)
