@@ -21,8 +21,9 @@ from crowdsim.scenario.schema.schema import ScenarioFields
 POINT_REACHED = 0.25
 """Radius of the disc that stands for a goal given as a point [m]: it is reached inside."""
 
-EXIT_ROOM = 0.15
-"""Free floor that a center needs somewhere in an exit for the exit to be reachable [m]; about half a body's depth."""
+EXIT_ROOM = 0.25
+"""Free floor that a center needs somewhere in an exit for the exit to be reachable [m]. Ways keep 0.23 m off the walls
+of the legs' layer with the default behaviors, the narrowest one, too: an exit with less room has no way to it."""
 
 EXIT_REACH = 0.25
 """Distance by which an exit is enlarged if no center fits into it [m]."""

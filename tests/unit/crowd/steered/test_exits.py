@@ -115,6 +115,17 @@ def test_an_exit_too_shallow_to_stand_in_is_reached_from_before_it(tmp_path: Pat
     assert summary["exits"]["east"]["left"] == 20
 
 
+@pytest.mark.parametrize("depth", [0.02, 0.15, 0.2, 0.25])
+def test_a_way_leads_to_an_exit_of_any_depth_and_it_is_chosen(tmp_path: Path, depth: float) -> None:
+    strips = f"exits:\n  - {{name: west, rectangle: [-1, 4, {depth - 1.0}, 5]}}\n"
+    strips += f"  - {{name: east, rectangle: [{21.0 - depth}, 4, 21, 5]}}\n"
+    text = hall("exits: all", count=30, to=19.5, rest=strips, duration=60)
+    starts = place_crowd(parse_scenario(text)).starts
+    used = summary_of(text, tmp_path)["exits"]
+    assert used["west"]["left"] + used["east"]["left"] == 30
+    assert abs(used["west"]["left"] - int((starts[:, 0] < 10.0).sum())) <= 2
+
+
 def test_those_whose_turn_it_is_choose_as_a_slow_count_has_it() -> None:
     scenario = parse_scenario(hall("exits: all, choice: quickest", count=150, to=8))
     with Simulation(scenario) as simulation:
