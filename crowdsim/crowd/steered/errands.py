@@ -19,6 +19,7 @@ from crowdsim.crowd.steered.components import Errand, standing_at
 from crowdsim.crowd.steered.exits import ExitChoice
 from crowdsim.crowd.steered.gathering import KEPT_OFF_AFTER, ONE_BODY, is_point, kept_off
 from crowdsim.crowd.steered.last_steps import lead, speed_near, stop, turn
+from crowdsim.crowd.steered.reaching import are_held_up, are_within, is_near
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import atan2, hypot
 from crowdsim.geometry.planar import wrap_angle
@@ -26,12 +27,6 @@ from crowdsim.scenario.people.crowd_placement import CrowdPlacement
 from crowdsim.scenario.schema.agents import STAND_WITHIN
 from crowdsim.steering.guidance.guidance import PLAIN
 from crowdsim.steering.guidance.sample_kernels import LOST
-
-REACHED = 0.05
-"""Length to go below which a goal is reached, even outside of its region: walls may keep bodies out of it [m]."""
-
-NEAR_GOAL = 0.5
-"""Length to go below which it is tested whether the region is reached [m]."""
 
 GIVES_UP = 4.0
 """Time stuck after which an agent in the region of its goal counts as standing, though it is off its spot [s]."""
@@ -190,11 +185,8 @@ class Errands:
         The column ``lost_since`` gets the step since which an agent that walks has no path, NONE for all others. The
         crowd reads this column, as a run does not wait for agents that have long been without a path.
         """
-        # Test the regions of goals only for agents near the end of their path.
-        rows = view.row
-        walks = view.errand == Errand.WALKS
-        near = np.flatnonzero(walks & (rows["togo"] < NEAR_GOAL))
-        leaves = self._reach(view, step, near[self._within_goals(view, near)])
+        rows, walks = view.row, view.errand == Errand.WALKS
+        leaves = self._reach(view, step, self._have_reached(view, np.flatnonzero(walks)))
         self._take_places(view, step, np.flatnonzero(view.errand == Errand.TAKES_PLACE))
         self._turn_and_stand(view, step, np.flatnonzero(view.errand == Errand.TURNS))
         # Agents that stand for a while (STANDS) and those that stand for good (STAYS).
@@ -267,15 +259,13 @@ class Errands:
                 laps[self._cast.names[number]] = int((visits // len(itinerary.goals)).sum())
         return laps
 
-    def _within_goals(self, view: View, near: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which of the rows ``near`` (k,) are in the region of their goal, or as near to it as paths lead."""
-        state, goals = view.row, view.goal[near]
-        within: NDArray[np.bool_] = state["togo"][near] <= REACHED
-        for goal in np.unique(goals).tolist():
-            asked = np.flatnonzero(goals == goal)
-            rows = near[asked]
-            within[asked] |= shapely.contains_xy(self._regions[goal], state["x"][rows], state["y"][rows])
-        return within
+    def _have_reached(self, view: View, walking: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return which of ``walking`` rows (k,) are at their goals, or as near as a throng lets those pass by."""
+        near = walking[is_near(view.row[walking])]
+        there = are_within(view.row[near], view.goal[near], self._regions)
+        last, stands = self._how_it_ends(view, near)
+        there |= ~last & ~stands & are_held_up(view.row[near])
+        return near[there]
 
     def _how_it_ends(self, view: View, rows: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return whether the goal of rows (k,) is their last place, and if they are to stand there; two (k,) bool."""
