@@ -12,6 +12,7 @@ import typer
 
 from crowdsim.cli.errors_shown import Terminated
 from crowdsim.cli.options import Debug, Json, Overrides, Scenario
+from crowdsim.cli.recording_names import require_recording_name
 from crowdsim.errors import CrowdSimError
 from crowdsim.whole_files import require_writable, whole_file
 
@@ -83,10 +84,10 @@ def run(
 def _output_file(output: str | None, name: str) -> Path:
     """Return the file of a recording: ``output``, or by default ``name``.h5, of the scenario's name.
 
-    Raise CrowdSimError if it cannot be written.
+    Raise CrowdSimError if it cannot be written, or has the ending of another kind of file.
     """
     file = Path(output if output is not None else f"{_file_name(name)}.h5")
-    require_writable(file)
+    require_recording_name(file)
     return file
 
 

@@ -9,6 +9,7 @@ import typer
 
 from crowdsim.cli.errors_shown import Terminated
 from crowdsim.cli.options import Debug, Overrides, Scenario
+from crowdsim.cli.recording_names import require_not_the_scenario, require_recording_name
 from crowdsim.errors import CrowdSimError
 from crowdsim.whole_files import require_writable
 
@@ -42,7 +43,7 @@ def serve(
     loaded = load_scenario(scenario, overrides or [])
     file = None if record is None else Path(record)
     if file is not None:
-        _require_names(file)
+        _require_names(file, scenario)
 
     with RunProgress(loaded.name) as progress:
         from crowdsim.crowd.simulation import Simulation
@@ -86,12 +87,12 @@ def _serve(
     return interruption.asked, session.steps, session.late
 
 
-def _require_names(file: Path) -> None:
-    """Raise CrowdSimError if the recording or the scenario beside it cannot be written, or have one name."""
-    if file.suffix.lower() in (".yaml", ".yml"):
-        raise CrowdSimError(f"{file}: a recording and a scenario beside it are written; choose a name like run.h5")
-    require_writable(file)
-    require_writable(file.with_suffix(".yaml"))
+def _require_names(file: Path, scenario: str) -> None:
+    """Raise CrowdSimError if the recording or the scenario beside it cannot be written, or replaces ``scenario``."""
+    beside = file.with_suffix(".yaml")
+    require_recording_name(file)
+    require_writable(beside)
+    require_not_the_scenario(beside, scenario)
 
 
 def _require_websockets() -> None:

@@ -18,6 +18,9 @@ _ON_TIME = 0.1
 _NAMED = 5
 """Number of agents of a group that are named in one line."""
 
+_FAR = "none within 1 m"
+"""What is said of the closest two if none came within CENTER_LIMIT, up to which runs with steered agents measure."""
+
 _NEVER = {
     "waiting": "never: an agent was in the way until the end",
     "overtaken": "never: an agent was in the way until the next event",
@@ -56,7 +59,7 @@ def nobody_arrived(summary: Mapping[str, Any]) -> str | None:
 def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return rows (label, value) of a run's summary."""
     areas = summary["behavior_share_by_area"]
-    margins = summary["obstacle_margin"]
+    margins, bodies = summary["obstacle_margin"], summary.get("closest_bodies")
     return [
         ("characters", str(summary["characters"])),
         ("arrived", str(summary["arrived"])),
@@ -75,8 +78,8 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         *((f"  in {area}", _shares(shares)) for area, shares in areas.items()),
         *_level_rows(summary),
         *_measured_rows(summary),
-        ("closest two, center to center", _quantity(summary["closest_pair"], "{:.3f} m")),
-        *([("  body to body", f"{summary['closest_bodies']:.3f} m")] if summary.get("closest_bodies") else []),
+        ("closest two, center to center", _quantity(summary["closest_pair"], "{:.3f} m", _FAR)),
+        *([] if bodies is None else [("  body to body", f"{bodies:.3f} m")]),
         *((f"body to obstacle, {layer}", _quantity(margin, "{:.3f} m")) for layer, margin in margins.items()),
         ("stance-foot speed", _quantity(summary["stance_foot_speed"], "{:.3f} m/s")),
         ("lowest foot", _quantity(summary["lowest_foot"], "{:.3f} m")),
@@ -191,9 +194,9 @@ def _search_row(searches: Mapping[str, Any]) -> tuple[str, str]:
     return "searches for motion", text if first is None else f"{text}; first movement after {first:.1f} ms"
 
 
-def _quantity(value: float | None, form: str) -> str:
-    """Return a value in a format, as ``{:.1f} s``; "none" if it is None."""
-    return "none" if value is None else form.format(value)
+def _quantity(value: float | None, form: str, none: str = "none") -> str:
+    """Return a value in a format, as ``{:.1f} s``; ``none`` if it is None."""
+    return none if value is None else form.format(value)
 
 
 def _shares(shares: Mapping[str, float]) -> str:

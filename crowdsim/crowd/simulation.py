@@ -18,11 +18,12 @@ from crowdsim.crowd.commandable import Commandable
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.live_poses import LivePoses, Poses
 from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
+from crowdsim.crowd.one_step import OneStep
 from crowdsim.crowd.own_systems import Extensible
 from crowdsim.crowd.report.movable_changes import movable_changes
 from crowdsim.crowd.report.recording_header import solid_record
 from crowdsim.crowd.report.run_measures import RunMeasures
-from crowdsim.crowd.state.assets import load_behaviors, require_fitting
+from crowdsim.crowd.state.assets import load_behaviors, require_fitting, require_scenario
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.errors import CrowdSimError
 from crowdsim.recording.header import RecordedFrame, RecordingHeader
@@ -65,6 +66,8 @@ class Simulation(Commandable, Extensible):
     ------
     ScenarioError, GeometryError, BehaviorError, MotionError
         If a file cannot be used, or ``behavior_set`` is of other behaviors or layers.
+    CrowdSimError
+        If ``scenario`` is none, as the name of one.
 
     Examples
     --------
@@ -85,10 +88,11 @@ class Simulation(Commandable, Extensible):
         keep_poses: bool = False,
         behavior_set: BehaviorSet | None = None,
     ) -> None:
+        require_scenario(scenario)
         behavior_set = load_behaviors(scenario) if behavior_set is None else require_fitting(behavior_set, scenario)
         Commandable.__init__(self, scenario, _crowd_of(scenario, workers, preparing, behavior_set))
         Extensible.__init__(self, self.crowd.count)
-        self._closed = False
+        self._closed, self._one_step = False, OneStep(scenario.name)
         self._agents: Agents | None = None
         self._summary: dict[str, Any] | None = None
         self.step_limit = round(scenario.duration * scenario.steps_per_second)
@@ -189,13 +193,15 @@ class Simulation(Commandable, Extensible):
         Raises
         ------
         CrowdSimError
-            If the simulation was run or closed, an own system fails or has failed, or a system calls this.
+            If the simulation was run or closed, an own system fails or has failed, or a system, another thread within a
+            step or what :meth:`run` calls calls this.
         """
         self._require_open()
         self._systems.require_outside()
-        self._advance()
-        self.crowd.begin_work()
-        self.crowd.end_step()
+        with self._one_step:
+            self._advance()
+            self.crowd.begin_work()
+            self.crowd.end_step()
 
     @overload
     def run(self, output: None, progress: Progress | None = None, until: Until | None = None) -> None: ...
@@ -232,7 +238,7 @@ class Simulation(Commandable, Extensible):
         ------
         CrowdSimError
             If the simulation was run or closed, or has taken steps that the recording would lack; if an own system
-            fails or has failed, or a system calls this; if the recording cannot be written.
+            fails or has failed, or a system calls this; if the recording cannot be written; while a step is taken.
         """
         self._require_open()
         self._systems.require_outside()
@@ -245,10 +251,11 @@ class Simulation(Commandable, Extensible):
         # Figures are those of all steps, so a run that does not begin with the first one measures nothing.
         crowd, rate = self.crowd, self.scenario.steps_per_second
         before: list[Placing | None] = [None] * len(self.scenario.environment.timetable.movables)
-        with self, nullcontext() if output is None else self._writer(Path(output)) as writer:
+        with self._one_step, self, nullcontext() if output is None else self._writer(Path(output)) as writer:
             measures = RunMeasures(self.scenario, self.attributes)
             started = time.perf_counter()
             while not (self.finished if until is None else until(self)):
+                self._require_open()  # until or progress may have closed it
                 self._advance()
                 # Threads work for the next step while this one is recorded and measured.
                 crowd.begin_work()

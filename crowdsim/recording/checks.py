@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import h5py
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.errors import RecordingError
@@ -18,6 +18,9 @@ from crowdsim.recording.storage.string_heaps import require_sound_heaps
 
 AGAIN = "run the scenario again to the end"
 """What messages about damaged or incomplete files advise."""
+
+CLOSED = "is closed; read it before close(), or within 'with Recording.open(...)'"
+"""What messages say of a recording that was closed."""
 
 UNREADABLE = (
     AttributeError,
@@ -107,6 +110,8 @@ class CheckedColumn:
         try:
             return self._stored[key]
         except (OSError, RuntimeError, MemoryError) as error:
+            if isinstance(self._stored, h5py.Dataset) and not self._stored:
+                raise RecordingError(f"{self._path} {CLOSED}") from None
             raise RecordingError(f"{self._path} is damaged: steps/{self._name} ({error}); {AGAIN}") from None
 
     def _checked(self, values: Any) -> Any:
@@ -118,6 +123,16 @@ class CheckedColumn:
                 f"{self._path} is damaged: steps/{self._name} holds values beyond {low:g} to {high:g}; {AGAIN}"
             )
         return values
+
+
+def agent_rows(name: str, agents: ArrayLike, count: int) -> NDArray[np.int64]:
+    """Return numbers of agents as an array (A,); raise RecordingError if they are no whole numbers below ``count``."""
+    rows = np.asarray(agents)
+    if rows.ndim != 1 or (rows.size and (rows.dtype.kind not in "iu" or rows.min() < 0 or rows.max() >= count)):
+        raise RecordingError(
+            f"{name}: agents are given as a list of whole numbers from 0 to {count - 1}, not {agents!r}"
+        )
+    return rows.astype(np.int64)
 
 
 def column_ranges(header: RecordingHeader) -> dict[str, tuple[float, float]]:

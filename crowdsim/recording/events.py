@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from crowdsim.errors import RecordingError
-from crowdsim.recording.checks import AGAIN, UNREADABLE, check_paths
+from crowdsim.recording.checks import AGAIN, CLOSED, UNREADABLE, check_paths
 from crowdsim.recording.header import MovableChange, PlannedPath, SolidRecord
 from crowdsim.recording.shown.bodies import ShownBodies
 from crowdsim.recording.storage.values import values_of
@@ -25,7 +25,14 @@ class RecordedEvents(ShownBodies):
     """The events of an open recording; each kind is read at its first use."""
 
     path: Path
-    _file: h5py.File
+    _hdf5: h5py.File
+
+    @property
+    def _file(self) -> h5py.File:
+        """Return the open file; raise RecordingError if it was closed, as a closed one seems to have no dataset."""
+        if not self._hdf5:
+            raise RecordingError(f"{self.path} {CLOSED}")
+        return self._hdf5
 
     @cached_property
     def paths(self) -> tuple[PlannedPath, ...]:

@@ -92,7 +92,7 @@ class Recording(RecordedEvents):
     def __init__(self, path: Path, file: h5py.File) -> None:
         self.path = path
         self.name = str(path)
-        self._file = file
+        self._hdf5 = file
         self._stays: dict[int, tuple[int, int] | None] = {}
         self.header = read_header(file)
         check_header(self.header)
@@ -174,7 +174,7 @@ class Recording(RecordedEvents):
 
     def close(self) -> None:
         """Close the file; header, versions and summary stay readable."""
-        self._file.close()
+        self._hdf5.close()
 
     def __enter__(self) -> Self:
         return self

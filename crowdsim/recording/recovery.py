@@ -41,6 +41,10 @@ def recover(part: str | os.PathLike[str], output: str | os.PathLike[str] | None 
         If the folder of ``output`` does not exist, or its disk is full.
     """
     source = Path(part)
+    if not source.exists():
+        raise RecordingError(
+            f"there is no file {source}; a run that is killed leaves NAME.h5.part, unless it was renamed"
+        )
     if source.suffix != ".part" or not source.is_file():
         raise RecordingError(f"{source} is not a file of a killed run; such files end in '.part'")
     if is_held(source):

@@ -74,6 +74,9 @@ def _message(detail: ErrorDetails, path: Path, model: type[BaseModel]) -> str:
     if kind == "missing" and isinstance(value, dict):
         return "this key is required and missing"
     # Here the value is a list: one item is missing, or it has too many or too few.
+    if kind in ("too_long", "too_short") and isinstance(value, dict):
+        bound, count = ("least", context["min_length"]) if kind == "too_short" else ("most", context["max_length"])
+        return f"expected at {bound} {count} {'entry' if count == 1 else 'entries'}, got {len(value)}"
     if kind in ("missing", "too_long", "too_short"):
         return f"expected {_wanted_list(_annotation(model, path), context)}, got {len(value)}"
     if kind == "literal_error":
@@ -99,7 +102,8 @@ def _type_message(kind: str, value: Any, annotation: Any) -> str:
     """
     got = _describe(value)
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return f"expected a mapping with keys among {', '.join(_keys(annotation))}, got {got}"
+        keys = ", ".join(_keys(annotation))  # none if any key may be there
+        return f"expected a mapping{f' with keys among {keys}' if keys else ''}, got {got}"
     if kind == "tuple_type":
         return f"expected a list, got {got}"
     if kind == "string_type":

@@ -17,7 +17,7 @@ from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import BehaviorSet, load_behavior_set
 from crowdsim.constants import CAPTURE_RATE, NONE, TRACKING_MARGIN
 from crowdsim.environment.layers import ClearanceLayer, dropped_solids
-from crowdsim.errors import BehaviorError, MotionError, ScenarioError
+from crowdsim.errors import BehaviorError, CrowdSimError, MotionError, ScenarioError
 from crowdsim.following.follower.path_follower import Character
 from crowdsim.following.maps.map_file import maps_in_file
 from crowdsim.following.maps.motion_maps import MotionMaps
@@ -178,6 +178,7 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
     ...     with Simulation(scenario, behavior_set=motion) as simulation:
     ...         simulation.step()
     """
+    require_scenario(scenario)
     bands = [(layer.low, layer.high) for layer in scenario.environment.layers]
     captures = scenario.captures_folder()
     if captures is None:
@@ -193,6 +194,19 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
         joints=motion.joints,
         speed=mean_speed(scenario),
     )
+
+
+def require_scenario(scenario: object) -> None:
+    """Raise CrowdSimError if ``scenario`` is none, as the name or the file of one is not."""
+    if isinstance(scenario, str | Path):
+        raise CrowdSimError(
+            f"expected a Scenario, got '{scenario}'; crowdsim.load_scenario({str(scenario)!r}) reads one"
+        )
+    if not isinstance(scenario, Scenario):
+        raise CrowdSimError(
+            f"expected a Scenario, got a {type(scenario).__name__}; crowdsim.Scenario(...) makes one, and "
+            "crowdsim.load_scenario reads one"
+        )
 
 
 def require_fitting(behavior_set: BehaviorSet, scenario: Scenario) -> BehaviorSet:

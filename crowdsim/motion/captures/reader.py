@@ -32,6 +32,8 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "inch": 0.0254, "CMU u
 _ADULT_LEG = 0.86
 _LEG_RANGES = ((0.7, 1.05), (0.35, 0.7), (1.05, 1.25))
 """Leg lengths of adults, children and giants [m], in the order in which a unit is searched."""
+_GIVEN_LEGS = 0.2, 2.0
+"""Least and greatest length of legs in a unit that is given [m]: no person's is beyond, whatever the file measures."""
 
 
 @dataclass(frozen=True)
@@ -256,7 +258,8 @@ def _unit(
     nearest to an adult's leg is taken.
     """
     rest_tree = Skeleton(raw.names, raw.parents, raw.offsets, raw.end_parents, raw.end_offsets, roles)
-    if all(f"{side}_{part}" in roles for side in ("left", "right") for part in ("hip", "knee", "ankle")):
+    known = all(f"{side}_{part}" in roles for side in ("left", "right") for part in ("hip", "knee", "ankle"))
+    if known:
         leg = rest_tree.leg_length()
     else:
         rest = rest_tree.rest_positions()
@@ -266,6 +269,11 @@ def _unit(
     if given is not None:
         if not 0.0 < given < np.inf:
             raise MotionError(f"meters_per_unit is {given:g}; give a positive number, as {UNITS['cm']} for centimeters")
+        if known and not _GIVEN_LEGS[0] <= leg * given <= _GIVEN_LEGS[1]:
+            raise MotionError(
+                f"{path}: with the unit that is given, the legs are {leg * given:.3g} m long, which fits no person; "
+                f"give another unit of {', '.join(UNITS)}, or none"
+            )
         return "given", given, leg * given
     if leg > 0.0:
         for low, high in _LEG_RANGES:

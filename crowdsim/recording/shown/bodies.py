@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.errors import RecordingError
 from crowdsim.recording.between import frame_between
+from crowdsim.recording.checks import agent_rows
 from crowdsim.recording.columns import Column
 from crowdsim.recording.header import RecordedFrame, RecordingHeader
 from crowdsim.recording.levels import Level, find_switches
@@ -197,10 +198,10 @@ class ShownBodies(ABC):
         Raises
         ------
         RecordingError
-            Outside of the recording.
+            Outside of the recording, or if ``agents`` are not numbers of its agents.
         """
         frame, step = self.at_time(time), self.shown_step(time)
-        rows = np.arange(self.agent_count) if agents is None else np.asarray(agents, np.int64)
+        rows = np.arange(self.agent_count) if agents is None else agent_rows(self.name, agents, self.agent_count)
         skeleton = self.header.motion.skeleton
         positions = np.full((len(rows), skeleton.joint_count, 3), np.nan, np.float32)
         rotations = np.full((len(rows), skeleton.joint_count, 4), np.nan, np.float32)

@@ -3,6 +3,7 @@
 import pytest
 
 from crowdsim.cli.summary import summary_rows
+from crowdsim.crowd.report.steered_statistics import CENTER_LIMIT
 from crowdsim.errors import CrowdSimError
 from crowdsim.whole_files import require_writable, whole_file
 
@@ -93,7 +94,13 @@ def test_a_run_without_arrivals_or_company_has_a_summary():
     rows = dict(summary_rows({**SUMMARY, **nothing}))
     assert rows["searches for motion"] == "1"
     assert rows["mean time to arrive"] == "none"
-    assert rows["closest two, center to center"] == "none"
+    assert rows["closest two, center to center"] == f"none within {CENTER_LIMIT:g} m"
+    assert "  body to body" not in rows
+
+
+def test_bodies_that_touch_have_a_row():
+    rows = dict(summary_rows({**SUMMARY, "closest_bodies": 0.0}))
+    assert rows["  body to body"] == "0.000 m"
 
 
 def test_a_place_that_can_be_written_is_accepted_and_left_untouched(tmp_path):

@@ -168,6 +168,16 @@ def test_a_good_file_has_its_values_and_defaults():
             "13:10: layers.0: 'high' (1.0) must lie above",
         ),
         ("motion: {set: default}", "layers: []", "13:9: layers: expected at least 1 entry, got 0"),
+        (
+            "count: 4",
+            "attributes: {age: {words: {}}}\n    count: 4",
+            "16:31: agents.0.attributes.age.words: expected at least 1 entry, got 0",
+        ),
+        (
+            "count: 4",
+            "attributes: {age: {words: [a, b]}}\n    count: 4",
+            "16:31: agents.0.attributes.age.words: expected a mapping, got a list",
+        ),
         ("rectangle: [4, 2, 6, 4]", "point: [4, 2]", "21:5: areas.0: an area needs an extent"),
         (
             "areas:",

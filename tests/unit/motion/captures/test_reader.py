@@ -356,6 +356,17 @@ def test_units_and_axes_are_found(tmp_path: Path, unit: str, scale: float, axes:
     assert np.allclose(clip.root_positions[:, 2], 0.91, atol=1e-6)
 
 
+@pytest.mark.parametrize(("unit", "leg"), [(0.0254, "2.18 m"), (0.001, "0.086 m"), (1.0, "86 m")])
+def test_a_unit_with_which_legs_are_no_persons_is_refused_with_their_length(
+    tmp_path: Path, unit: float, leg: str
+) -> None:
+    path = tmp_path / "legs.bvh"
+    write_legs(path, 100.0, "xyz")
+    assert read_capture(path, meters_per_unit=0.01).report.leg_length == pytest.approx(0.86)
+    with pytest.raises(MotionError, match=rf"with the unit that is given, the legs are {leg} long.* give another unit"):
+        read_capture(path, meters_per_unit=unit)
+
+
 def test_a_size_of_no_person_is_refused_unless_the_unit_is_given(tmp_path: Path) -> None:
     path = write_legs(tmp_path / "legs.bvh", 5000.0, "xyz")
     with pytest.raises(MotionError, match="meters_per_unit"):
