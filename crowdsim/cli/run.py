@@ -12,7 +12,6 @@ import typer
 
 from crowdsim.cli.errors_shown import Terminated
 from crowdsim.cli.options import Debug, Json, Overrides, Scenario
-from crowdsim.cli.recording_names import require_recording_name
 from crowdsim.errors import CrowdSimError
 from crowdsim.whole_files import require_writable, whole_file
 
@@ -86,6 +85,8 @@ def _output_file(output: str | None, name: str) -> Path:
 
     Raise CrowdSimError if it cannot be written, or has the ending of another kind of file.
     """
+    from crowdsim.export.recording_names import require_recording_name
+
     file = Path(output if output is not None else f"{_file_name(name)}.h5")
     require_recording_name(file)
     return file

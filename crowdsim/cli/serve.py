@@ -9,7 +9,6 @@ import typer
 
 from crowdsim.cli.errors_shown import Terminated
 from crowdsim.cli.options import Debug, Overrides, Scenario
-from crowdsim.cli.recording_names import require_not_the_scenario, require_recording_name
 from crowdsim.errors import CrowdSimError
 from crowdsim.whole_files import require_writable
 
@@ -89,6 +88,8 @@ def _serve(
 
 def _require_names(file: Path, scenario: str) -> None:
     """Raise CrowdSimError if the recording or the scenario beside it cannot be written, or replaces ``scenario``."""
+    from crowdsim.export.recording_names import require_not_the_scenario, require_recording_name
+
     beside = file.with_suffix(".yaml")
     require_recording_name(file)
     require_writable(beside)

@@ -88,8 +88,8 @@ def test_an_unwritable_place_is_refused_before_the_run(crowdsim, tmp_path):
 def test_a_bug_is_one_line_and_exit_code_1(environment, tmp_path):
     broken = (
         "import sys, crowdsim.cli.run as run\n"
-        "def fail(file): raise ZeroDivisionError('first\\nsecond')\n"
-        "run.require_writable = fail\n"
+        "def fail(*_): raise ZeroDivisionError('first\\nsecond')\n"
+        "run._output_file = fail\n"
         "from crowdsim.cli.app import main\n"
         "sys.argv = ['crowdsim', 'run', 'corridor', *sys.argv[1:]]\n"
         "main()\n"

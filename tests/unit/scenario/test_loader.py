@@ -1,8 +1,6 @@
 """Loading: every kind of error with its exact place, all of them at once, and the values of a good file."""
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import crowdsim
 from crowdsim.errors import CrowdSimError, Problem, ScenarioError
@@ -17,15 +15,6 @@ def problems_of(text: str, overrides=()) -> list[str]:
         parse_scenario(text, None, overrides)
     assert str(caught.value).splitlines() == [str(problem) for problem in caught.value.problems]
     return str(caught.value).splitlines()
-
-
-def outcome(text: str) -> list[Problem] | None:
-    """Problems of the text, None if it is a scenario; any other error gets out."""
-    try:
-        parse_scenario(text)
-    except ScenarioError as error:
-        return error.problems
-    return None
 
 
 def test_a_good_file_has_its_values_and_defaults():
@@ -432,29 +421,3 @@ def test_bad_files_end_in_a_typed_error_or_the_right_value(shared):
             assert "finite" in problems_of(text)[0]
     assert parse_scenario(change(("seed: 5", "seed: 0123"))).seed == 123
     assert parse_scenario(change(("name: sample", "name: no"))).name == "no"
-
-
-_NOISE = st.sampled_from(
-    ["\t", "\n", "- ", "? ", ": ", "{", "}", "[", "]", ",", "&a ", "*a", "!x ", "'", '"', "#", "\x00", "é", ".inf", "-"]
-    + ["1e999", "9" * 500, "~", "true", "<<: ", "\r", "\ufeff", "[" * 50, "0", "rectangle: [0, 0, 1, 1]", "name: x\n"]
-)
-
-
-@settings(max_examples=50, deadline=None, derandomize=True)
-@given(st.lists(st.tuples(st.integers(0, len(TEXT)), _NOISE, st.integers(0, 8)), min_size=1, max_size=3))
-def test_a_garbled_scenario_raises_nothing_but_scenario_errors(edits):
-    text = TEXT
-    for position, noise, removed in edits:
-        text = text[:position] + noise + text[position + removed :]
-    problems = outcome(text)
-    assert problems != []
-    for problem in problems or ():
-        str(problem).encode()
-        assert problem.line is not None
-
-
-@settings(max_examples=50, deadline=None, derandomize=True)
-@given(st.text(max_size=60))
-def test_garbage_is_never_a_scenario(text):
-    with pytest.raises(ScenarioError):
-        parse_scenario(text)

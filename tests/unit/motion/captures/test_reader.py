@@ -357,9 +357,7 @@ def test_units_and_axes_are_found(tmp_path: Path, unit: str, scale: float, axes:
 
 
 @pytest.mark.parametrize(("unit", "leg"), [(0.0254, "2.18 m"), (0.001, "0.086 m"), (1.0, "86 m")])
-def test_a_unit_with_which_legs_are_no_persons_is_refused_with_their_length(
-    tmp_path: Path, unit: float, leg: str
-) -> None:
+def test_a_unit_with_which_legs_are_no_persons_is_refused(tmp_path: Path, unit: float, leg: str) -> None:
     path = tmp_path / "legs.bvh"
     write_legs(path, 100.0, "xyz")
     assert read_capture(path, meters_per_unit=0.01).report.leg_length == pytest.approx(0.86)

@@ -4,8 +4,8 @@ import pytest
 from typer.testing import CliRunner
 
 from crowdsim.cli.app import app
-from crowdsim.cli.recording_names import require_not_the_scenario, require_recording_name
 from crowdsim.errors import CrowdSimError
+from crowdsim.export.recording_names import require_not_the_scenario, require_recording_name
 
 
 @pytest.mark.parametrize("name", ["run.h5", "run.hdf5", "run", "run.7", "RUN.H5"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from crowdsim.errors import CrowdSimError
+from crowdsim.export.formats import FORMATS
 from crowdsim.whole_files import require_writable
 
 _OTHERS = frozenset({"yaml", "yml", "json", "png", "jpg", "jpeg", "svg", "pdf", "mp4"})
@@ -17,8 +18,6 @@ def require_recording_name(file: Path) -> None:
     Programs would take such a recording for what it is not, and the page of ``--page`` or the scenario beside it could
     take its place.
     """
-    from crowdsim.export.formats import FORMATS
-
     ending = file.suffix.lower().removeprefix(".")
     if ending in FORMATS or ending in _OTHERS:
         named = file.with_suffix(".h5")
