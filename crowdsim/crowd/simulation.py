@@ -23,7 +23,7 @@ from crowdsim.crowd.own_systems import Extensible
 from crowdsim.crowd.report.movable_changes import movable_changes
 from crowdsim.crowd.report.recording_header import solid_record
 from crowdsim.crowd.report.run_measures import RunMeasures
-from crowdsim.crowd.state.assets import load_behaviors, require_fitting, require_scenario
+from crowdsim.crowd.state.assets import load_behaviors, require_fitting, require_scenario, require_workers
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.errors import CrowdSimError
 from crowdsim.recording.header import RecordedFrame, RecordingHeader
@@ -67,7 +67,7 @@ class Simulation(Commandable, Extensible):
     ScenarioError, GeometryError, BehaviorError, MotionError
         If a file cannot be used, or ``behavior_set`` is of other behaviors or layers.
     CrowdSimError
-        If ``scenario`` is none, as the name of one.
+        If ``scenario`` is none, as the name of one, or ``workers`` no whole number from 1 on.
 
     Examples
     --------
@@ -89,6 +89,7 @@ class Simulation(Commandable, Extensible):
         behavior_set: BehaviorSet | None = None,
     ) -> None:
         require_scenario(scenario)
+        require_workers(workers)
         behavior_set = load_behaviors(scenario) if behavior_set is None else require_fitting(behavior_set, scenario)
         Commandable.__init__(self, scenario, _crowd_of(scenario, workers, preparing, behavior_set))
         Extensible.__init__(self, self.crowd.count)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from crowdsim.errors import Problem, ScenarioError
+from crowdsim.errors import CrowdSimError, Problem, ScenarioError
 from crowdsim.library import library_folder
 from crowdsim.scenario.composing.files import Files
 from crowdsim.scenario.composing.validation import refuse, validated
@@ -39,12 +39,16 @@ def load_scenario(
     ------
     ScenarioError
         With every problem of the file and the overrides.
+    CrowdSimError
+        If ``source`` is neither a path nor a name, or an override is no text.
 
     Examples
     --------
     >>> load_scenario("doorway", ["agents.0.count=2"]).agents[0].count
     2
     """
+    if not isinstance(source, str | Path):
+        raise CrowdSimError(f"expected the path or the name of a scenario, got {source!r}")
     path = _find(source)
     text, problems = read_text(path, str(source))
     if problems:
@@ -71,6 +75,9 @@ def parse_scenario(
     progress : callable or None
         See :func:`load_scenario`.
     """
+    for override in overrides:
+        if not isinstance(override, str):
+            raise CrowdSimError(f"expected overrides as texts like 'agents.0.count=4', got {override!r}")
     document, problems = read_document(text, "<text>" if path is None else str(path))
     # Keys after a syntax error are unknown: report no keys as missing.
     if not document.complete:

@@ -209,6 +209,12 @@ def require_scenario(scenario: object) -> None:
         )
 
 
+def require_workers(workers: object) -> None:
+    """Raise CrowdSimError if ``workers`` is no number of threads."""
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise CrowdSimError(f"workers is {workers!r}; give a whole number of threads, 1 or more")
+
+
 def require_fitting(behavior_set: BehaviorSet, scenario: Scenario) -> BehaviorSet:
     """Return ``behavior_set`` as it is, if it was loaded for a scenario like this one.
 

@@ -170,8 +170,10 @@ class ShownBodies(ABC):
         Raises
         ------
         RecordingError
-            Outside of the recording.
+            Outside of the recording, or if ``step`` is no whole number.
         """
+        if not isinstance(step, int | np.integer):
+            raise RecordingError(f"{self.name}: a step is a whole number, not {step!r}; poses_at takes a time [s]")
         return self.poses_at(step / self.steps_per_second, agents)
 
     def poses_at(self, time: float, agents: ArrayLike | None = None, blended: bool = True) -> tuple[Joints, Joints]:

@@ -77,3 +77,9 @@ def test_what_is_no_scenario_is_refused_with_what_makes_one(given):
     for take in (Simulation, load_behaviors):
         with pytest.raises(CrowdSimError, match=r"expected a Scenario, got .*load_scenario"):
             take(given)
+
+
+@pytest.mark.parametrize("workers", [0, -1, 1.5, "2", True, None])
+def test_what_is_no_number_of_threads_is_refused(workers):
+    with pytest.raises(CrowdSimError, match="give a whole number of threads, 1 or more"):
+        Simulation(load_scenario("doorway"), workers=workers)

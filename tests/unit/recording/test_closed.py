@@ -1,4 +1,4 @@
-"""A closed recording says that it is closed; it is not damaged, and its events are not nothing."""
+"""What a recording is asked wrongly: a closed one says that it is closed; numbers of agents and steps are checked."""
 
 import numpy as np
 import pytest
@@ -48,3 +48,10 @@ def test_bodies_of_agents_that_are_none_are_refused(tmp_path, agents):
             recording.poses_at(1.0, agents)
         assert recording.poses_at(1.0, [])[0].shape[0] == 0
         assert recording.poses_at(1.0, np.array([2, 0], np.uint8))[0].shape[0] == 2
+
+
+def test_a_time_is_no_step(tmp_path):
+    with Recording.open(write_small_recording(tmp_path / "run.h5")) as recording:
+        with pytest.raises(RecordingError, match=r"a step is a whole number, not 1\.5; poses_at takes a time"):
+            recording.poses(1.5)
+        np.testing.assert_array_equal(recording.poses(np.int64(3))[0], recording.poses(3)[0])

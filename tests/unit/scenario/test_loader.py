@@ -421,3 +421,10 @@ def test_bad_files_end_in_a_typed_error_or_the_right_value(shared):
             assert "finite" in problems_of(text)[0]
     assert parse_scenario(change(("seed: 5", "seed: 0123"))).seed == 123
     assert parse_scenario(change(("name: sample", "name: no"))).name == "no"
+
+
+def test_what_is_neither_a_path_nor_an_override_is_refused():
+    with pytest.raises(CrowdSimError, match="expected the path or the name of a scenario, got None"):
+        load_scenario(None)
+    with pytest.raises(CrowdSimError, match=r"expected overrides as texts like 'agents.0.count=4', got 3"):
+        load_scenario("corridor", [3])
