@@ -31,7 +31,7 @@ from crowdsim.crowd.systems.animate import animate
 from crowdsim.crowd.systems.apply_events import AffectedAgents, Events
 from crowdsim.crowd.systems.choose_motion import Choosing
 from crowdsim.crowd.systems.despawn import Despawning
-from crowdsim.crowd.systems.replan import AT_GOAL, Replanning, search_on
+from crowdsim.crowd.systems.replan import AT_GOAL, Replanning, reach_goal, search_on
 from crowdsim.crowd.systems.spawn import Spawning
 from crowdsim.ecs.world import View, World
 from crowdsim.geometry.elementary import distance
@@ -199,6 +199,25 @@ class CapturedCrowd:
                 view.cursor[row] = NONE
                 view.rank[row] = view.turn[row] = self.plans.rank(agent)
             affected.turn_to_goal(row)
+
+    def go_elsewhere(self, agent: int, place: NDArray[np.float64]) -> None:
+        """Let an agent in the world go to ``place`` (2,) [m] instead of its own spot in the region of its goal."""
+        view = self.world.view()
+        row = int(self.plans.rows_of_agents(view)[agent])
+        self.itineraries.aim(agent, place)
+        view.goal[row] = place
+        AffectedAgents(self.plans, view).turn_to_goal(row)
+
+    def reach(self, agent: int) -> None:
+        """Count the present goal of a standing agent as reached: it leaves, or goes on to its next goal."""
+        view = self.world.view()
+        row = int(self.plans.rows_of_agents(view)[agent])
+        if self.itineraries.is_last(agent):
+            self.despawning.leave(view, row)
+            self.world.apply_changes()
+        else:
+            reach_goal(self.plans, view, row)
+            AffectedAgents(self.plans, view).turn_to_goal(row)
 
     def add(self, agents: NDArray[np.int64], starts: NDArray[np.float64] | None) -> None:
         """Let ``agents`` (k,) on call come as soon as their places are free: ``starts`` (k, 2) [m] if given."""

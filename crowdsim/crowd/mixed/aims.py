@@ -1,4 +1,7 @@
-"""Places in the regions of goals to which agents go that switch to captured motion, if they are not to stand there."""
+"""Places in the regions of goals to which captured agents go instead of their own spots.
+
+They do so if they are not to stand there, and either switch to captured motion, or cannot get to their spots.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,33 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
+from shapely.geometry.base import BaseGeometry
 
+from crowdsim.constants import STEERING_RATE
+from crowdsim.crowd.captured_crowd import CapturedCrowd
+from crowdsim.crowd.steered.components import Errand
 from crowdsim.crowd.steered.errands import Errands
+from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
+from crowdsim.crowd.systems.replan import AT_GOAL
 from crowdsim.environment.spots import meets
+from crowdsim.geometry.polygons import buffered
+from crowdsim.recording.header import AgentState
 from crowdsim.scenario.people.placement import NOMINAL_RADIUS, rooms_around
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.steering.guidance.guidance import Guidance
 
+STOOD_FOR = 8
+"""Time for which a captured agent has stood, and not gone on, after which it gives up its spot [s]. Each time that this
+has passed again, it looks for another one."""
+
+JUST_BEFORE = 2.5
+"""Distance to the region of its goal within which it does so [m]."""
+
+BESIDE = 0.9
+"""Distance that the other spot keeps from all that stay [m]: bodies that come to rest, and room to turn."""
+
 Floats = NDArray[np.float64]
+"""Array of float64."""
 
 
 class Aims:
@@ -38,10 +60,40 @@ class Aims:
         """
         end = self._guidance.end(goal, following, at)
         usable = self._usable_part(goal)
-        if usable is None or not np.isfinite(end).all():
-            return None
-        nearest = shapely.shortest_line(usable, Point(*end))
-        return np.asarray(shapely.get_coordinates(nearest)[0])
+        return None if usable is None or not np.isfinite(end).all() else _nearest(usable, end)
+
+    def go_beside(self, captured: CapturedCrowd, steered: SteeredCrowd, stood: NDArray[np.int64]) -> None:
+        """Send captured agents elsewhere in the regions of their goals that have long stood in or just before these.
+
+        Their spots are taken by agents that stay, or behind such: captured ones give way, steered ones come back.
+        Agents that are to stand in the region keep their spots; others that are in it have reached it. ``stood`` (n,)
+        are the steps for which each agent has stood and not gone on.
+        """
+        view, itineraries = captured.world.view(), captured.itineraries
+        agents = view.agent.astype(np.int64)
+        waits = np.flatnonzero((stood[agents] > 0) & (stood[agents] % (STOOD_FOR * STEERING_RATE) == 0))
+        if not len(waits):
+            return
+        rows, stays = steered.world.column("row"), steered.world.column("errand") == Errand.STAYS
+        bodies = np.column_stack((rows["x"], rows["y"]))[stays]
+        bodies = np.concatenate((bodies, view.pose[view.state == AgentState.ARRIVED, :2]))
+        goals = self._errands.goal(agents[waits], itineraries.reached[agents[waits]])
+        # Those that leave change the rows of those behind them: places come first.
+        places = view.pose[waits, :2].copy()
+        for at, agent, goal in zip(places, agents[waits].tolist(), goals.tolist(), strict=True):
+            usable = self._usable_part(goal)
+            if usable is None or itineraries.stands(agent):
+                continue
+            off = shapely.distance(usable, Point(*at))
+            if off > JUST_BEFORE:
+                continue
+            # No motion may lead over the last centimeters.
+            if off < AT_GOAL:
+                captured.reach(agent)
+                continue
+            left = usable.difference(buffered(shapely.MultiPoint(bodies), BESIDE)) if len(bodies) else usable
+            if not left.is_empty:
+                captured.go_elsewhere(agent, _nearest(left, at))
 
     def _usable_part(self, goal: int) -> MultiPolygon | None:
         """Return the part of the region of a goal that captured agents can walk to; None if there is none."""
@@ -56,3 +108,8 @@ class Aims:
                 shapely.prepare(usable)
             known = self._usable[goal] = region, usable
         return known[1]
+
+
+def _nearest(area: BaseGeometry, at: Floats) -> Floats:
+    """Return the point (2,) of an area that is nearest to ``at`` (2,) [m]."""
+    return np.asarray(shapely.get_coordinates(shapely.shortest_line(area, Point(*at)))[0])

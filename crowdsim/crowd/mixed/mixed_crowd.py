@@ -73,8 +73,8 @@ class MixedCrowd:
         self.captured = CapturedCrowd(scenario, workers, preparing, placement, behavior_set)
         self.steered = SteeredCrowd(scenario, workers, self.cast, behavior_set)
         self.levels = Levels(self.cast, scenario.captured_near)
-        aims = Aims(scenario, self.steered.errands, self.steered.place.guidance)
-        self.switches = Switches(self.captured, self.steered, self.levels, aims)
+        self.aims = Aims(scenario, self.steered.errands, self.steered.place.guidance)
+        self.switches = Switches(self.captured, self.steered, self.levels, self.aims)
         self.levels.keep_paces(self.switches.natural_speed)
         # By behavior: True if the body faces ahead. Then it is a disc, without a core.
         self._walks_ahead = self.captured.assets.breadths[:, 1] == 0.0
@@ -180,8 +180,7 @@ class MixedCrowd:
         legs, torso, _ = steered.steering.walls
         self.levels.look_around(present, (legs, torso), self.step_count)
         agents, velocities, walks = view.agent.astype(np.int64), self._velocities(view), self._walks(view)
-        speeds, ahead = hypot(*velocities.T), self._walks_ahead[view.behavior]
-        self.levels.follow_speeds(agents[walks], speeds[walks], ahead[walks])
+        self.levels.follow_speeds(agents[walks], hypot(*velocities.T)[walks], self._walks_ahead[view.behavior][walks])
         wanted = walks & self.levels.steer(agents, view.pose[:, :2], self._refused(view, walks))
         if self.switches.to_steered(view, wanted, velocities, others):
             captured.world.apply_changes()
@@ -197,6 +196,7 @@ class MixedCrowd:
         # agents take a step that keeps clear of all reserved segments. So no captured agent can touch a steered one.
         captured.choosing.surroundings.bodies = self._bodies()
         self._note_places()
+        self.aims.go_beside(captured, steered, self.step_count - self._stands_since)
         captured.act()
         steered.act(self._others(captured.world.view()))
         steered.errands.count_visits(captured.itineraries.reached)
