@@ -209,7 +209,8 @@ class ExitChoice:
     def _costs(self, group: int, agents: Ints, rows: NDArray[Any], queues: Sequence[Floats]) -> Floats:
         """Return the time until each agent is through each exit [s], or the length of its path there [m], (k, e).
 
-        For a group that takes the quickest exit it is the time, else the length; infinite if there is no path.
+        For a group that takes the quickest exit it is the time, else the length; infinite if there is no path. An agent
+        without a path to any of them, as one that has to squeeze out of a gap first, goes by straight distances.
         ``agents`` (k,) are of the group with the number ``group``, which has e exits; their rows are ``rows`` (ROW[k]).
         ``queues`` has, for each exit, the ascending lengths of the paths of all agents that walk to it [m]; it is ()
         if no queue counts.
@@ -217,6 +218,10 @@ class ExitChoice:
         places = np.column_stack((rows["x"], rows["y"]))
         exits = self._cast.itineraries[group].exits.tolist()
         lengths = np.column_stack([self._guidance.lengths(goal, places) for goal in exits])
+        lost = np.isinf(lengths).all(axis=1)
+        if lost.any():
+            regions = [self._cast.goals[goal] for goal in exits]
+            lengths[lost] = shapely.distance(shapely.points(places[lost])[:, None], regions)
         if not self._quickest[group]:
             return lengths
         times: Floats = lengths / self._cast.walkers.speeds[agents][:, None]

@@ -229,3 +229,23 @@ def test_exits_need_a_floor_a_name_and_somebody_who_steers() -> None:
         parse_scenario(hall("exits: all", rest=EXITS.replace("[20.7, 4, 21, 5]", "[30, 4, 31, 5]")))
     with pytest.raises(ScenarioError, match=r"agents\.0\.exits: captured agents go to a 'goal'"):
         parse_scenario(hall("exits: all").replace("locomotion: steered", "locomotion: captured"))
+
+
+def test_who_has_to_squeeze_out_of_a_gap_first_goes_to_the_exit_that_is_nearest_straight_on() -> None:
+    walls = "obstacles:\n" + "".join(
+        f"  - {{name: {name}, box: {{min: [{low}], max: [{high}]}}, top: 2.5}}\n"
+        for name, low, high in (
+            ("west wall", "15.9, 4", "16, 6"),
+            ("south wall", "16, 3.9", "18, 4"),
+            ("north wall", "16, 6", "18, 6.1"),
+            ("below the gap", "18, 4", "18.1, 4.8"),
+            ("above the gap", "18, 5.2", "18.1, 6"),
+        )
+    )
+    scene = steered_scene("name: one, count: 1, start: {point: [17, 5]}, exits: all", floor=HALL, rest=EXITS + walls)
+    with Simulation(parse_scenario(scene)) as simulation:
+        simulation.step()
+        crowd = simulation.crowd
+        assert isinstance(crowd, SteeredCrowd)
+        assert np.isinf(crowd.place.guidance.lengths(0, np.array([[17.0, 5.0]]))).all()
+        assert crowd.exits.goals.tolist() == [crowd.cast.exits["east"]]
