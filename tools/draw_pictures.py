@@ -98,6 +98,24 @@ agents:
 """
 """Two crossing corridors, walked in all four directions."""
 
+MUSEUM = """\
+crowdsim: 1
+name: museum
+seed: 3
+duration: 90
+floor: {rectangle: [0, 0, 24, 16]}
+obstacles:
+  - {name: west, wall: {points: [[8, 0], [8, 16]], openings: [{at: 4, width: 1.8}, {at: 12, width: 1.8}]}, top: 3}
+  - {name: east, wall: {points: [[16, 0], [16, 16]], openings: [{at: 4, width: 1.8}, {at: 12, width: 1.8}]}, top: 3}
+  - {name: first case, box: {min: [3.5, 7.5], max: [4.5, 8.5]}, top: 1.2}
+  - {name: second case, box: {min: [11.5, 7.5], max: [12.5, 8.5]}, top: 1.2}
+  - {name: third case, box: {min: [19.5, 7.5], max: [20.5, 8.5]}, top: 1.2}
+agents:
+  - {name: visitors, count: 40, interval: 2, wait: 15, start: {rectangle: [0.5, 1, 2, 4]},
+     goals: [{point: [4, 6.8]}, {point: [12, 9.2]}, {point: [20, 6.8]}, {rectangle: [22, 12, 23.5, 15]}]}
+"""
+"""Visitors who stand for a while at each of three exhibits."""
+
 
 class Recordings:
     """Recordings of scenarios in a temporary folder."""
@@ -192,6 +210,12 @@ def street(file: Path, recordings: Recordings) -> None:
 def four_ways(file: Path, recordings: Recordings) -> None:
     """Draw the crossing of four flows."""
     shot(recordings.of_text(FOUR_WAYS), file, 14.0, color_by="group")
+    write_small(file)
+
+
+def museum(file: Path, recordings: Recordings) -> None:
+    """Draw visitors who have gathered around exhibits."""
+    shot(recordings.of_text(MUSEUM), file, 70.0)
     write_small(file)
 
 
@@ -291,6 +315,7 @@ PICTURES: Mapping[str, Callable[[Path, Recordings], None]] = {
     "docs/images/counterflow.png": counterflow,
     "docs/images/levels.png": levels,
     "docs/images/four_ways.png": four_ways,
+    "docs/images/museum.png": museum,
     "docs/images/street.jpg": street,
     "docs/images/navmesh.png": navmesh,
     "docs/images/analysis_flow.png": analysis_flow,
