@@ -67,7 +67,7 @@ class Simulation(Commandable, Extensible):
     ScenarioError, GeometryError, BehaviorError, MotionError
         If a file cannot be used, or ``behavior_set`` is of other behaviors or layers.
     CrowdSimError
-        If ``scenario`` is none, as the name of one, or ``workers`` no whole number from 1 on.
+        If ``scenario`` is not a Scenario, for example a name, or ``workers`` is not a whole number of 1 or more.
 
     Examples
     --------
@@ -194,12 +194,13 @@ class Simulation(Commandable, Extensible):
         Raises
         ------
         CrowdSimError
-            If the simulation was run or closed, an own system fails or has failed, or a system, another thread within a
-            step or what :meth:`run` calls calls this.
+            If the simulation was run or closed; if an own system fails or has failed; if this is called while a step
+            is taken: by an own system, by ``until`` or ``progress`` of :meth:`run`, or by another thread.
         """
         self._require_open()
         self._systems.require_outside()
         with self._one_step:
+            self._require_open()  # another thread may have closed it meanwhile
             self._advance()
             self.crowd.begin_work()
             self.crowd.end_step()

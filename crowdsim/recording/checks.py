@@ -127,7 +127,10 @@ class CheckedColumn:
 
 def agent_rows(name: str, agents: ArrayLike, count: int) -> NDArray[np.int64]:
     """Return numbers of agents as an array (A,); raise RecordingError if they are no whole numbers below ``count``."""
-    rows = np.asarray(agents)
+    try:
+        rows = np.asarray(agents)
+    except ValueError:  # lists of different lengths
+        rows = np.zeros((0, 0))
     if rows.ndim != 1 or (rows.size and (rows.dtype.kind not in "iu" or rows.min() < 0 or rows.max() >= count)):
         raise RecordingError(
             f"{name}: agents are given as a list of whole numbers from 0 to {count - 1}, not {agents!r}"

@@ -75,6 +75,8 @@ def parse_scenario(
     progress : callable or None
         See :func:`load_scenario`.
     """
+    if isinstance(overrides, str) or not isinstance(overrides, Sequence):
+        raise CrowdSimError(f"expected a list of overrides like 'agents.0.count=4', got {overrides!r}")
     for override in overrides:
         if not isinstance(override, str):
             raise CrowdSimError(f"expected overrides as texts like 'agents.0.count=4', got {override!r}")
@@ -98,8 +100,11 @@ def builtin_scenarios() -> dict[str, Path]:
 def _find(source: str | Path) -> Path:
     """Return the scenario file at a path, or the built-in one of this name if nothing is there; else raise an error."""
     path = Path(source)
-    if path.is_file():
-        return path
+    try:
+        if path.is_file():
+            return path
+    except OSError as error:
+        raise ScenarioError([Problem(str(source), None, None, "", str(error.strerror))]) from None
     name = str(source).removesuffix(".yaml")
     built_in = builtin_scenarios()
     if name in built_in and not path.exists():

@@ -48,6 +48,12 @@ WANTED = np.dtype(
 
 
 @helper
+def same_goal(mine, other):
+    """Return True if two agents have the same goal, or both none (``goal`` < 0), wherever they stand."""
+    return other.goal == mine.goal or (other.goal < 0 and mine.goal < 0)
+
+
+@helper
 def hear_opposing(rows, mine, near, count, walls, rules):
     """Return the agent's awareness of opposing traffic, 0 to 1: what it sees, hears from agents ahead, or remembers.
 
@@ -66,7 +72,7 @@ def hear_opposing(rows, mine, near, count, walls, rules):
         # An agent whose intent is more than 107 degrees off this one's guidance is opposing traffic if it is within
         # 1.5 m of the line along that guidance. Agents of one goal never are: at a door they face each other because
         # they queue for it.
-        if other.goal != mine.goal and along < -0.3:
+        if along < -0.3 and not same_goal(mine, other):
             aside = abs(mine.gx * seen.py - mine.gy * seen.px)
             if aside < 1.5 and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
                 return 1.0
@@ -146,7 +152,9 @@ def let_merge(rows, mine, near, count, rules, want):
         seen = near[n]
         other = rows[seen.row]
         # Only agents within 1 m with the right of way that are stuck.
-        if other.goal != mine.goal or other.key >= want.key or other.stuck <= rules.merge_after or seen.distance > 1.0:
+        if other.key >= want.key or other.stuck <= rules.merge_after or seen.distance > 1.0:
+            continue
+        if not same_goal(mine, other):
             continue
         # Skip agents that have this one behind them: it is not in their way.
         if seen.px * other.ix + seen.py * other.iy > rules.merge_behind * seen.distance:
@@ -228,7 +236,7 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
         if seen.px * ux + seen.py * uy <= 0.0:
             continue
         other = rows[seen.row]
-        own_way = other.goal == mine.goal
+        own_way = same_goal(mine, other)
         # Share of the swath in which the neighbor counts: of agents with the same goal, those that go first count
         # almost fully, those that go after this one not at all. In a file all ahead count: for two steps, the key of an
         # agent that has just reached one of several goals is still that of the way there, so those ahead would seem to

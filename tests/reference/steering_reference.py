@@ -161,6 +161,11 @@ def smallest_gaps(
     return people, legs, torsos
 
 
+def same_goal(mine: NDArray[np.void], other: NDArray[np.void]) -> bool:
+    """Return whether two rows have one goal, or both none."""
+    return bool(mine["goal"] == other["goal"] or max(mine["goal"], other["goal"]) < 0)
+
+
 class Decision:
     """The velocity that an agent decides on, rule by rule, see docs/steering.md.
 
@@ -233,7 +238,7 @@ class Decision:
             along = self.intent(other) @ self.way
             if apart @ self.way <= 0.0 or not in_sight(self.walls, self.mine, row):
                 continue
-            if row["goal"] != self.mine["goal"] and along < -0.3:
+            if along < -0.3 and not same_goal(self.mine, row):
                 if abs(cross(self.way, apart)) < 1.5:
                     return 1.0
             elif along > 0.3:
@@ -282,7 +287,7 @@ class Decision:
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
             distance = np.hypot(*apart)
-            first = row["goal"] == self.mine["goal"] and row["key"] < self.key
+            first = same_goal(self.mine, row) and row["key"] < self.key
             behind = apart @ self.intent(other) > self.rules.merge_behind * distance
             waits = row["stuck"] > self.rules.merge_after and distance <= 1.0
             if first and waits and not behind and gap(self.state, self.me, other) < self.rules.merge_gap:
@@ -398,7 +403,7 @@ class Decision:
         led = False
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
-            same = row["goal"] == mine["goal"]
+            same = same_goal(mine, row)
             goes_first = row["key"] < mine["key"]
             share = (before if in_file or goes_first else rules.swath_behind) if same else rules.swath
             both = mine["half"] * math.cos(self.turn) + mine["radius"] + row["radius"]

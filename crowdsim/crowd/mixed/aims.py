@@ -65,20 +65,23 @@ class Aims:
     def go_beside(self, captured: CapturedCrowd, steered: SteeredCrowd, stood: NDArray[np.int64]) -> None:
         """Send captured agents elsewhere in the regions of their goals that have long stood in or just before these.
 
-        Their spots are taken by agents that stay, or behind such: captured ones give way, steered ones come back.
-        Agents that are to stand in the region keep their spots; others that are in it have reached it. ``stood`` (n,)
-        are the steps for which each agent has stood and not gone on.
+        Others stand on their spots, or in front of these: captured ones give way, but steered ones step aside and come
+        back. Agents that are to stand in the region keep their spots; others that are in it have reached it. ``stood``
+        (n,) is the number of steps for which each agent has stood and not gone on.
         """
         view, itineraries = captured.world.view(), captured.itineraries
         agents = view.agent.astype(np.int64)
-        waits = np.flatnonzero((stood[agents] > 0) & (stood[agents] % (STOOD_FOR * STEERING_RATE) == 0))
+        long = (stood[agents] > 0) & (stood[agents] % (STOOD_FOR * STEERING_RATE) == 0)
+        waits = np.flatnonzero(long & (view.state == AgentState.WAITING))
         if not len(waits):
             return
-        rows, stays = steered.world.column("row"), steered.world.column("errand") == Errand.STAYS
-        bodies = np.column_stack((rows["x"], rows["y"]))[stays]
+        rows, stands = steered.world.column("row"), steered.world.column("errand") != Errand.WALKS
+        bodies = np.column_stack((rows["x"], rows["y"]))[stands]
         bodies = np.concatenate((bodies, view.pose[view.state == AgentState.ARRIVED, :2]))
         goals = self._errands.goal(agents[waits], itineraries.reached[agents[waits]])
-        # Those that leave change the rows of those behind them: places come first.
+        # By goal: the part of its region off all bodies. Those that leave change the rows of those behind them: places
+        # come first.
+        left: dict[int, BaseGeometry] = {}
         places = view.pose[waits, :2].copy()
         for at, agent, goal in zip(places, agents[waits].tolist(), goals.tolist(), strict=True):
             usable = self._usable_part(goal)
@@ -91,9 +94,12 @@ class Aims:
             if off < AT_GOAL:
                 captured.reach(agent)
                 continue
-            left = usable.difference(buffered(shapely.MultiPoint(bodies), BESIDE)) if len(bodies) else usable
-            if not left.is_empty:
-                captured.go_elsewhere(agent, _nearest(left, at))
+            if goal not in left:
+                left[goal] = _off(usable, bodies)
+            if not left[goal].is_empty:
+                place = _nearest(left[goal], at)
+                captured.go_elsewhere(agent, place)
+                left[goal] = _off(left[goal], place[None])
 
     def _usable_part(self, goal: int) -> MultiPolygon | None:
         """Return the part of the region of a goal that captured agents can walk to; None if there is none."""
@@ -108,6 +114,12 @@ class Aims:
                 shapely.prepare(usable)
             known = self._usable[goal] = region, usable
         return known[1]
+
+
+def _off(area: BaseGeometry, bodies: Floats) -> BaseGeometry:
+    """Return the part of an area that is BESIDE or farther off the positions ``bodies`` (k, 2) [m]."""
+    near = bodies[shapely.dwithin(area, shapely.points(bodies), BESIDE)]
+    return area.difference(buffered(shapely.MultiPoint(near), BESIDE)) if len(near) else area
 
 
 def _nearest(area: BaseGeometry, at: Floats) -> Floats:

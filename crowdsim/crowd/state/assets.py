@@ -197,7 +197,7 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
 
 
 def require_scenario(scenario: object) -> None:
-    """Raise CrowdSimError if ``scenario`` is none, as the name or the file of one is not."""
+    """Raise CrowdSimError if ``scenario`` is not a Scenario, for example the name or the file of one."""
     if isinstance(scenario, str | Path):
         raise CrowdSimError(
             f"expected a Scenario, got '{scenario}'; crowdsim.load_scenario({str(scenario)!r}) reads one"
@@ -210,8 +210,8 @@ def require_scenario(scenario: object) -> None:
 
 
 def require_workers(workers: object) -> None:
-    """Raise CrowdSimError if ``workers`` is no number of threads."""
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+    """Raise CrowdSimError if ``workers`` is not a number of threads."""
+    if isinstance(workers, bool) or not isinstance(workers, int | np.integer) or workers < 1:
         raise CrowdSimError(f"workers is {workers!r}; give a whole number of threads, 1 or more")
 
 

@@ -17,7 +17,7 @@ from crowdsim.constants import NONE
 from crowdsim.crowd.ranks.protocol import ONE_RANK, Ranks
 from crowdsim.crowd.steered.components import Errand, standing_at
 from crowdsim.crowd.steered.exits import ExitChoice
-from crowdsim.crowd.steered.gathering import KEPT_OFF_AFTER, ONE_BODY, is_point, kept_off
+from crowdsim.crowd.steered.gathering import KEPT_OFF_AFTER, ONE_BODY, Gathering
 from crowdsim.crowd.steered.last_steps import lead, speed_near, stop, turn
 from crowdsim.crowd.steered.reaching import are_held_up, are_within, is_near
 from crowdsim.ecs.world import View
@@ -50,8 +50,6 @@ class NewGoal(NamedTuple):
 
     number: int
     """Number of the goal among those of guidance."""
-    region: Polygon
-    """Region of the goal."""
     places: Floats
     """(k, 2) spot of each agent [m]."""
     stays: bool
@@ -64,8 +62,8 @@ class Errands:
     ``cast`` has their itineraries and spots; ``exits`` knows which exit each has chosen.
     """
 
-    def __init__(self, cast: CrowdPlacement, exits: ExitChoice, steps_per_second: int) -> None:
-        self._cast, self._exits = cast, exits
+    def __init__(self, cast: CrowdPlacement, exits: ExitChoice, gathering: Gathering, steps_per_second: int) -> None:
+        self._cast, self._exits, self._gathering = cast, exits, gathering
         most = max(len(itinerary.goals) for itinerary in cast.itineraries)
         groups = cast.itineraries
         # By itinerary and place: the goal (NONE behind the last place), and the prescribed heading [rad] (nan for any).
@@ -76,7 +74,6 @@ class Errands:
             self._headings[number, : len(itinerary.goals)] = itinerary.headings
         # Regions of the goals by number; commands add others, or replace what they added before.
         self._regions = list(cast.goals)
-        self._points = np.array([is_point(region) for region in cast.goals], np.bool_)
         # Itinerary of each agent, and its own spots at places; commands change both.
         self._itinerary, self._own_spots = cast.group.copy(), cast.spots.copy()
         # By itinerary: number of places of one round, and of all rounds (NONE if these never end); steps to stand at
@@ -110,17 +107,23 @@ class Errands:
         free = np.setdiff1d(np.arange(len(self._cast.goals), len(self._regions)), used)
         return int(free[0]) if len(free) else len(self._regions)
 
+    def number_of(self, region: Polygon) -> int:
+        """Return the number of a goal, no exit, that has this region; NONE if there is none."""
+        same = np.flatnonzero(shapely.equals_exact(self._regions, region))
+        return next((number for number in same.tolist() if number not in self._cast.exits.values()), NONE)
+
+    def put(self, number: int, region: Polygon, middle: Floats) -> None:
+        """Set goal ``number``, a new one or one that :meth:`free_goal` returned; ``middle`` (2,) is in it [m]."""
+        shapely.prepare(region)
+        self._regions[number : number + 1] = [region]
+        self._gathering.put(number, region)
+        self.middles = np.concatenate((self.middles[:number], middle[None], self.middles[number + 1 :]))
+
     def redirect(self, view: View, agents: NDArray[np.int64], goal: NewGoal) -> None:
         """Send agents (k,), in the world or not, to another goal instead of all their places.
 
         They get an itinerary of their own, count as not arrived, and have no exit; in ``view``, errand and goal change.
         """
-        # Put the goal in place of an old one of that number, or behind all; its first spot serves as a point in it.
-        shapely.prepare(goal.region)
-        self._regions[goal.number : goal.number + 1] = [goal.region]
-        point = np.array([is_point(goal.region)])
-        self._points = np.concatenate((self._points[: goal.number], point, self._points[goal.number + 1 :]))
-        self.middles = np.concatenate((self.middles[: goal.number], goal.places[:1], self.middles[goal.number + 1 :]))
         # Append an itinerary of one place and one round, with no prescribed heading, wait or exit.
         number, none = len(self._places), np.full((1, self._goals.shape[1]), NONE, np.int32)
         self._goals = np.concatenate((self._goals, none))
@@ -217,19 +220,25 @@ class Errands:
         if step % self._rate == 0:
             stands = (view.errand == Errand.STANDS) | (view.errand == Errand.STAYS)
             rows = np.flatnonzero(stands & (view.reached > 0))
-            goals = self.goal(view.agent[rows], view.reached[rows] - 1)
-            rows, goals = rows[self._points[goals]], goals[self._points[goals]]
-            spots = self._spots(view, rows, view.reached[rows] - 1)
-            off = kept_off(row[rows], goals, spots, crowds)
-            view.stand[rows] = np.where(off[:, None], places[rows], spots)
+            goals, spots = (
+                self.goal(view.agent[rows], view.reached[rows] - 1),
+                self._spots(view, rows, view.reached[rows] - 1),
+            )
+            near = self._gathering.at_points(goals, spots)
+            rows, goals, spots = rows[near], goals[near], spots[near]
+            comes_closer = ~self._gathering.kept_off(row[rows], goals, spots, crowds)
+            comes_closer &= self._gathering.in_sight(places[rows], spots)
+            view.stand[rows] = np.where(comes_closer[:, None], spots, places[rows])
         # Those that come stand where they are as soon as they are kept off. Their rows tell so only from the next step
         # on, as other processes have copies of them already.
         comes = (view.errand == Errand.WALKS) | (view.errand == Errand.TAKES_PLACE)
-        rows = np.flatnonzero(comes & self._points[view.goal] & (row["stuck"] > KEPT_OFF_AFTER))
+        rows = np.flatnonzero(comes & (row["stuck"] > KEPT_OFF_AFTER))
         _, stands = self._how_it_ends(view, rows)
         rows = rows[stands]
-        spots = self._spots(view, rows, view.reached[rows])
-        rows = rows[kept_off(row[rows], view.goal[rows], spots, crowds)]
+        goals, spots = view.goal[rows], self._spots(view, rows, view.reached[rows])
+        near = self._gathering.at_points(goals, spots)
+        rows, goals, spots = rows[near], goals[near], spots[near]
+        rows = rows[self._gathering.kept_off(row[rows], goals, spots, crowds)]
         self._turn_next(view, step, rows)
         view.stand[rows] = places[rows]
 
@@ -264,8 +273,10 @@ class Errands:
         near = walking[is_near(view.row[walking])]
         there = are_within(view.row[near], view.goal[near], self._regions)
         last, stands = self._how_it_ends(view, near)
-        there |= ~last & ~stands & are_held_up(view.row[near])
-        return near[there]
+        passes = ~there & ~last & ~stands & are_held_up(view.row[near])
+        # One after the other: each place has to hold them up anew.
+        view.row["stuck"][near[passes]] = 0.0
+        return near[there | passes]
 
     def _how_it_ends(self, view: View, rows: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return whether the goal of rows (k,) is their last place, and if they are to stand there; two (k,) bool."""
@@ -352,14 +363,16 @@ class Errands:
     def _stand(self, view: View, rows: NDArray[np.int64]) -> None:
         """Let rows (k,) stand in their prescribed headings.
 
-        An agent that stays for good, but is more than PUSHED_OFF from its spot, walks there: it was pushed off, or has
-        given up before. The time stuck of agents that stay for good is 0, so that they give way to all that are stuck.
+        An agent that stays for good, or gathers at a point, walks to where it is to stand if that is more than
+        PUSHED_OFF away: it was pushed off, has given up before, or comes closer to the point. The time stuck of these
+        agents is 0, so that they give way to all that are stuck.
         """
         stop(view.row, rows)
         # Those that have reached a place turn as it prescribes; others stand where they entered.
         at = rows[view.reached[rows] > 0]
         turn(view.row, at, self._facing(view, at, view.reached[at] - 1))
-        stays = at[(view.errand[at] == Errand.STAYS) | self._points[self.goal(view.agent[at], view.reached[at] - 1)]]
+        goals, spots = self.goal(view.agent[at], view.reached[at] - 1), self._spots(view, at, view.reached[at] - 1)
+        stays = at[(view.errand[at] == Errand.STAYS) | self._gathering.at_points(goals, spots)]
         away = hypot(*(view.stand[stays].T - np.array([view.row["x"][stays], view.row["y"][stays]]))) > PUSHED_OFF
         lead(view, stays[away])
         view.row["stuck"][stays] = 0.0
@@ -375,8 +388,9 @@ class Errands:
         Those that stand around a point face it, unless a heading is prescribed.
         """
         state, headings = view.row, self._asked(view, rows, reached)
-        off = self._spots(view, rows, reached) - np.column_stack((state["x"][rows], state["y"][rows]))
-        around = self._points[self.goal(view.agent[rows], reached)] & (hypot(*off.T) > ONE_BODY)
+        spots = self._spots(view, rows, reached)
+        off = spots - np.column_stack((state["x"][rows], state["y"][rows]))
+        around = self._gathering.at_points(self.goal(view.agent[rows], reached), spots) & (hypot(*off.T) > ONE_BODY)
         return np.where(np.isnan(headings) & around, atan2(off[:, 1], off[:, 0]), headings)
 
     def _spots(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:

@@ -22,7 +22,7 @@ HELD_UP = 1.0
 
 
 def is_near(rows: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return which agents, rows ROW[k], are near enough to the end of their way to be looked at; the others are not."""
+    """Return which agents, rows ROW[k], are so near to the end of their way that they may have reached it."""
     return np.asarray(rows["togo"] < PASSED_WITHIN)
 
 

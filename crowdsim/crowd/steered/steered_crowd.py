@@ -24,6 +24,7 @@ from crowdsim.crowd.steered.entering import Entering
 from crowdsim.crowd.steered.errands import Errands, NewGoal
 from crowdsim.crowd.steered.exits import ExitChoice, exits_summary
 from crowdsim.crowd.steered.gait import walk_on
+from crowdsim.crowd.steered.gathering import Gathering
 from crowdsim.crowd.steered.parties import Parties
 from crowdsim.crowd.steered.periodic_boundary import PeriodicBoundary, laid_three_times
 from crowdsim.crowd.steered.steered_place import SteeredPlace
@@ -82,7 +83,7 @@ class SteeredCrowd:
         self.steering = Steering(*self.place.walls, leg_radius=BODY_RADIUS, threads=threads)
         free = scenario.environment.layers[0].free
         self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE, ranks)
-        self.errands = Errands(self.cast, self.exits, STEERING_RATE)
+        self.errands = Errands(self.cast, self.exits, Gathering(self.cast.goals, free), STEERING_RATE)
         self.parties = Parties(self.cast.first, free, scenario.span, STEERING_RATE)
         self.boundary = PeriodicBoundary(scenario, self.place.guidance)
         regions = [group.start.shape() for group in scenario.agents]
@@ -177,9 +178,13 @@ class SteeredCrowd:
 
         If ``stays`` is True, they stay there, at their spots ``places`` (k, 2) [m]; else they leave the world there.
         """
-        number = self.errands.free_goal()
-        self.place.guidance.put(number, region)
-        self.errands.redirect(self.world.view(), agents, NewGoal(number, region, places, stays))
+        # Those sent to one region go to one goal, by whatever command, so that they gather there.
+        number = self.errands.number_of(region)
+        if number == NONE:
+            number = self.errands.free_goal()
+            self.place.guidance.put(number, region)
+            self.errands.put(number, region, places[0])
+        self.errands.redirect(self.world.view(), agents, NewGoal(number, places, stays))
         self.parties.part(agents)
 
     def add(self, agents: NDArray[np.int64], starts: NDArray[np.float64] | None) -> None:

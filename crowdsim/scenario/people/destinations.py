@@ -22,8 +22,8 @@ POINT_REACHED = 0.25
 """Radius of the disc that stands for a goal given as a point [m]: it is reached inside."""
 
 EXIT_ROOM = 0.25
-"""Free floor that a center needs somewhere in an exit for the exit to be reachable [m]. Ways keep 0.23 m off the walls
-of the legs' layer with the default behaviors, the narrowest one, too: an exit with less room has no way to it."""
+"""Free floor that a center needs somewhere in an exit for the exit to be reachable [m]. Ways keep 0.23 m off walls in
+the layer of the legs, with each of the built-in behaviors: no way leads into an exit with less room."""
 
 EXIT_REACH = 0.25
 """Distance by which an exit is enlarged if no center fits into it [m]."""
