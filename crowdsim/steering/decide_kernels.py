@@ -49,7 +49,7 @@ WANTED = np.dtype(
 
 @helper
 def same_goal(mine, other):
-    """Return True if ``mine`` and ``other`` (ROW) have the same goal, or both none (``goal`` < 0), wherever they stand."""
+    """Return True if ``mine`` and ``other`` (ROW) have the same goal, or both none (``goal`` < 0)."""
     return other.goal == mine.goal or (other.goal < 0 and mine.goal < 0)
 
 
