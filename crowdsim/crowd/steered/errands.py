@@ -220,10 +220,7 @@ class Errands:
         if step % self._rate == 0:
             stands = (view.errand == Errand.STANDS) | (view.errand == Errand.STAYS)
             rows = np.flatnonzero(stands & (view.reached > 0))
-            goals, spots = (
-                self.goal(view.agent[rows], view.reached[rows] - 1),
-                self._spots(view, rows, view.reached[rows] - 1),
-            )
+            goals, spots = self._stood_at(view, rows)
             near = self._gathering.at_points(goals, spots)
             rows, goals, spots = rows[near], goals[near], spots[near]
             comes_closer = ~self._gathering.kept_off(row[rows], goals, spots, crowds)
@@ -269,7 +266,7 @@ class Errands:
         return laps
 
     def _have_reached(self, view: View, walking: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return which of ``walking`` rows (k,) are at their goals, or as near as a throng lets those pass by."""
+        """Return which of ``walking`` rows (k,) reach their goals; ``stuck`` of those passed in a throng becomes 0."""
         near = walking[is_near(view.row[walking])]
         there = are_within(view.row[near], view.goal[near], self._regions)
         last, stands = self._how_it_ends(view, near)
@@ -371,11 +368,15 @@ class Errands:
         # Those that have reached a place turn as it prescribes; others stand where they entered.
         at = rows[view.reached[rows] > 0]
         turn(view.row, at, self._facing(view, at, view.reached[at] - 1))
-        goals, spots = self.goal(view.agent[at], view.reached[at] - 1), self._spots(view, at, view.reached[at] - 1)
-        stays = at[(view.errand[at] == Errand.STAYS) | self._gathering.at_points(goals, spots)]
+        stays = at[(view.errand[at] == Errand.STAYS) | self._gathering.at_points(*self._stood_at(view, at))]
         away = hypot(*(view.stand[stays].T - np.array([view.row["x"][stays], view.row["y"][stays]]))) > PUSHED_OFF
         lead(view, stays[away])
         view.row["stuck"][stays] = 0.0
+
+    def _stood_at(self, view: View, rows: NDArray[np.int64]) -> tuple[NDArray[np.int32], Floats]:
+        """Return the goals (k,) at which rows (k,) stand, and their spots there (k, 2) [m]."""
+        reached = view.reached[rows] - 1
+        return self.goal(view.agent[rows], reached), self._spots(view, rows, reached)
 
     def _asked(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
         """Return the headings (k,) of rows (k,) at the place after ``reached`` (k,) places [rad]; nan for any."""
