@@ -10,13 +10,17 @@ from numpy.typing import NDArray
 
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.following.follower.exact_following import FEW_BRANCHES, meters_off
-from crowdsim.following.follower.follow_options import THOROUGH_BRANCHES, FollowOptions
+from crowdsim.following.follower.follow_options import BRIEFLY, THOROUGH_BRANCHES, FollowOptions
 from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.scenario.schema.agents import STAND_WITHIN
 
 STRICT_BUDGET = 500
 """Map queries of each search for a motion that ends exactly as requested."""
+
+_STRICTLY_STILL = 2
+"""Nodes in a row without progress in the second of two searches for a motion that ends exactly as requested. In
+furnished rooms, with any heading to end in, 4.5 % of the motions stood for over 7 s; with 6 instead of 2, 8 % did."""
 
 _TRIES = 40
 """Largest number of solutions of one search that are bent to their goal until one arrives; each after the first costs
@@ -33,7 +37,8 @@ def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[Fo
     heading: a quick search, then a thorough one. If that distance is below STAND_WITHIN, only a motion that is bent to
     the goal comes as near: then there are six searches, with different options, to find different motions to bend. For
     the last two searches it is enough to end within the default distance, with any heading: a quick one with a quarter
-    of ``budget`` (map queries), then a thorough one with the rest.
+    of ``budget`` (map queries), then a thorough one with the rest. Each of these searches comes twice: at first the
+    body may stand BRIEFLY at most before it goes on, then for longer.
     """
     # A search alone ends within STAND_WITHIN of the goal; a motion that is to end nearer has to be bent.
     quick, nearest = max(budget // 4, 1), request.within < STAND_WITHIN
@@ -46,17 +51,23 @@ def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[Fo
         )
         for breadth in breadths:
             for share in (1.0, 0.5) if nearest else (1.0,):
-                options = FollowOptions(
-                    end_standing=True,
-                    goal_tolerance=share * max(request.within, STAND_WITHIN),
-                    goal_heading=request.heading,
-                    branches=breadth,
-                    budget=min(STRICT_BUDGET, budget),
-                )
-                yield options, nearest
+                for still in (BRIEFLY, _STRICTLY_STILL):
+                    options = FollowOptions(
+                        end_standing=True,
+                        goal_tolerance=share * max(request.within, STAND_WITHIN),
+                        goal_heading=request.heading,
+                        branches=breadth,
+                        budget=min(STRICT_BUDGET, budget),
+                        most_still=still,
+                    )
+                    yield options, nearest
     # A search needs a budget of 1 at least.
     for breadth, share in ((FollowOptions.branches, quick), (THOROUGH_BRANCHES, budget - quick)):
-        yield FollowOptions(end_standing=request.stays, branches=breadth, budget=max(share, 1)), False
+        for still in (BRIEFLY, FollowOptions.most_still):
+            options = FollowOptions(
+                end_standing=request.stays, branches=breadth, budget=max(share, 1), most_still=still
+            )
+            yield options, False
 
 
 def only_searches_more(options: FollowOptions, than: FollowOptions) -> bool:

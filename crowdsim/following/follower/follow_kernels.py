@@ -59,9 +59,6 @@ _LAST = 2.0
 _QUERY_STEP = 2.0 * CELL
 """Distance between query points [m]; with their neighboring cells they leave no gaps."""
 
-_MOST_STILL = 6
-"""Largest number of nodes in a row that turn or shift in place."""
-
 _PLACE_GRAIN = 0.05
 _HEADING_GRAIN = math.pi / 24.0
 _ARC_GRAIN = 0.1
@@ -390,7 +387,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
             return FOUND, count, laid.arc[entry], queries
         # Go no deeper if the stack is full, too many nodes did not advance, or a like stage was visited before.
         still = search.stage[top, STILL] + depth if laid.arc[entry] - arc < _GAIN else 0
-        if top + 1 == search.stage.shape[0] or still > _MOST_STILL:
+        if top + 1 == search.stage.shape[0] or still > rules.most_still:
             continue
         last = laid.node[entry]
         if not _seen(search, maps.family[last], laid.end[entry], laid.arc[entry]):

@@ -11,6 +11,10 @@ from crowdsim.constants import TRACKING_MARGIN
 THOROUGH_BRANCHES = 200
 """Branches laid at each stage of the second search, if the quick one found nothing."""
 
+BRIEFLY = 1
+"""Nodes in a row without progress in a first search: searches that may stand longer turn to and fro on the spot where a
+search that may not finds a motion that goes on."""
+
 
 @dataclass(frozen=True)
 class FollowOptions:
@@ -46,6 +50,9 @@ class FollowOptions:
         with so many finds nothing, it is repeated with THOROUGH_BRANCHES. More: slower, a little more often successful.
     budget : int
         Map queries before the search gives up.
+    most_still : int
+        Largest number of nodes in a row that turn or shift in place before the search goes on along the path. A search
+        with BRIEFLY of them comes first.
 
     Examples
     --------
@@ -65,3 +72,4 @@ class FollowOptions:
     candidates: int = 48
     branches: int = 24
     budget: int = 4_000
+    most_still: int = 6

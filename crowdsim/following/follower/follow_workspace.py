@@ -69,6 +69,7 @@ class Rules(NamedTuple):
     budget: int
     goal_heading: float
     goal_heading_tolerance: float
+    most_still: int
 
 
 class Laid(NamedTuple):

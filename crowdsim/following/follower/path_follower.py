@@ -28,7 +28,7 @@ from crowdsim.following.follower.follow_kernels import (
     TOP,
     follow,
 )
-from crowdsim.following.follower.follow_options import THOROUGH_BRANCHES, FollowOptions
+from crowdsim.following.follower.follow_options import BRIEFLY, THOROUGH_BRANCHES, FollowOptions
 from crowdsim.following.follower.follow_workspace import (
     Chain,
     Laid,
@@ -189,6 +189,7 @@ class PathFollower:
             budget=int(options.budget),
             goal_heading=float("nan") if options.goal_heading is None else float(options.goal_heading),
             goal_heading_tolerance=float(options.goal_heading_tolerance),
+            most_still=int(options.most_still),
         )
         self._search, laid = make_workspace(graph, maps, guide.length, rules, options.branches)
         start = np.array(start_pose, np.float64)
@@ -350,11 +351,11 @@ def search_path(
 ) -> FollowResult:
     """Search as :func:`follow_path` does, but with the given clearance only.
 
-    A quarter of the budget goes into a quick search. If that finds nothing, a thorough search looks at more branches,
-    with the budget that is left. If neither finds a solution, return the partial motion that came farther.
+    A quarter of the budget goes into a quick search, which stands BRIEFLY at most. If that finds nothing, a thorough
+    search looks at more branches, with the budget that is left. If neither finds a solution, return the partial motion that came farther.
     """
     options = options or FollowOptions()
-    quick = replace(options, budget=max(options.budget // 4, 1))
+    quick = replace(options, budget=max(options.budget // 4, 1), most_still=min(options.most_still, BRIEFLY))
     arguments = character, samples, meshes, start_pose, start_node
     found = PathFollower(*arguments, quick).next()
     if found.status == FollowStatus.FOUND or options.budget <= quick.budget:
