@@ -2,6 +2,7 @@
 
 import os
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -49,3 +50,23 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the reference data folder {folder} is absent")
     return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def motion_read_once() -> Iterator[None]:
+    """Runs of this process share built-in motion, which takes longer to read than most of them take to walk."""
+    from crowdsim.crowd.state import assets
+    from tests.support.shared_motion import SharedMotion
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(assets, "load_behavior_set", SharedMotion())
+        yield
+
+
+@pytest.fixture
+def own_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each run of the test reads its motion, as in a process of its own."""
+    from crowdsim.behaviors.library import load_behavior_set
+    from crowdsim.crowd.state import assets
+
+    monkeypatch.setattr(assets, "load_behavior_set", load_behavior_set)
