@@ -85,17 +85,19 @@ def run_all(commands: list[list[str]], folder: Path, crowdsim, environment: dict
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.partition("\n")[0])
-def test_an_example_of_the_gallery_runs(example: str, tmp_path: Path, crowdsim, environment: dict[str, str]) -> None:
+def test_an_example_of_the_gallery_runs(
+    example: str, tmp_path: Path, crowdsim_here, environment: dict[str, str]
+) -> None:
     commands = commands_of(example)
     assert commands
     named = {argument for arguments in commands for argument in arguments if argument.endswith(".yaml")}
     for scenario in re.findall(r"^```yaml\n(.*?)^```", example, re.M | re.S):
         (tmp_path / named.pop()).write_text(scenario, encoding="utf-8")
-    run_all(commands, tmp_path, crowdsim, environment)
+    run_all(commands, tmp_path, crowdsim_here, environment)
 
 
 def test_captured_crowds_in_three_styles_arrive(
-    shared: Path, tmp_path: Path, crowdsim, environment: dict[str, str]
+    shared: Path, tmp_path: Path, crowdsim_here, environment: dict[str, str]
 ) -> None:
     if not (shared / "mocap").is_dir():
         pytest.skip(f"the captures {shared / 'mocap'} are absent")
@@ -104,7 +106,7 @@ def test_captured_crowds_in_three_styles_arrive(
     (tmp_path / "mine.yaml").write_text(scenario, encoding="utf-8")
     commands = commands_of(CAPTURES.partition("## Slow, brisk and dancing crowds")[2].partition("\n## ")[0])
     assert len(commands) == 3
-    run_all(commands, tmp_path, crowdsim, environment)
+    run_all(commands, tmp_path, crowdsim_here, environment)
     for style in ("slow", "brisk", "dancing"):
         with Recording.open(tmp_path / f"{style}.h5") as recording:
             assert recording.summary["arrived"] == recording.summary["characters"] == 6
