@@ -76,8 +76,8 @@ def _gait(behavior: Behavior, clips: Sequence[Clip]) -> Clip:
     reasons: list[str] = []
     for number, clip in enumerate(clips):
         try:
-            part = _around_cycle(_as_recorded(clip), behavior.speed)
-            cost, reason = _cost(behavior, find_cycle(part))
+            part, cycle = _around_cycle(_as_recorded(clip), behavior.speed)
+            cost, reason = _cost(behavior, cycle)
         except MotionError as error:
             reasons.append(str(error))
             continue
@@ -98,19 +98,18 @@ def _gait(behavior: Behavior, clips: Sequence[Clip]) -> Clip:
     )
 
 
-def _around_cycle(clip: Clip, speed: float) -> Clip:
-    """Return the part of a clip around its best cycle near ``speed`` [m/s].
+def _around_cycle(clip: Clip, speed: float) -> tuple[Clip, Cycle]:
+    """Return the part of a clip around its best cycle near ``speed`` [m/s], and the best cycle of this part.
 
-    Return the whole clip if this part by itself shows no cycle. Raise MotionError if the clip has no cycle.
+    The part is the whole clip if a smaller one by itself shows no cycle. Raise MotionError if the clip has no cycle.
     """
     times = find_cycle(clip, speed).times
     part = slice(max(int(times[0]) - _CONTEXT, 0), int(times[-1]) + _CONTEXT + 1)
     cut = Clip(clip.name, clip.skeleton, clip.root_positions[part], clip.rotations[part])
     try:
-        find_cycle(cut)
+        return cut, find_cycle(cut)
     except MotionError:
-        return clip
-    return cut
+        return clip, find_cycle(clip)
 
 
 def _cost(behavior: Behavior, cycle: Cycle) -> tuple[float, str]:

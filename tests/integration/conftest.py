@@ -1,5 +1,6 @@
-"""Running the command line in a process of its own, as a user does."""
+"""Running the command line in a process of its own, as a user does, or in that of the tests."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from crowdsim.__main__ import main
 from tests.support.browser import Visit, chromium
 from tests.support.recorded import Recorded
 
@@ -43,6 +45,26 @@ def crowdsim(tmp_path: Path, environment: dict[str, str]) -> Crowdsim:
         )
 
     return call
+
+
+@pytest.fixture
+def crowdsim_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Iterator[Crowdsim]:
+    """As ``crowdsim``, without the second or two that a process takes to start: for what it says and its exit code."""
+    before = gc.get_threshold()
+
+    def call(*arguments: str) -> subprocess.CompletedProcess[str]:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setenv("COLUMNS", "120")
+        monkeypatch.setattr(sys, "argv", ["crowdsim", *arguments])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return subprocess.CompletedProcess(arguments, int(ended.value.code or 0), *capsys.readouterr())
+
+    yield call
+    gc.set_threshold(*before)
 
 
 @pytest.fixture(scope="module")

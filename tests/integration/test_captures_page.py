@@ -23,36 +23,36 @@ def mine(tmp_path: Path) -> Path:
     return tmp_path / "my_captures"
 
 
-def test_everybody_of_the_page_arrives(mine: Path, crowdsim) -> None:
+def test_everybody_of_the_page_arrives(mine: Path, crowdsim_here) -> None:
     # A file that cannot be read, and an ending in upper case, as cameras write it.
     (mine / "broken.bvh").write_text("HIERARCHY\n", encoding="utf-8")
     (mine / "walk_slow.bvh").rename(mine / "walk_slow.BVH")
-    info = crowdsim("motion", "info", "my_captures")
+    info = crowdsim_here("motion", "info", "my_captures")
     assert info.returncode == 0, info.stderr
     assert "file 'broken.bvh' is left out: MOTION is not followed by" in info.stdout
     assert "walk_slow.BVH" in info.stdout
-    checked = crowdsim("check", "mine.yaml")
+    checked = crowdsim_here("check", "mine.yaml")
     assert checked.returncode == 0, checked.stderr
     assert "note: made of a cycle of clip" in checked.stdout
-    finished = crowdsim("run", "mine.yaml", "-o", "mine.h5", "--json")
+    finished = crowdsim_here("run", "mine.yaml", "-o", "mine.h5", "--json")
     assert finished.returncode == 0, finished.stderr
     assert json.loads(finished.stdout)["arrived"] == 6
 
 
-def test_a_check_refuses_captures_as_a_run_does(mine: Path, crowdsim) -> None:
+def test_a_check_refuses_captures_as_a_run_does(mine: Path, crowdsim_here) -> None:
     for file in mine.iterdir():
         file.unlink()
     shutil.copy(library_folder("behaviors") / "frontal" / "clips" / "stand.bvh", mine)
-    refused = [crowdsim(*command) for command in (("check", "mine.yaml"), ("run", "mine.yaml"))]
+    refused = [crowdsim_here(*command) for command in (("check", "mine.yaml"), ("run", "mine.yaml"))]
     assert [each.returncode for each in refused] == [2, 2]
     assert refused[0].stderr == refused[1].stderr
     assert "add a clip that walks straight on for four steps or more" in refused[0].stderr
 
 
-def test_captures_in_folders_below_are_named(mine: Path, crowdsim) -> None:
+def test_captures_in_folders_below_are_named(mine: Path, crowdsim_here) -> None:
     (mine / "one").mkdir()
     for file in list(mine.glob("*.bvh")):
         file.rename(mine / "one" / file.name)
-    refused = crowdsim("check", "mine.yaml")
+    refused = crowdsim_here("check", "mine.yaml")
     assert refused.returncode == 2
     assert "there are some in its folders one: give one of these" in refused.stderr

@@ -1,4 +1,7 @@
-"""Exit codes, messages, and what is left behind when a command fails or is stopped."""
+"""Exit codes, messages, and what is left behind when a command fails or is stopped.
+
+What processes do as they end is tried in some of their own; what commands say, in the process of the tests.
+"""
 
 import json
 import signal
@@ -33,8 +36,8 @@ USAGE = 2
     ],
     ids=" ".join,
 )
-def test_wrong_usage_exits_with_2(crowdsim, arguments):
-    finished = crowdsim(*arguments)
+def test_wrong_usage_exits_with_2(crowdsim_here, arguments):
+    finished = crowdsim_here(*arguments)
     assert finished.returncode == USAGE
     assert finished.stdout == ""
     assert "Error" in finished.stderr
@@ -58,8 +61,8 @@ def test_wrong_usage_exits_with_2(crowdsim, arguments):
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else value,
 )
-def test_bad_input_exits_with_2_and_says_what_is_wrong(crowdsim, tmp_path, arguments, word):
-    finished = crowdsim(*arguments)
+def test_bad_input_exits_with_2_and_says_what_is_wrong(crowdsim_here, tmp_path, arguments, word):
+    finished = crowdsim_here(*arguments)
     assert finished.returncode == 2
     assert finished.stdout == ""
     assert finished.stderr.startswith("error: ")
@@ -157,18 +160,18 @@ def test_an_interrupted_run_says_so_and_leaves_nothing(environment, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_every_built_in_scenario_passes_check(crowdsim):
-    names = json.loads(crowdsim("scenarios", "--json").stdout)
+def test_every_built_in_scenario_passes_check(crowdsim_here):
+    names = json.loads(crowdsim_here("scenarios", "--json").stdout)
     assert "corridor" in names
     for name in names:
-        finished = crowdsim("check", name, "--json")
+        finished = crowdsim_here("check", name, "--json")
         assert finished.returncode == 0, finished.stdout + finished.stderr
         assert json.loads(finished.stdout)["errors"] == []
 
 
-def test_check_gives_errors_as_json(crowdsim, tmp_path):
+def test_check_gives_errors_as_json(crowdsim_here, tmp_path):
     (tmp_path / "bad.yaml").write_text("name: bad\nagents: 3\nnonsense: 1\n", encoding="utf-8")
-    finished = crowdsim("check", "bad.yaml", "--json")
+    finished = crowdsim_here("check", "bad.yaml", "--json")
     assert finished.returncode == 2
     report = json.loads(finished.stdout)
     assert report["ok"] is False
@@ -182,47 +185,47 @@ def test_check_gives_errors_as_json(crowdsim, tmp_path):
         ("[lateral]", "no node of behavior 'lateral' walks straight on"),
     ],
 )
-def test_check_refuses_built_in_behaviors_that_a_run_refuses(crowdsim, behaviors, told):
+def test_check_refuses_built_in_behaviors_that_a_run_refuses(crowdsim_here, behaviors, told):
     chosen = ("corridor", "--set", f"behaviors={behaviors}")
-    refused = [crowdsim(command, *chosen) for command in ("check", "run")]
+    refused = [crowdsim_here(command, *chosen) for command in ("check", "run")]
     assert [finished.returncode for finished in refused] == [2, 2]
     assert told in refused[0].stderr
     assert refused[0].stderr.splitlines()[-1] == refused[1].stderr.splitlines()[-1]
-    report = json.loads(crowdsim("check", *chosen, "--json").stdout)
+    report = json.loads(crowdsim_here("check", *chosen, "--json").stdout)
     assert report["ok"] is False
     assert told in report["errors"][0]["message"]
 
 
 @pytest.mark.parametrize("wider", ["behaviors=[frontal]", "motion.set=happy"])
-def test_check_warns_of_groups_that_no_behavior_brings_to_their_goal(crowdsim, wider):
-    finished = crowdsim("check", "corridor", "--set", wider, "--json")
+def test_check_warns_of_groups_that_no_behavior_brings_to_their_goal(crowdsim_here, wider):
+    finished = crowdsim_here("check", "corridor", "--set", wider, "--json")
     assert finished.returncode == 0
     (warning,) = json.loads(finished.stdout)["warnings"]
     assert "agents.0.goal: no way from the start of 'walkers'" in warning
 
 
-def test_check_names_the_file_of_a_mesh_it_cannot_use_in_json_too(crowdsim, tmp_path):
+def test_check_names_the_file_of_a_mesh_it_cannot_use_in_json_too(crowdsim_here, tmp_path):
     (tmp_path / "huge.obj").write_text("v 0 0 0\nv 1e308 0 0\nv 0 1e308 1e308\nf 1 2 3\n")
     (tmp_path / "huge.yaml").write_text(
         "crowdsim: 1\nname: huge\nseed: 1\nduration: 5\nfloor: {derive: true}\n"
         "obstacles: [{name: a, mesh: {file: huge.obj}}]\n"
         "agents: [{name: a, count: 1, start: {point: [1, 1]}, goal: {point: [2, 1]}}]\n"
     )
-    finished = crowdsim("check", "huge.yaml", "--json")
+    finished = crowdsim_here("check", "huge.yaml", "--json")
     assert finished.returncode == 2
     [error] = json.loads(finished.stdout)["errors"]
     assert (error["file"], error["line"], error["key"]) == ("huge.yaml", 6, "obstacles.0.mesh")
 
 
-def test_behaviors_are_listed_with_measured_radii(crowdsim):
-    listed = json.loads(crowdsim("behaviors", "--json").stdout)
+def test_behaviors_are_listed_with_measured_radii(crowdsim_here):
+    listed = json.loads(crowdsim_here("behaviors", "--json").stdout)
     assert [behavior["name"] for behavior in listed] == ["lateral", "arm_constrained", "frontal"]
     torso = [behavior["radii"]["torso"] for behavior in listed]
     assert 0.1 < torso[0] < torso[1] < torso[2] < 0.5
 
 
-def test_plan_gives_annotated_sections(crowdsim):
-    finished = crowdsim("plan", "corridor", "--from", "1,0", "--to", "21,0", "--json")
+def test_plan_gives_annotated_sections(crowdsim_here):
+    finished = crowdsim_here("plan", "corridor", "--from", "1,0", "--to", "21,0", "--json")
     assert finished.returncode == 0, finished.stderr
     path = json.loads(finished.stdout)
     assert {section["behavior"] for section in path["sections"]} == {"lateral", "arm_constrained", "frontal"}
@@ -231,14 +234,14 @@ def test_plan_gives_annotated_sections(crowdsim):
     assert sum(section["length"] for section in path["sections"]) == pytest.approx(path["length"])
 
 
-def test_plan_in_3d_tells_no_gap_to_a_bound(crowdsim):
-    finished = crowdsim("plan", "corridor", "--from", "1,0", "--to", "3,0", "--planner", "collision3d", "--json")
+def test_plan_in_3d_tells_no_gap_to_a_bound(crowdsim_here):
+    finished = crowdsim_here("plan", "corridor", "--from", "1,0", "--to", "3,0", "--planner", "collision3d", "--json")
     assert finished.returncode == 0, finished.stderr
     assert json.loads(finished.stdout)["gap"] is None
 
 
-def test_plan_without_a_path_exits_with_2(crowdsim):
-    finished = crowdsim("plan", "corridor", "--from", "1,0", "--to", "1,500")
+def test_plan_without_a_path_exits_with_2(crowdsim_here):
+    finished = crowdsim_here("plan", "corridor", "--from", "1,0", "--to", "1,500")
     assert finished.returncode == 2
     assert finished.stderr.startswith("error: ")
 
@@ -254,20 +257,20 @@ def test_doctor_reports_versions_threads_cache_and_drawing(crowdsim):
     assert "MPI" in report["mpi"]["library"], report["mpi"]["remedy"]  # the tests need it: two processes have met
 
 
-def test_the_schema_is_printed_or_written(crowdsim, tmp_path):
-    printed = crowdsim("schema")
+def test_the_schema_is_printed_or_written(crowdsim_here, tmp_path):
+    printed = crowdsim_here("schema")
     assert printed.returncode == 0, printed.stderr
     assert json.loads(printed.stdout)["properties"]["seed"]["description"]
-    written = crowdsim("schema", "-o", "keys.json")
+    written = crowdsim_here("schema", "-o", "keys.json")
     assert (written.returncode, written.stdout) == (0, "")
     assert (tmp_path / "keys.json").read_text() == printed.stdout
-    wrong = crowdsim("schema", "-o", "keys.txt")
+    wrong = crowdsim_here("schema", "-o", "keys.txt")
     assert wrong.returncode == USAGE
     assert wrong.stderr == "error: keys.txt: schemas are written as .json; choose such a name\n"
 
 
-def test_bench_lists_its_names(crowdsim):
-    finished = crowdsim("bench")
+def test_bench_lists_its_names(crowdsim_here):
+    finished = crowdsim_here("bench")
     assert finished.returncode == 0
     names = [line.split()[0] for line in finished.stdout.splitlines()]
     assert names == [

@@ -21,8 +21,8 @@ def test_the_ending_names_the_format(crowdsim, folder):
     assert lines[1].startswith("0,5,1.0000,")
 
 
-def test_a_folder_of_one_file_a_character(crowdsim, folder):
-    done = crowdsim("export", "run.h5", "-o", "people/", "--format", "bvh")
+def test_a_folder_of_one_file_a_character(crowdsim_here, folder):
+    done = crowdsim_here("export", "run.h5", "-o", "people/", "--format", "bvh")
     assert (done.returncode, done.stderr) == (0, "")
     assert sorted(file.name for file in (folder / "people").iterdir()) == [f"character-{n}.bvh" for n in range(3)]
 
@@ -40,20 +40,20 @@ def test_a_folder_of_one_file_a_character(crowdsim, folder):
         (["missing.h5", "-o", "run.csv"], "there is no recording missing.h5"),
     ],
 )
-def test_what_cannot_be_is_said_and_leaves_nothing(crowdsim, folder, arguments, message):
+def test_what_cannot_be_is_said_and_leaves_nothing(crowdsim_here, folder, arguments, message):
     (folder / "damaged.h5").write_bytes((folder / "run.h5").read_bytes()[:30_000])
     before = sorted(file.name for file in folder.iterdir())
-    done = crowdsim("export", *arguments)
+    done = crowdsim_here("export", *arguments)
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert sorted(file.name for file in folder.iterdir()) == before
 
 
-def test_a_run_of_the_library_is_handed_on(recorded, crowdsim, tmp_path):
+def test_a_run_of_the_library_is_handed_on(recorded, crowdsim_here, tmp_path):
     file = recorded("corridor", "agents.0.count=2")
     for name in ("run.sqlite", "run.glb"):
-        done = crowdsim("export", str(file), "-o", name)
+        done = crowdsim_here("export", str(file), "-o", name)
         assert done.returncode == 0, done.stderr
         assert (tmp_path / name).stat().st_size > 10_000
     with Recording.open(file) as recording:

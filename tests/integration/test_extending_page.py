@@ -31,8 +31,8 @@ def test_an_own_behavior_takes_ten_lines_at_most() -> None:
     assert len(PARK.splitlines()) + len(BEHAVIOR.splitlines()) <= 10
 
 
-def test_the_own_behavior_is_checked_by_the_command(park: Path, crowdsim) -> None:
-    finished = crowdsim("check", "park.yaml")
+def test_the_own_behavior_is_checked_by_the_command(park: Path, crowdsim_here) -> None:
+    finished = crowdsim_here("check", "park.yaml")
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.splitlines()[-1] == "park: ok"
     assert re.search(

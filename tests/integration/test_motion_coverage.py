@@ -5,8 +5,8 @@ import json
 import pytest
 
 
-def test_the_table_is_printed_and_drawn(crowdsim, tmp_path):
-    done = crowdsim("motion", "coverage", "default", "--json", "--picture", "turns.png", "--depth", "2.5m")
+def test_the_table_is_printed_and_drawn(crowdsim_here, tmp_path):
+    done = crowdsim_here("motion", "coverage", "default", "--json", "--picture", "turns.png", "--depth", "2.5m")
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     rows = {row.pop("turn"): row for row in result["percent"]}
@@ -20,13 +20,13 @@ def test_the_table_is_printed_and_drawn(crowdsim, tmp_path):
 
 
 @pytest.mark.parametrize("depth", ["0", "-2", "2.5", "m", "deep"])
-def test_a_depth_that_is_none_is_refused(crowdsim, depth):
-    done = crowdsim("motion", "coverage", "default", "--depth", depth)
+def test_a_depth_that_is_none_is_refused(crowdsim_here, depth):
+    done = crowdsim_here("motion", "coverage", "default", "--depth", depth)
     assert done.returncode == 2
     assert "neither nodes, as 4, nor meters, as 3.5m" in done.stderr
 
 
-def test_what_is_neither_a_folder_nor_a_set_is_bad_input(crowdsim):
-    done = crowdsim("motion", "coverage", "no_such_set")
+def test_what_is_neither_a_folder_nor_a_set_is_bad_input(crowdsim_here):
+    done = crowdsim_here("motion", "coverage", "no_such_set")
     assert done.returncode == 2
     assert "neither a folder of captures nor one of" in done.stderr

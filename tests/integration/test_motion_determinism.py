@@ -32,9 +32,9 @@ ENVIRONMENTS = {
 
 
 @pytest.mark.parametrize("other", ["two", "any"])
-def test_graphs_are_the_same_in_every_process(crowdsim, tmp_path, other):
+def test_graphs_are_the_same_in_every_process(crowdsim_here, tmp_path, other):
     folder = tmp_path / "clips"
-    assert crowdsim("motion", "synthesize", "default", str(folder)).returncode == 0
+    assert crowdsim_here("motion", "synthesize", "default", str(folder)).returncode == 0
     for path in folder.glob("*.bvh"):
         if path.stem not in ("walk", "walk_left_45", "walk_right_90", "side_left", "walk_to_side_left"):
             path.unlink()

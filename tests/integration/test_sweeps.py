@@ -209,6 +209,7 @@ def test_a_scheduler_that_is_not_there_is_named(room, tmp_path, environment):
     assert "there is no scheduler" in finished.stderr
 
 
+@pytest.mark.usefixtures("own_motion")
 def test_runs_that_share_motion_are_those_that_do_not(tmp_path):
     runner = Runner()
     for point in points_of("doorway", "1-2"):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Callable
+from contextlib import ExitStack
 from itertools import accumulate
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -37,10 +39,10 @@ def parse_bvh(path: Path) -> RawMotion:
     if not path.is_file():
         raise MotionError(f"{path}: no such capture file")
     try:
-        with warnings.catch_warnings(), TemporaryDirectory() as folder:
+        with warnings.catch_warnings(), ExitStack() as copies:
             warnings.simplefilter("error")
             # world_up is given only so that pybvh does not look for it: the reader of captures finds all axes.
-            file, assumed, still = _in_lines(path, Path(folder))
+            file, assumed, still = _in_lines(path, lambda: Path(copies.enter_context(TemporaryDirectory())))
             bvh = pybvh.read_bvh_file(file, world_up="+y", warn_on_world_up_disagreement=False)
         return without_still(_from_pybvh(bvh, assumed), still)
     except MotionError as error:
@@ -49,12 +51,12 @@ def parse_bvh(path: Path) -> RawMotion:
         raise MotionError(f"{path}: cannot be read as a BVH file: {error}") from error
 
 
-def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...], tuple[str, ...]]:
+def _in_lines(path: Path, new_folder: Callable[[], Path]) -> tuple[Path, tuple[str, ...], tuple[str, ...]]:
     """Return a file that pybvh can read, notes on what it assumes, and the names of joints that stand still.
 
-    The file is ``path``, or a copy in ``folder`` if pybvh needs other lines or channels. The joints that stand still
-    are those above hips that travel, see :func:`with_travelling_root`: the first of them has the places of the hips in
-    the copy.
+    The file is ``path``, or a copy in a ``new_folder`` if pybvh needs other lines or channels. The joints that stand
+    still are those above hips that travel, see :func:`with_travelling_root`: the first of them has the places of the
+    hips in the copy.
 
     Raise MotionError for errors that pybvh accepts: missing parts, unbalanced braces, rows that run into each other,
     and more joints than a body has.
@@ -104,7 +106,7 @@ def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...], tuple[st
         values = len(words)
     lines += [["MOTION"], ["Frames:", motion["frames"]], ["Frame", "Time:", motion["time"]]]
     lines += [words[k : k + channels] for k in range(0, values, channels)]
-    file = folder / path.name
+    file = new_folder() / path.name
     file.write_text("\n".join(" ".join(line) for line in lines) + "\n")
     return file, assumed, still
 

@@ -76,13 +76,13 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
         If the left foot does not land twice within _SHORTEST to _LONGEST seconds, with one landing of the right foot in
         between.
     """
-    track = track_of(clip)
     candidates = _cycles(clip)
     if not candidates:
         raise MotionError(
             f"clip '{clip.name}' shows no whole cycle of steps, from one landing of the left foot to the next with the "
             "right foot's between; take a longer clip"
         )
+    track = track_of(clip)
     costs = [
         _cost(clip, track, begin, end, speed) + abs(begin + end - 2.0 * middle) / (end - begin)
         for begin, middle, end, _, _ in candidates

@@ -98,6 +98,7 @@ def test_there_is_a_summary_of_whole_runs_only() -> None:
             simulation.summary  # noqa: B018
 
 
+@pytest.mark.usefixtures("own_motion")
 @pytest.mark.parametrize("locomotion", LOCOMOTIONS)
 def test_runs_that_share_motion_come_out_as_those_that_do_not(locomotion: str) -> None:
     motion = load_behaviors(rooms(locomotion))

@@ -50,8 +50,8 @@ def test_agents_of_a_drill_do_not_touch():
     places = np.column_stack((state["x"], state["y"]))
     apart = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1)) + 9.0 * np.eye(len(state))
     assert apart.min() > 0.52
-    with pytest.raises(ValueError, match="find no room"):
-        drills.draw_agents(drills.door(200, 1.0), 1)
+    with pytest.raises(ValueError, match="9 agents find no room"):
+        drills.scatter(np.random.default_rng(1), 9, (0.0, 0.0, 1.0, 1.0))
 
 
 def test_a_corridor_without_ends_is_alike_everywhere():
