@@ -351,8 +351,9 @@ def search_path(
 ) -> FollowResult:
     """Search as :func:`follow_path` does, but with the given clearance only.
 
-    A quarter of the budget goes into a quick search, which stands BRIEFLY at most. If that finds nothing, a thorough
-    search looks at more branches, with the budget that is left. If neither finds a solution, return the partial motion that came farther.
+    A quarter of the budget goes into a quick search, in which the body stands BRIEFLY at most. If that finds nothing, a
+    thorough search looks at more branches, with the budget that is left. If neither finds a solution, return the
+    partial motion that came farther.
     """
     options = options or FollowOptions()
     quick = replace(options, budget=max(options.budget // 4, 1), most_still=min(options.most_still, BRIEFLY))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from crowdsim.constants import TRACKING_MARGIN
+from crowdsim.constants import CAPTURE_RATE, TRACKING_MARGIN
 from crowdsim.crowd.search.standing import attempts, only_searches_more
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state.assets import Assets, prepare
@@ -16,7 +17,7 @@ from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.itineraries import TRIES, Itineraries, stands_summary
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
-from crowdsim.following.follower.follow_options import FollowOptions
+from crowdsim.following.follower.follow_options import BRIEFLY, THOROUGH_BRANCHES, FollowOptions
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.scenario.cast import place_agents
 from crowdsim.scenario.loader import parse_scenario
@@ -35,6 +36,20 @@ agents:
   - {{name: guests, count: 3, interval: 5, start: {{rectangle: [0.5, 0.5, 2, 6.5]}}, on_arrival: stay, wait: 1,
       locomotion: captured,
       goals: [{{rectangle: [3, 1, 4, 6]{first}}}, {{rectangle: [6, 1, 9, 6]{last}}}]{more}}}
+"""
+FURNISHED = """\
+crowdsim: 1
+name: furnished
+seed: 1
+duration: 10.0
+floor: {rectangle: [0, 0, 6, 5]}
+obstacles:
+  - {name: table, box: {center: [3, 2.5], size: [1.6, 0.9]}, top: 0.75}
+  - {name: shelf, box: {center: [1.2, 4.2], size: [1.4, 0.5]}, top: 1.8}
+  - {name: sofa, box: {center: [4.9, 1.0], size: [0.9, 1.5]}, top: 0.75}
+  - {name: crate, box: {center: [1.1, 1.2], size: [0.6, 0.6]}, top: 0.75}
+  - {name: board, box: {center: [4.8, 4.0], size: [0.5, 1.2]}, top: 0.75}
+agents: [{name: one, count: 1, locomotion: captured, start: {point: [2.2, 1.2]}, goal: {point: [3.2, 4]}}]
 """
 GOAL = np.array([8.0, 5.0])
 
@@ -88,8 +103,43 @@ def test_who_is_there_already_stays_or_turns(assets: Assets, environment: Enviro
 
 def test_only_those_who_stand_are_held_to_it() -> None:
     walker = Request(np.zeros(2), GOAL, stays=False, heading=1.0, within=0.01)
-    assert [options.goal_heading for options, _ in attempts(walker, 100, strictly=True)] == [None, None]
-    assert not any(exactly for _, exactly in attempts(walker, 100, strictly=True))
+    tried = list(attempts(walker, 100, strictly=True))
+    assert all(options.goal_heading is None and not exactly for options, exactly in tried)
+    assert {options.branches for options, _ in tried} == {FollowOptions.branches, THOROUGH_BRANCHES}
+
+
+@pytest.mark.parametrize("stays", [False, True])
+def test_each_search_lets_the_body_stand_briefly_first_and_then_for_longer(stays: bool) -> None:
+    tried = [options for options, _ in attempts(Request(np.zeros(2), GOAL, stays), 100, strictly=True)]
+    for brief, longer in zip(tried[::2], tried[1::2], strict=True):
+        assert brief.most_still == BRIEFLY < longer.most_still
+        assert brief == replace(longer, most_still=BRIEFLY)
+    assert tried[-1].most_still == FollowOptions.most_still
+
+
+def test_few_motions_turn_about_on_the_spot() -> None:
+    assets = prepare(parse_scenario(FURNISHED))
+    environment, random, longest = EnvironmentState(assets), np.random.default_rng(1), []
+    node = int(assets.idle_nodes[-1])
+    while len(longest) < 100:
+        start, goal = random.uniform((0.3, 0.3), (5.7, 4.7), (2, 2))
+        if environment.meshes[0].clearances(np.array([start, goal]), 1.0).min() < 0.35:
+            continue
+        departure = node, np.array([*start, random.uniform(-np.pi, np.pi)])
+        plan: Any = search_motion(assets, environment, Request(start, goal, stays=True, departure=departure))
+        longest.append(longest_stay(plan.origins[:, :2], assets.graph.node_frames[plan.nodes] / CAPTURE_RATE))
+    # As many as 14 of 100 did while searches could stand for six nodes from the start.
+    assert np.mean(np.array(longest) > 4.0) <= 0.06
+
+
+def longest_stay(places: np.ndarray, seconds: np.ndarray) -> float:
+    """The longest time (s) that nodes which begin at ``places`` (n, 2) and take ``seconds`` (n,) stay within 0.4 m."""
+    longest = 0.0
+    for first in range(len(places)):
+        away = np.hypot(*(places[first:] - places[first]).T) > 0.4
+        last = first + int(np.argmax(away)) if away.any() else len(places)
+        longest = max(longest, float(seconds[first : last - 1].sum()))
+    return longest
 
 
 def test_who_stands_otherwise_than_asked_tries_again_some_times() -> None:
