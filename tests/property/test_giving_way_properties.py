@@ -21,6 +21,7 @@ from crowdsim.steering.walls import build_walls
 from tests.reference.aside import step_to_wall_slow
 from tests.reference.crowd import FOREVER, discs_along, walking_graph
 from tests.reference.giving_way import Scene, give_way, leave_way, moves_in_order, play
+from tests.support.kept_meshes import layers_kept
 from tests.support.steered import agents
 
 GRAPH = walking_graph()._replace(edge_low=np.full(8, -1.7), edge_high=np.full(8, 1.7))
@@ -64,7 +65,7 @@ def scene_of(rng: np.random.Generator, spots: np.ndarray, headings: np.ndarray, 
     )
     floor = shapely.box(-half[0], -half[1], half[0], half[1])
     obstacles = Obstacles(
-        layers=(NavMesh(floor).arrays,),
+        layers=layers_kept(NavMesh(floor)),
         radii=np.array([[RADIUS]]),
         breadths=np.array([[RADIUS - core, core]]),
         kept_free=np.empty((0, 4)),

@@ -23,6 +23,7 @@ from crowdsim.geometry.planar_kernels import compose
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 
 NARROW_ROOM = 0.6
 """A place is narrow if there is less room than this between a body and a wall [m]."""
@@ -63,7 +64,8 @@ def room_beside(obstacles, x, y):
     or if (x, y) is not in free space.
     """
     room = NARROW_ROOM
-    for k, mesh in enumerate(obstacles.layers):
+    for k in range(len(obstacles.layers)):
+        mesh = mesh_at(obstacles.layers[k])
         # Clearance of the widest behavior on this layer.
         widest = 0.0
         for behavior in range(len(obstacles.radii)):

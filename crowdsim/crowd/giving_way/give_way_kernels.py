@@ -35,6 +35,7 @@ from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 
 DETOUR_COST = 1.0
 """Cost of each meter by which a move ends farther from the goal than it begins [s/m]; each meter nearer lowers the cost
@@ -137,7 +138,8 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
     at whose end the move begins; nodes 1 to ``count`` - 1 are the move.
     """
     hints = np.full(len(obstacles.layers), np.int64(-1))
-    for k, mesh in enumerate(obstacles.layers):
+    for k in range(len(obstacles.layers)):
+        mesh = mesh_at(obstacles.layers[k])
         widest = 0.0
         for behavior in range(len(obstacles.radii)):
             widest = max(widest, obstacles.radii[behavior, k])

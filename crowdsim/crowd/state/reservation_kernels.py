@@ -30,6 +30,7 @@ from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, ticks_played
 from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance.clearance_kernels import capsule_clearance, disc_clearance
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 
 ELBOW_ROOM = 0.1
 """Gap between the discs of two agents at rest [m]."""
@@ -191,7 +192,8 @@ def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
     dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
     # Distance from its origin that the track of the node stays within.
     reach = graph.node_length[node] + hypot(dx, dy) + _REACH_ROUNDING
-    for k, mesh in enumerate(obstacles.layers):
+    for k in range(len(obstacles.layers)):
+        mesh = mesh_at(obstacles.layers[k])
         need = obstacles.radii[graph.node_behavior[node], k]
         # In the open one look is enough: nothing stands where the body could come to.
         distance, hints[k] = disc_clearance(mesh, origin[0], origin[1], need + reach, hints[k])

@@ -119,8 +119,9 @@ NO_BODIES = StandingBodies(np.zeros(0, ROW), np.zeros(2, np.int64), (0.0, 0.0, 1
 class Obstacles(NamedTuple):
     """What a body must keep clear of besides the timelines of others."""
 
-    layers: tuple[Any, ...]
-    """:class:`crowdsim.navmesh.mesh.mesh_arrays.MeshArrays` of each layer, legs first."""
+    layers: NDArray[np.int64]
+    """(m, 5, 2) addresses of the meshes of all layers, legs first: see
+    :func:`crowdsim.navmesh.mesh.address_kernels.layers_of`."""
     radii: Floats
     """(B, layers) clearance that each behavior needs on each layer [m]."""
     breadths: Floats

@@ -15,6 +15,7 @@ from crowdsim.crowd.systems.going_on import Scratch, Walker
 from crowdsim.crowd.systems.reserving_kernels import WAY_ROOM
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
+from crowdsim.navmesh.mesh.address_kernels import layers_of
 
 PASSAGE_BODIES = 3.0
 """Distance from a narrow passage at which an agent may stop, in radii of its body."""
@@ -73,7 +74,7 @@ class Surroundings:
         """Return the obstacles of a walker; ``kept_free`` (M, 4) are segments of outlines not to be entered [m]."""
         assets, environment = self.plans.assets, self.plans.environment
         return Obstacles(
-            layers=tuple(mesh.arrays for mesh in environment.meshes),
+            layers=layers_of(environment.meshes),
             radii=assets.body_radii,
             breadths=assets.breadths,
             kept_free=kept_free,

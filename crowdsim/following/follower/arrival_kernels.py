@@ -21,6 +21,7 @@ from crowdsim.following.kinematics.chain_kernels import bend_chain
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import next_origin, node_end
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 
 MOST_BENT = 16
 """Largest number of joints that are bent, the last ones of the motion."""
@@ -164,7 +165,8 @@ def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, withi
         arc = _arc_before(graph, guide, search, first)
         # Lay the bent nodes and test them like a branch of the search.
         free = _lay_chain(graph, guide, rules, search, laid, chain, first, bent, x, y, h, arc)
-        for k, mesh in enumerate(layers):
+        for k in range(len(layers)):
+            mesh = mesh_at(layers[k])
             free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, bent, stage_end, True, hints)
         if reach is not None:
             free = free and branch_keeps_in(graph, guide, rules, reach, search, laid, bent, stage_end, arc, True)

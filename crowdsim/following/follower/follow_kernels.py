@@ -23,6 +23,7 @@ from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.geometry.planar_kernels import to_local
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import node_end
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 
 GOAL_FIRST = 1e6
 """Subtracted from the score of branches that reach the goal: they come first."""
@@ -312,7 +313,8 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
     ----------
     graph, maps: GraphArrays of the motion graph, MapArrays of its maps.
     guide, rules, search, laid: as of :mod:`crowdsim.following.follower.follow_workspace`.
-    layers: tuple of the layers' mesh arrays. reach: BodyReach to keep all joints in their section, or None.
+    layers: (m, 5, 2) addresses of the layers' meshes, see `layers_of`. reach: BodyReach to keep all joints in their
+        section, or None.
     start_pose: (3,) x, y [m] and heading [rad]. start_node: node that begins there; -1 for any.
 
     Returns
@@ -363,7 +365,8 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
         depth = _load_branch(maps, search, root, entry)
         depth = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, search.stage[top, SERIAL])
         free = depth > 0
-        for k, mesh in enumerate(layers):
+        for k in range(len(layers)):
+            mesh = mesh_at(layers[k])
             free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, depth, end, root >= 0, hints)
         if reach is not None:
             free = free and branch_keeps_in(graph, guide, rules, reach, search, laid, depth, end, arc, root >= 0)

@@ -41,6 +41,7 @@ from crowdsim.following.follower.follow_workspace import (
 )
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.motion.graph.arrays import GraphArrays
+from crowdsim.navmesh.mesh.address_kernels import places_of
 
 Floats = NDArray[np.float64]
 
@@ -193,7 +194,9 @@ class PathFollower:
         )
         self._search, laid = make_workspace(graph, maps, guide.length, rules, options.branches)
         start = np.array(start_pose, np.float64)
-        self._arguments = graph, maps.arrays, guide, rules, meshes, reach, start, int(start_node), self._search, laid
+        self._meshes = meshes  # kernels read them at these addresses
+        layers = np.array([places_of(mesh) for mesh in meshes])
+        self._arguments = graph, maps.arrays, guide, rules, layers, reach, start, int(start_node), self._search, laid
 
     def next(self) -> FollowResult:
         """Return the first solution, or the next one; a status other than FOUND if there is none.

@@ -29,6 +29,7 @@ from crowdsim.geometry.planar import compose
 from crowdsim.jit import kernel
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.crowd import FOREVER, discs_along, off_way, walking_graph
+from tests.support.kept_meshes import layers_kept
 
 GRAPH = walking_graph()
 MOVES = moves_of(GRAPH)
@@ -60,7 +61,7 @@ def standing_crowd(spots: np.ndarray, headings: np.ndarray) -> tuple[Timelines, 
 def room(side: float) -> Obstacles:
     mesh = NavMesh(shapely.box(-side, -side, side, side))
     radii, breadths = np.array([[RADIUS]]), np.array([[RADIUS, 0.0]])
-    return Obstacles((mesh.arrays,), radii, breadths, np.empty((0, 4)), 0.0, NO_BODIES, NONE, RADIUS)
+    return Obstacles(layers_kept(mesh), radii, breadths, np.empty((0, 4)), 0.0, NO_BODIES, NONE, RADIUS)
 
 
 def asking(standing: Standing, tries: int = 500) -> Asking:

@@ -31,6 +31,7 @@ from tests.reference.crowd import (
     walking_graph,
     write_bends,
 )
+from tests.support.kept_meshes import layers_kept
 
 GRAPH = walking_graph()
 START = np.array([0.3, -0.2, 0.4])
@@ -312,13 +313,13 @@ def reserved(
     chain = Chain.empty(12)
     chain.nodes[:4] = plan
     chain.origins[:4], chain.blend_offsets[:4] = chain_of(GRAPH, plan, START)
-    mesh = NavMesh(room or shapely.box(-5, -5, 10, 10)).arrays
+    mesh = NavMesh(room or shapely.box(-5, -5, 10, 10))
     timelines = discs_along(np.zeros((2, 48, 2)), 0.3)
     timelines[0, :, :2] = START[:2]
     timelines[1, :, :2] = other
     out = np.zeros((48, SAMPLE))
     radii, breadths = np.array([[0.2, 0.3]]), np.array([[0.3, 0.0]])
-    obstacles = Obstacles((mesh, mesh), radii, breadths, kept_free, 0.35, NO_BODIES, 0, 0.3)
+    obstacles = Obstacles(layers_kept(mesh, mesh), radii, breadths, kept_free, 0.35, NO_BODIES, 0, 0.3)
     obstacles = obstacles._replace(passages=passages, off_passages=0.6)
     starts, gones, radii = np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3)
     everyone = timelines_of(timelines, starts, gones, radii)
@@ -383,9 +384,9 @@ def test_a_corner_passed_between_two_samples_counts(off: float, free: bool) -> N
     """The body passes the corner in frame 10; frames 8 and 12, which are tested, are 4 mm farther away from it."""
     x, y, _ = pose_at(GRAPH, [2], np.zeros((1, 3)), np.zeros((1, 3)), 10)
     corner = shapely.Polygon([(x, y + off), (x + 0.2, y + off + 0.9), (x - 0.2, y + off + 0.9)])
-    mesh = NavMesh(shapely.box(-5, -5, 10, 10).difference(corner)).arrays
+    mesh = NavMesh(shapely.box(-5, -5, 10, 10).difference(corner))
     breadths = np.array([[0.2, 0.0]])
-    obstacles = Obstacles((mesh,), breadths[:, :1], breadths, NOTHING, 0.0, NO_BODIES, 0, 0.2)
+    obstacles = Obstacles(layers_kept(mesh), breadths[:, :1], breadths, NOTHING, 0.0, NO_BODIES, 0, 0.2)
     assert node_is_free(GRAPH, 2, np.zeros(3), np.zeros(3), obstacles, np.full(1, -1)) == free
 
 
@@ -397,13 +398,13 @@ def test_a_node_is_free_where_each_of_its_frames_is(seed: int, offset: float) ->
     origin = np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])
     blend_offset = offset * np.array([*rng.uniform(-1.0, 1.0, 2), 0.0])
     wall = shapely.box(rng.uniform(0.2, 2.5), -1.0, 3.0, 1.0)
-    mesh = NavMesh(shapely.box(-5, -5, 5, 5).difference(wall)).arrays
+    mesh = NavMesh(shapely.box(-5, -5, 5, 5).difference(wall))
     frames = range(int(GRAPH.node_frames[2]) + 1)
     places = [pose_at(GRAPH, [2], origin[None], blend_offset[None], frame)[:2] for frame in frames]
     gap = min(shapely.Point(*place).distance(wall) for place in places)
     for radius in (0.99 * gap, 1.01 * gap):
         breadths = np.array([[radius, 0.0]])
-        obstacles = Obstacles((mesh,), breadths[:, :1], breadths, NOTHING, 0.0, NO_BODIES, 0, radius)
+        obstacles = Obstacles(layers_kept(mesh), breadths[:, :1], breadths, NOTHING, 0.0, NO_BODIES, 0, radius)
         free = node_is_free(GRAPH, 2, origin, blend_offset, obstacles, np.full(1, -1))
         assert free == (radius < gap)
 

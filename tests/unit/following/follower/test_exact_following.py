@@ -17,6 +17,7 @@ from crowdsim.following.follower.follow_options import FollowOptions
 from crowdsim.following.follower.path_follower import Character, FollowResult, FollowStatus, PathFollower
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.planar import wrap_angle
+from crowdsim.navmesh.mesh.address_kernels import places_of
 from tests.reference.follow_maps import track_of
 from tests.unit.following.follower.test_body_reach import BENDS, POSES, joints_of
 from tests.unit.following.follower.test_path_follower import (
@@ -95,7 +96,8 @@ def test_nothing_is_bent_to_where_discs_or_joints_would_not_be_free() -> None:
         arguments = replace(WALKER, reach=reach), path, world.meshes, np.zeros(3), IDLE, options
         search, taken, freely = PathFollower(*arguments), 0, 0
         wide = PathFollower(*arguments)
-        wide._arguments = (*wide._arguments[:4], FIELD.meshes, None, *wide._arguments[6:])
+        layers = np.array([places_of(mesh) for mesh in FIELD.meshes])
+        wide._arguments = (*wide._arguments[:4], layers, None, *wide._arguments[6:])
         for _ in range(30):
             found = search.next()
             if found.status is not FollowStatus.FOUND:
