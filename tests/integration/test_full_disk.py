@@ -1,6 +1,5 @@
 """A full disk: every command that writes says which file cannot be written and what to do, and leaves nothing."""
 
-import os
 import resource
 import signal
 import subprocess
@@ -8,7 +7,6 @@ import sys
 import textwrap
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 
@@ -18,7 +16,6 @@ from crowdsim.recording.writer import RecordingWriter
 from tests.support.small_recording import small_frame, small_header
 from tests.support.walking_recording import random_walkers, write_tracks
 
-ROOT = Path(__file__).parents[2]
 ROOM = 4096
 """Longest file that the tests can write [bytes]; stands for what is left on a disk."""
 
@@ -32,12 +29,18 @@ def limited(room: int) -> Callable[[], None]:
 
 
 @pytest.fixture
+def environment(environment):
+    """Processes that can write short files alone keep no compiled modules: Python would keep them cut short."""
+    return {**environment, "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+@pytest.fixture
 def walks(tmp_path):
     write_tracks(tmp_path / "run.h5", *random_walkers(6, 200)).close()
     return tmp_path
 
 
-def test_every_export_names_its_file_and_what_to_do(walks):
+def test_every_export_names_its_file_and_what_to_do(walks, environment):
     """All formats in one process, as importing them takes longest."""
     program = """
         import resource
@@ -56,7 +59,6 @@ def test_every_export_names_its_file_and_what_to_do(walks):
                     print(error)
     """
     command = [sys.executable, "-c", textwrap.dedent(program)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(command, cwd=walks, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
@@ -78,7 +80,7 @@ def test_commands_say_it(walks, crowdsim, arguments, file):
     assert "make room on its disk" in done.stderr
 
 
-def test_a_recording_that_cannot_be_recovered_for_want_of_room_is_kept(tmp_path):
+def test_a_recording_that_cannot_be_recovered_for_want_of_room_is_kept(tmp_path, environment):
     header, part = small_header(), b""
     with suppress(ZeroDivisionError), RecordingWriter(tmp_path / "run.h5", header) as writer:
         for step in range(300):
@@ -96,7 +98,6 @@ def test_a_recording_that_cannot_be_recovered_for_want_of_room_is_kept(tmp_path)
         except CrowdSimError as error:
             print(error)
     """
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     for room in (ROOM, len(part) // 2):
         command = [sys.executable, "-c", textwrap.dedent(program).format(room=room)]
         done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
@@ -108,7 +109,7 @@ def test_a_recording_that_cannot_be_recovered_for_want_of_room_is_kept(tmp_path)
         assert recording.steps == 300
 
 
-def test_kernels_that_cannot_be_stored_are_used_all_the_same(tmp_path):
+def test_kernels_that_cannot_be_stored_are_used_all_the_same(tmp_path, environment):
     program = """
         import resource, warnings
         import numpy as np
@@ -127,9 +128,8 @@ def test_kernels_that_cannot_be_stored_are_used_all_the_same(tmp_path):
             print(total(np.ones(3)), *{str(each.message) for each in told})
     """
     (tmp_path / "sums.py").write_text(textwrap.dedent(program))
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "CROWDSIM_CACHE": str(tmp_path / "cache")}
-    command = [sys.executable, "sums.py"]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    command, own_cache = [sys.executable, "sums.py"], {**environment, "CROWDSIM_CACHE": str(tmp_path / "cache")}
+    done = subprocess.run(command, cwd=tmp_path, env=own_cache, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("3.0 compiled kernels are not stored in ")
     assert "make room on its disk" in done.stdout
