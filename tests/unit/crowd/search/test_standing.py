@@ -127,6 +127,7 @@ def test_few_motions_turn_about_on_the_spot() -> None:
             continue
         departure = node, np.array([*start, random.uniform(-np.pi, np.pi)])
         plan: Any = search_motion(assets, environment, Request(start, goal, stays=True, departure=departure))
+        assert plan.arrives
         longest.append(longest_stay(plan.origins[:, :2], assets.graph.node_frames[plan.nodes] / CAPTURE_RATE))
     # As many as 14 of 100 did while searches could stand for six nodes from the start.
     assert np.mean(np.array(longest) > 4.0) <= 0.06
