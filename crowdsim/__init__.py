@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from crowdsim.crowd.simulation import Simulation
     from crowdsim.crowd.state.assets import load_behaviors
     from crowdsim.errors import ColumnError, CrowdSimError, PathNotFound, ScenarioError, StageError, SystemFailed
+    from crowdsim.following.follower.character import Character
     from crowdsim.following.follower.follow_options import FollowOptions
-    from crowdsim.following.follower.path_follower import Character, follow_path
+    from crowdsim.following.follower.path_follower import follow_path
     from crowdsim.following.maps.motion_maps import MotionMaps
     from crowdsim.motion.graph.assembly import MotionGraph
     from crowdsim.motion.graph.motion_graph import build_motion_graph
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "BehaviorSet": "crowdsim.behaviors.library",
-    "Character": "crowdsim.following.follower.path_follower",
+    "Character": "crowdsim.following.follower.character",
     "ColumnError": "crowdsim.errors",
     "Columns": "crowdsim.crowd.own_systems",
     "CrowdSimError": "crowdsim.errors",

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.errors import MotionError
 from crowdsim.following.follower.body_reach import body_reach
+from crowdsim.following.follower.character import Character
 from crowdsim.following.follower.follow_options import FollowOptions
-from crowdsim.following.follower.path_follower import Character, FollowStatus, search_path
+from crowdsim.following.follower.path_follower import FollowStatus, search_path
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.elementary import cos, sin
 from crowdsim.motion.graph.motion_graph import MotionGraph

@@ -22,8 +22,9 @@ from crowdsim.bench.places.random_ground import GroundKind, random_ground
 from crowdsim.constants import CAPTURE_PATTERNS, NONE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.following.follower.body_reach import BodyReach, body_reach
+from crowdsim.following.follower.character import Character
 from crowdsim.following.follower.follow_options import FollowOptions
-from crowdsim.following.follower.path_follower import Character, FollowResult, FollowStatus, follow_path
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, follow_path
 from crowdsim.following.graph_search.graph_search import SearchResult
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.planar import compose, wrap_angle

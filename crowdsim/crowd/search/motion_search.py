@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd.search.plan_kernels import measure_offsets
-from crowdsim.crowd.search.standing import attempts, nearest_end, only_searches_more
+from crowdsim.crowd.search.standing import attempts, nearest_end, only_searches_more, quicker_end
 from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.errors import PathNotFound
 from crowdsim.following.follower.follow_options import FollowOptions
 from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
-from crowdsim.geometry.elementary import atan2, cos, distance, hypot, sin
+from crowdsim.geometry.elementary import atan2, cos, distance, sin
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.navmesh.navmesh import NavMesh
@@ -66,8 +66,6 @@ PASSING_ROOM = 0.02
 
 _RING = 12  # points around the disc of a standing agent: closer together than any body is wide
 _OFF_WALLS = 0.02  # distance from walls of the points that are inserted [m]
-
-_LEAST = 1e-3  # length that a path of length 0 gets, if an agent is at its goal already [m]
 
 _HIDDEN = -1  # stands for the number of nodes played, if nothing of a motion may be played before it is complete
 
@@ -233,7 +231,7 @@ class MotionSearch:
         of ``played``.
         """
         assets, revision = self.assets, self.environment.revision
-        samples = _rest_of(route.sample(), request.position)
+        samples = route.sample().rest_from(request.position)
         node, origin = _departure(assets, request, route, samples)
         before = 0 if played is None else played.count
         arrays = tuple(mesh.arrays for mesh in meshes)
@@ -261,6 +259,12 @@ class MotionSearch:
                 off = 0.0  # it comes near, which is enough for an attempt that is not bent
                 if exactly:
                     found, off = nearest_end(assets.graph, search, found, request, samples.pose[-1, :2], kept + 1)
+                # Nothing of it is played yet, and it is slow: look for a quicker one, in a slice of its own.
+                if off <= request.within and plan is None and played is None and search.is_slow(found):
+                    yield (empty := _as_plan(assets, route, search.present, None, _HIDDEN))
+                    if self.environment.revision != revision:
+                        return _Outcome(empty, before)
+                    found = quicker_end(assets.graph, search, found, request, samples.pose[-1, :2], exactly)
                 if off < least:
                     best, least = found, off
                 # Another attempt could begin with other nodes than those played.
@@ -380,17 +384,3 @@ def _as_plan(
         arrives=arrives,
     )
     return plan if played is None else played.joined(0, played.count - 1, plan, reaches=False)
-
-
-def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples:
-    """Return the samples from the one nearest to ``position`` (2,) [m] on, at least two; arc lengths begin at 0.
-
-    A path of length 0 (the agent is at its goal already) becomes one of a millimeter: a search needs a length.
-    """
-    if not samples.arc[-1] > 0.0:
-        pose = samples.pose.copy()
-        pose[0, :2] -= _LEAST * np.array([cos(pose[0, 2]), sin(pose[0, 2])])
-        return PathSamples(pose, np.linspace(0.0, _LEAST, len(pose)), samples.behavior)
-    away = hypot(*(samples.pose[:, :2] - position).T)
-    first = min(int(np.argmin(away)), len(samples.arc) - 2)
-    return PathSamples(samples.pose[first:], samples.arc[first:] - samples.arc[first], samples.behavior[first:])

@@ -78,6 +78,25 @@ def only_searches_more(options: FollowOptions, than: FollowOptions) -> bool:
     return options.branches >= than.branches and replace(options, branches=than.branches, budget=than.budget) == than
 
 
+def quicker_end(
+    graph: GraphArrays,
+    search: PathFollower,
+    found: FollowResult,
+    request: Request,
+    goal: NDArray[np.float64],
+    exactly: bool,
+) -> FollowResult:
+    """Return a quicker motion than ``found``, the latest solution of a search, that ends as requested, or ``found``.
+
+    ``goal`` (2,) is the end of the path [m]. If ``exactly``, the quicker motion is bent to the goal if it ends farther
+    off than requested. The search is over then.
+    """
+    quicker = search.quicken(found)
+    if quicker is not None and exactly and meters_off(graph, quicker, goal) > request.within:
+        quicker = search.arrive(request.within)
+    return quicker or found
+
+
 def nearest_end(
     graph: GraphArrays,
     search: PathFollower,

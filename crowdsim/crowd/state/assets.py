@@ -18,7 +18,7 @@ from crowdsim.behaviors.library import BehaviorSet, load_behavior_set
 from crowdsim.constants import CAPTURE_RATE, NONE, TRACKING_MARGIN
 from crowdsim.environment.layers import ClearanceLayer, dropped_solids
 from crowdsim.errors import BehaviorError, CrowdSimError, MotionError, ScenarioError
-from crowdsim.following.follower.path_follower import Character
+from crowdsim.following.follower.character import Character
 from crowdsim.following.maps.map_file import maps_in_file
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.elementary import sin

@@ -47,9 +47,6 @@ NODE_COST = 0.01
 _TIME_COST = 0.02
 """Cost of time [m2/s]."""
 
-_DELAY_COST = 0.1
-"""Cost of the time that a node takes longer than its behavior does on average, against turning on the spot [m2/s]."""
-
 _SWITCH_COST = 0.05
 """Cost of ending in a behavior other than the planned one [m2]."""
 
@@ -221,15 +218,16 @@ def _reaches(graph, guide, rules, laid, entry, nearest):
 
 
 @helper
-def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
+def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area, time):
     """Decide if an entry placed after ``arc`` may be taken, and if it reaches the goal.
 
-    ``area`` is the cost of the branch before it [m2]. Write fit, reached, wide, strayed, arc, area and off of its row
-    of ``laid``, and set free to False, as nothing is tested yet.
+    ``area`` is the cost of the branch before it [m2], ``time`` what that takes [s]. Write fit, reached, wide, strayed,
+    arc, area, time and off of its row of ``laid``, and set free to False, as nothing is tested yet.
     """
     node = laid.node[entry]
     x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
     moved = hypot(graph.node_motion[node, 0], graph.node_motion[node, 1])
+    seconds = graph.node_frames[node] / CAPTURE_RATE
     # The path beside the end of the node: searched a little back, and one node's length ahead.
     arc_after, end_gap = project(guide, x, y, arc - 0.2, arc + graph.node_length[node] + 0.3)
     backward = arc - arc_after
@@ -250,7 +248,7 @@ def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
     laid.strayed[entry] = math.inf
     if fit:
         area, nearest = _stray(graph, maps, guide, laid, entry, arc, arc_after, area)
-        area += NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE + _DELAY_COST * maps.late[node]
+        area += NODE_COST + _TIME_COST * seconds
         if maps.leads_to[node] != guide.behavior[here]:
             area += _SWITCH_COST
     reached = _reaches(graph, guide, rules, laid, entry, nearest)
@@ -266,6 +264,7 @@ def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
         laid.free[entry, k] = False
     laid.arc[entry] = arc_after
     laid.area[entry] = area
+    laid.time[entry] = time + seconds
     laid.off[entry] = 0.0 if reached else END_COST * (end_gap + 0.5 * error)
 
 
@@ -278,11 +277,11 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
     this stage has found it blocked. Without a root (-1) an entry is a node, laid at the stage's end pose itself.
 
     ``laid.area`` sums the area between branch and path (equation 5 of the 2012 paper, with equal shares of each node's
-    length), plus costs in the same unit: of nodes, of time, of delay, and of behaviors other than planned.
+    length), plus costs in the same unit: of nodes, of time, and of behaviors other than planned.
     """
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     arc = stage_arc
-    area = 0.0
+    area, time = 0.0, 0.0
     for d in range(depth):
         entry = search.branch[d]
         # Branches share their first entries: skip those that this stage has already laid.
@@ -290,14 +289,14 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             laid.serial[entry] = serial
             laid.fit[entry] = False
             if _place_entry(graph, maps, guide, rules, laid, root, entry, x, y, heading, arc):
-                _judge_entry(graph, maps, guide, rules, laid, entry, arc, area)
+                _judge_entry(graph, maps, guide, rules, laid, entry, arc, area, time)
         if not laid.fit[entry]:
             return 0
         if laid.reached[entry]:
             return d + 1
         x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
         arc = laid.arc[entry]
-        area = laid.area[entry]
+        area, time = laid.area[entry], laid.time[entry]
     return depth
 
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.following.follower.character import Character
 from crowdsim.following.follower.follow_options import THOROUGH_BRANCHES, FollowOptions
 from crowdsim.following.follower.follow_workspace import Samples
-from crowdsim.following.follower.path_follower import Character, FollowResult, FollowStatus, PathFollower
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
 from crowdsim.geometry.elementary import distance
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph.arrays import GraphArrays

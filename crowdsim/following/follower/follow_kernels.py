@@ -10,254 +10,48 @@ map is read, -1 before the first node; ``entry``, counted within that map; ``ori
 [m], heading [rad]; ``arc``, the arc length of the path beside a pose [m]; ``serial``, the number of a stage.
 """
 
-import math
-
 import numpy as np
 
 from crowdsim.constants import NONE
-from crowdsim.following.follower.branch_kernels import END_COST, MISFIT_COST, NODE_COST, branch_is_free, lay_branch
-from crowdsim.following.follower.path_kernels import path_point, project, sample_index
+from crowdsim.following.follower.branch_kernels import branch_is_free, lay_branch
+from crowdsim.following.follower.candidate_kernels import (
+    BEST,
+    COUNT,
+    GAIN,
+    KEPT,
+    LAST,
+    NEXT,
+    NODE,
+    QUERIES,
+    SERIAL,
+    SINGLES,
+    SIZE,
+    STILL,
+    TOP,
+    collect,
+    is_seen,
+    load_branch,
+    stage_key,
+)
+from crowdsim.following.follower.path_kernels import project
 from crowdsim.following.follower.reach_kernels import branch_keeps_in
-from crowdsim.following.maps.map_kernels import BEHAVIOR, BIN, CELL, END_X, END_Y, LEVEL, WALKED, pack_cell
-from crowdsim.geometry.elementary_kernels import cos_sin
-from crowdsim.geometry.planar_kernels import to_local
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.navmesh.mesh.address_kernels import mesh_at
 
-GOAL_FIRST = 1e6
-"""Subtracted from the score of branches that reach the goal: they come first."""
-
 FOUND, OUT_OF_BUDGET, BLOCKED, PAST_KEPT = range(4)
 """How a search ends: at the goal; budget spent; no stage left; or what is left would change a node that must stay."""
 
-NODE = 0
-COUNT = 1
-STILL = 2
-SIZE = 3
-NEXT = 4
-SERIAL = 5
-SINGLES = 6
-STAGE_COLUMNS = 7
-"""Columns of ``search.stage``: last node; nodes of the solution up to it; how many of these since a branch last gained
-_GAIN meters; number of candidates; the next one; serial number (0 until candidates are collected); their kind: none yet
-(-1), along the path (0), single successors, too (1)."""
-
-TOP, QUERIES, BEST, KEPT, FULL = range(5)
-STATE_COLUMNS = 5
-"""Columns of ``search.state``: stage on top, map queries made, nodes of the best solution, nodes of the present one
-that must stay, number of stages that listed as many entries as they may, so that more may fit."""
-
-ROW, ENTRY = range(2)
-"""Rows of ``search.marked``: map rows looked at, and entries listed, by the stage of that serial number."""
-
-_GAIN = 0.05
-"""Arc length that a branch must gain to count as moving on [m]."""
-
-_LAST = 2.0
-"""Arc length before the path's end from which single successors compete with the others [m]."""
-
-_QUERY_STEP = 2.0 * CELL
-"""Distance between query points [m]; with their neighboring cells they leave no gaps."""
-
 _PLACE_GRAIN = 0.05
-_HEADING_GRAIN = math.pi / 24.0
+_HEADINGS = 48
 _ARC_GRAIN = 0.1
-"""Stages in one grain of place [m], heading [rad] and arc [m] count as one if their nodes have the same successors."""
-
-
-@helper
-def _load_branch(maps, search, root, entry):
-    """Write the branch from a root (excluded) to ``entry`` to ``search.branch``; return its number of entries."""
-    if root < 0:  # without a root, an entry is the number of a node
-        search.branch[0] = entry
-        return 1
-    base = maps.first[root]
-    depth = np.int64(maps.level[base + entry])
-    for d in range(depth - 1, -1, -1):
-        search.branch[d] = entry
-        entry = np.int64(maps.parent[base + entry])
-    return depth
-
-
-@helper
-def _keep(scores, items, begin, count, capacity, score, item):
-    """Insert (score, item) into the sorted list of at most ``capacity`` rows from ``begin`` on; return the new count.
-
-    Pairs of ``scores`` and ``items`` ascend, so the order of insertion has no effect. A full list drops its last pair.
-    """
-    at = begin + count
-    if count == capacity:
-        at -= 1
-        if (score, item) >= (scores[at], items[at]):
-            return count
-        count -= 1
-    while at > begin and (score, item) < (scores[at - 1], items[at - 1]):
-        scores[at] = scores[at - 1]
-        items[at] = items[at - 1]
-        at -= 1
-    scores[at] = score
-    items[at] = item
-    return count + 1
-
-
-@helper
-def _first_row(keys, begin, end, low):
-    """Return the first row of ascending ``keys[begin:end]`` that is not below ``low``, or ``end``, by bisection."""
-    while begin < end:
-        middle = (begin + end) >> 1
-        if keys[middle] < low:
-            begin = middle + 1
-        else:
-            end = middle
-    return begin
-
-
-@helper
-def _facing_bins(rules, along):
-    """Return, as bits 0 to 11, the heading bins in or next to which a body moving along ``along`` [rad] may face."""
-    bins = np.int64(0)
-    for b in range(rules.facings.shape[0]):
-        for f in range(rules.facings.shape[1]):
-            facing = rules.facings[b, f]
-            if not math.isnan(facing):
-                middle = np.int64(math.floor((along + facing) / BIN + 0.5)) + 12  # never negative
-                bins |= 1 << (middle - 1) % 12 | 1 << middle % 12 | 1 << (middle + 1) % 12
-    return bins
-
-
-@helper
-def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
-    """List entries of the map near the path from ``arc`` on in whose heading bins a body may face; return their count.
-
-    Query points lie two cells apart, up to just beyond the map's average length; each looks into its cell and the eight
-    around it. ``search.listed`` keeps the entries of least estimated score. The estimate takes half of gap times gain
-    for the area, and leaves out rotations at edges, heading errors, and costs of time and of ending in other behaviors.
-    """
-    base, stop = maps.first[root], maps.first[root + 1]
-    points = int(maps.average[root] / _QUERY_STEP) + 1
-    count = np.int64(0)
-    room = search.listed.shape[0]
-    ahead, marked = maps.ahead, search.marked
-    c, s = cos_sin(origin[2])
-    for q in range(points + 1):
-        at = arc + q * _QUERY_STEP
-        gx, gy = path_point(guide, at)
-        direction = guide.pose[sample_index(guide, at), 2]
-        lx, ly, along = to_local(origin[0], origin[1], origin[2], gx, gy, direction)
-        ix = math.floor(lx / CELL + 0.5)
-        iy = math.floor(ly / CELL + 0.5)
-        bins = _facing_bins(rules, along)
-        for column in range(ix - 1, ix + 2):
-            # Keys sort by x, y, bin, so the three cells of a column are one range of rows.
-            high = pack_cell(column, iy + 1, 15)
-            for row in range(_first_row(maps.key, base, stop, pack_cell(column, iy - 1, 0)), stop):
-                key = maps.key[row]
-                if key > high:
-                    break
-                if bins >> (key & 15) & 1 == 0 or marked[ROW, row - base] == serial:  # faces elsewhere, or seen
-                    continue
-                marked[ROW, row - base] = serial
-                level = np.float64(ahead[row, LEVEL])
-                if level < 1.0:  # the root itself is no candidate
-                    continue
-                # Gap between the entry's end and the point of the path ``walked`` meters from ``arc`` on.
-                walked = np.float64(ahead[row, WALKED])
-                px, py = path_point(guide, arc + walked)
-                mx, my = np.float64(ahead[row, END_X]), np.float64(ahead[row, END_Y])
-                px -= origin[0] + c * mx - s * my
-                py -= origin[1] + s * mx + c * my
-                gap = math.sqrt(px * px + py * py)
-                misfit = abs(ahead[row, BEHAVIOR] - guide.behavior[sample_index(guide, arc + walked)])
-                # Estimated score: area 0.5 * gap * gain, end error, nodes, behavior, over gain^2 (0.1 m at least).
-                gain = max(walked, 0.1)
-                cost = gap * (0.5 * gain + END_COST) + NODE_COST * level + MISFIT_COST * misfit * gain
-                score = cost / (gain * gain)
-                if count < room or score <= search.listed_score[count - 1]:
-                    entry = np.int64(maps.order[row])
-                    count = _keep(search.listed_score, search.listed, np.int64(0), count, room, score, entry)
-    for i in range(count):
-        marked[ENTRY, search.listed[i]] = serial
-    return count
-
-
-@helper
-def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
-    """Fill the list of stage ``top`` with its candidates, least score first; return their number.
-
-    Candidates are the branches near the path if ``along``, and all other direct successors if ``singles``, as the path
-    may leave the map's cells (without a root: all nodes that are not idle). The list has room for ``rules.candidates``
-    and as many as there are singles. Scores are equation 5 of the 2012 paper, area over squared gain, but the track of
-    the last node counts, too, as all children of a node start alike; the area includes other costs (`lay_branch`) and
-    that of the error at the end (``laid.off``); and GOAL_FIRST is subtracted if the branch reaches the goal.
-    """
-    root, serial = search.stage[top, NODE], search.stage[top, SERIAL]
-    origin, end, arc = search.stage_origin[top], search.stage_end[top], search.stage_arc[top]
-    begin = top * (search.candidate.shape[0] // search.stage.shape[0])  # each stage has a list of equal size
-    listed = np.int64(0)
-    first, stop = np.int64(0), np.int64(0)
-    if along and root >= 0:
-        listed = _list_along_path(maps, guide, rules, search, root, origin, arc, serial)
-        search.state[FULL] += listed == search.listed.shape[0]  # more entries may fit than were listed
-    if singles and root >= 0:
-        base = maps.first[root]
-        first, stop = np.int64(1), np.int64(1)
-        while stop < maps.first[root + 1] - base and maps.level[base + stop] == 1:  # direct successors
-            stop += 1
-    elif singles:  # without a root: all nodes
-        stop = np.int64(graph.node_frames.shape[0])
-    count = np.int64(0)
-    for i in range(listed + stop - first):
-        entry = search.listed[i] if i < listed else first + i - listed
-        # Skip successors already listed, and idle nodes as a first node.
-        if i >= listed and (search.marked[ENTRY, entry] == serial or (root < 0 and graph.node_idle[entry])):
-            continue
-        depth = _load_branch(maps, search, root, entry)
-        taken = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, serial)
-        if taken == 0:
-            continue
-        entry = search.branch[taken - 1]
-        # The branch reaches the goal before its end: its shorter part is a candidate, once.
-        if taken < depth:
-            if search.marked[ENTRY, entry] == serial:
-                continue
-            search.marked[ENTRY, entry] = serial
-        # Squared, as the area grows with gap and length. At least 0.1 m, as turns in place gain nothing.
-        gain = max(laid.arc[entry] - arc, 0.1)
-        score = (laid.area[entry] + laid.off[entry]) / (gain * gain)
-        if laid.reached[entry]:
-            score -= GOAL_FIRST
-        most = rules.candidates + stop - first
-        count = _keep(search.score, search.candidate, begin, count, most, score, entry)
-    return count
-
-
-@helper
-def _seen(search, family, end, arc):
-    """Return True if a stage like this (family of its node, end pose, arc [m]) was visited; else mark it as visited."""
-    # Mix five numbers by a prime; 48 headings are a full turn. If unlike stages get one key, one of them is lost.
-    key = np.int64(family)
-    key = key * 1000003 + np.int64(math.floor(end[0] / _PLACE_GRAIN + 0.5))
-    key = key * 1000003 + np.int64(math.floor(end[1] / _PLACE_GRAIN + 0.5))
-    key = key * 1000003 + np.int64(math.floor(end[2] / _HEADING_GRAIN + 0.5)) % 48
-    key = key * 1000003 + np.int64(math.floor(arc / _ARC_GRAIN + 0.5))
-    key |= 1
-    # Fibonacci hashing, linear probing; 0 marks a free slot, so keys have their lowest bit set.
-    mask = search.memory.shape[0] - 1
-    slot = ((key * np.int64(-7046029254386353131)) >> 32) & mask
-    for _ in range(search.memory.shape[0]):
-        if search.memory[slot] == key:
-            return True
-        if search.memory[slot] == 0:
-            search.memory[slot] = key
-            break
-        slot = (slot + 1) & mask
-    return False  # newly entered, or the memory is full: then all count as new
+"""Stages in one grain of place [m], of the headings of a full turn, and of arc [m] count as one if their nodes have the
+same successors."""
 
 
 @helper
 def _open_stage(search, top, node, origin, end, arc, count, still):
-    """Push the last of a solution's ``count`` nodes as a stage; ``still``: nodes since a branch last gained _GAIN."""
+    """Push the last of a solution's ``count`` nodes as a stage; ``still``: nodes since a branch last gained GAIN."""
     search.stage[top, STILL] = still
     search.stage[top, NODE] = node
     for k in range(3):
@@ -282,7 +76,7 @@ def _record_best(search, count):
 
 
 @helper
-def _begin(graph, guide, start_pose, start_node, search):
+def open_first(graph, guide, start_pose, start_node, search):
     """Open the first stage at ``start_pose``, or, if ``start_node`` is not -1, at the end of this node laid there."""
     end = np.empty(3)
     for k in range(3):
@@ -303,6 +97,24 @@ def _begin(graph, guide, start_pose, start_node, search):
     search.state[TOP] = 0
     search.state[BEST] = 0
     search.best_arc[0] = -1.0
+
+
+@helper
+def lay_free(graph, maps, guide, rules, layers, reach, search, laid, root, entry, end, arc, serial, hints):
+    """Lay the branch to ``entry`` after the stage that ends at ``end``, and test it on all layers.
+
+    Return how many of its nodes to take, see `lay_branch`; 0 if discs or joints are not free. ``hints`` (layers,): as
+    of `branch_is_free`. Others as of :func:`follow`.
+    """
+    depth = load_branch(maps, search, root, entry)
+    depth = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, serial)
+    free = depth > 0
+    for k in range(len(layers)):
+        mesh = mesh_at(layers[k])
+        free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, depth, end, root >= 0, hints)
+    if reach is not None:
+        free = free and branch_keeps_in(graph, guide, rules, reach, search, laid, depth, end, arc, root >= 0)
+    return depth if free else np.int64(0)
 
 
 @kernel
@@ -326,7 +138,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
     room = search.candidate.shape[0] // search.stage.shape[0]
     state = search.state
     if state[QUERIES] == 0:  # the first call
-        _begin(graph, guide, start_pose, np.int64(start_node), search)
+        open_first(graph, guide, start_pose, np.int64(start_node), search)
     top = state[TOP]
     queries = state[QUERIES]
     while top >= 0:
@@ -338,7 +150,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
         begin = top * room
         # First visit: remember the solution if it came farther, and pay one map query.
         if search.stage[top, SERIAL] == 0:
-            if arc > search.best_arc[0] + _GAIN:
+            if arc > search.best_arc[0] + GAIN:
                 search.best_arc[0] = arc
                 state[BEST] = _record_best(search, search.stage[top, COUNT])
             if queries == rules.budget:
@@ -354,23 +166,17 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
                 continue
             along = search.stage[top, SINGLES] == NONE
             # Near the end a single node may be all that is needed.
-            singles = not along or arc > guide.length - _LAST
+            singles = not along or arc > guide.length - LAST
             search.stage[top, SINGLES] = np.int64(singles)
             search.stage[top, NEXT] = 0
-            search.stage[top, SIZE] = _collect(graph, maps, guide, rules, search, laid, top, along, singles)
+            search.stage[top, SIZE] = collect(graph, maps, guide, rules, search, laid, top, along, singles)
             continue
         # Lay the next candidate anew, as others may have been laid over its rows, and test it.
         entry = search.candidate[begin + search.stage[top, NEXT]]
         search.stage[top, NEXT] += 1
-        depth = _load_branch(maps, search, root, entry)
-        depth = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, search.stage[top, SERIAL])
-        free = depth > 0
-        for k in range(len(layers)):
-            mesh = mesh_at(layers[k])
-            free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, depth, end, root >= 0, hints)
-        if reach is not None:
-            free = free and branch_keeps_in(graph, guide, rules, reach, search, laid, depth, end, arc, root >= 0)
-        if not free:
+        serial = search.stage[top, SERIAL]
+        depth = lay_free(graph, maps, guide, rules, layers, reach, search, laid, root, entry, end, arc, serial, hints)
+        if depth == 0:
             continue
         # Free: append its nodes to the present solution.
         count = search.stage[top, COUNT]
@@ -389,11 +195,13 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
             state[BEST] = _record_best(search, count)
             return FOUND, count, laid.arc[entry], queries
         # Go no deeper if the stack is full, too many nodes did not advance, or a like stage was visited before.
-        still = search.stage[top, STILL] + depth if laid.arc[entry] - arc < _GAIN else 0
+        still = search.stage[top, STILL] + depth if laid.arc[entry] - arc < GAIN else 0
         if top + 1 == search.stage.shape[0] or still > rules.most_still:
             continue
         last = laid.node[entry]
-        if not _seen(search, maps.family[last], laid.end[entry], laid.arc[entry]):
+        if not is_seen(
+            search, stage_key(maps.family[last], laid.end[entry], laid.arc[entry], _PLACE_GRAIN, _HEADINGS, _ARC_GRAIN)
+        ):
             top += 1
             _open_stage(search, top, last, laid.origin[entry], laid.end[entry], laid.arc[entry], count, still)
     state[TOP], state[QUERIES] = top, queries

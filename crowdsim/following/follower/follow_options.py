@@ -15,6 +15,15 @@ BRIEFLY = 1
 """Nodes in a row without progress in a first search: searches that may stand longer turn to and fro on the spot where a
 search that may not finds a motion that goes on."""
 
+SLOW = 1.5
+"""Time that a motion takes beyond that of its path as planned [s] from which on a quicker one is looked for."""
+
+QUICKER = 0.95
+"""Share of the time of a motion below which another one counts as quicker."""
+
+QUICKEN_BUDGET = 100
+"""Map queries of a search for a quicker motion."""
+
 
 @dataclass(frozen=True)
 class FollowOptions:

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.following.follower.arrival_kernels import MOST_BENT
-from crowdsim.following.follower.follow_kernels import STAGE_COLUMNS, STATE_COLUMNS
+from crowdsim.following.follower.beam_kernels import CHILDREN, LINK_COLUMNS, MEASURE_COLUMNS, STRETCH
+from crowdsim.following.follower.candidate_kernels import STAGE_COLUMNS, STATE_COLUMNS
+from crowdsim.following.follower.follow_options import QUICKEN_BUDGET
 from crowdsim.following.follower.path_kernels import near_planned
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.motion.graph.arrays import GraphArrays
@@ -41,6 +43,7 @@ class Guide(NamedTuple):
 
     pose: (m, 3) as of :class:`Samples`. behavior: (m,) planned behavior. allowed: (B, m), True where each behavior may
     be used. length: arc length of the path [m]. step: distance between samples [m]. per_meter: samples per meter.
+    remaining: (m,) time from each sample to the end of the path, at the speeds of the planned behaviors [s].
     """
 
     pose: Floats
@@ -49,6 +52,7 @@ class Guide(NamedTuple):
     length: float
     step: float
     per_meter: float
+    remaining: Floats
 
 
 class Rules(NamedTuple):
@@ -78,8 +82,9 @@ class Laid(NamedTuple):
     fit: may be taken. wide: of a wider behavior than planned. reached: at the goal. free: (entries, layers + 1), found
     free on each layer; in the last column, all joints found in their section. node, edge, twist [rad], origin
     (entries, 3): as of `FollowResult`. end: (entries, 3) pose x, y [m], heading [rad] at its end. arc: arc length of
-    the path beside the end [m]. area: cost of the branch up to the end [m2]. off: cost of the error at the end [m2].
-    strayed: largest distance of the track from the path [m], infinite if it was not measured.
+    the path beside the end [m]. area: cost of the branch up to the end [m2]. time: that the branch takes up to the end
+    [s]. off: cost of the error at the end [m2]. strayed: largest distance of the track from the path [m], infinite if
+    it was not measured.
     """
 
     serial: NDArray[np.int64]
@@ -94,6 +99,7 @@ class Laid(NamedTuple):
     end: Floats
     arc: Floats
     area: Floats
+    time: Floats
     off: Floats
     strayed: Floats
 
@@ -101,7 +107,7 @@ class Laid(NamedTuple):
 class Search(NamedTuple):
     """Stack of S stages, their candidates, and the present and the best solution of up to K nodes.
 
-    state: (STATE_COLUMNS,) and stage: (S, STAGE_COLUMNS), see :mod:`crowdsim.following.follower.follow_kernels`.
+    state: (STATE_COLUMNS,) and stage: (S, STAGE_COLUMNS), see :mod:`crowdsim.following.follower.candidate_kernels`.
     best_arc: (1,) arc length that the best solution reached [m]. stage_origin, stage_end: (S, 3) poses of the stage's
     node, x, y [m], heading [rad]. stage_arc: (S,) [m]. candidate, score: entries and their scores, in S parts of equal
     length, one for each stage. listed, listed_score: entries to be laid, with their estimated scores. marked: (2,
@@ -129,6 +135,25 @@ class Search(NamedTuple):
     best_place: Floats
 
 
+class Beam(NamedTuple):
+    """Stages of a beam search, S of them, each with the branch that leads to it, of up to D nodes.
+
+    link: (S, LINK_COLUMNS) and measure: (S, MEASURE_COLUMNS), see :mod:`crowdsim.following.follower.beam_kernels`.
+    pose: (S, 6) origin and end of the last node, x, y [m], heading [rad]. step: (S, D, 2) and place: (S, D, 4) of the
+    nodes of the branch, as of :class:`Search`. gone_on: (stretches,) stages of each stretch of the path that went on.
+    ranked, ranked_cost: candidates of one stage and their costs [s].
+    """
+
+    link: NDArray[np.int64]
+    measure: Floats
+    pose: Floats
+    step: NDArray[np.int64]
+    place: Floats
+    gone_on: NDArray[np.int64]
+    ranked: NDArray[np.int64]
+    ranked_cost: Floats
+
+
 class Chain(NamedTuple):
     """Joints to be bent, and the pose at the end that they carry, with J = MOST_BENT.
 
@@ -142,11 +167,12 @@ class Chain(NamedTuple):
     end: Floats
 
 
-def make_guide(samples: Samples, behaviors: int, turned: Iterable[int], reach: float) -> Guide:
+def make_guide(samples: Samples, behaviors: int, turned: Iterable[int], reach: float, speeds: Floats) -> Guide:
     """Return the path as kernels read it.
 
     ``behaviors`` is the number of behaviors; ``turned`` are the numbers of those that face more than 45 degrees off
-    their motion; ``reach`` [m] is the `transition_reach` of `FollowOptions`.
+    their motion; ``reach`` [m] is the `transition_reach` of `FollowOptions`; ``speeds`` (B,) [m/s] are those of
+    :class:`~crowdsim.following.maps.motion_maps.MapArrays`.
     """
     length = float(samples.arc[-1])
     pieces = len(samples.arc) - 1
@@ -155,7 +181,11 @@ def make_guide(samples: Samples, behaviors: int, turned: Iterable[int], reach: f
     allowed = np.ones((behaviors, len(samples.arc)), np.bool_)
     for b in turned:
         near_planned(samples.arc, samples.behavior, b, reach, allowed[b])
-    return Guide(samples.pose, samples.behavior, allowed, length, length / pieces, pieces / length)
+    # A behavior that the graph does not have takes no time.
+    known = np.append(speeds, np.full(behaviors, np.inf))[:behaviors]
+    seconds = length / pieces / known[samples.behavior[:-1]]
+    remaining = np.append(np.cumsum(seconds[::-1])[::-1], 0.0)
+    return Guide(samples.pose, samples.behavior, allowed, length, length / pieces, pieces / length, remaining)
 
 
 def make_workspace(
@@ -215,8 +245,25 @@ def _make_laid(entries: int, rules: Rules) -> Laid:
         end=np.empty((entries, 3)),
         arc=np.empty(entries),
         area=np.empty(entries),
+        time=np.empty(entries),
         off=np.empty(entries),
         strayed=np.full(entries, np.inf),
+    )
+
+
+def make_beam(guide: Guide, rules: Rules, search: Search, laid: Laid) -> Beam:
+    """Return empty arrays for a beam search of QUICKEN_BUDGET map queries along a path, beside those of a search."""
+    stages, depth = QUICKEN_BUDGET * CHILDREN + 1, len(search.branch)
+    candidates = rules.candidates + len(laid.node)
+    return Beam(
+        link=np.empty((stages, LINK_COLUMNS), np.int64),
+        measure=np.empty((stages, MEASURE_COLUMNS)),
+        pose=np.empty((stages, 6)),
+        step=np.empty((stages, depth, 2), np.int64),
+        place=np.empty((stages, depth, 4)),
+        gone_on=np.empty(int(guide.length / STRETCH) + 2, np.int64),
+        ranked=np.empty(candidates, np.int64),
+        ranked_cost=np.empty(candidates),
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
@@ -11,36 +10,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.behaviors.behavior import Behavior, facings_of
+from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
 from crowdsim.following.follower.arrival_kernels import arrive
-from crowdsim.following.follower.body_reach import BodyReach
-from crowdsim.following.follower.follow_kernels import (
-    BEST,
-    BLOCKED,
-    COUNT,
-    FOUND,
-    FULL,
-    KEPT,
-    OUT_OF_BUDGET,
-    PAST_KEPT,
-    QUERIES,
-    TOP,
-    follow,
-)
-from crowdsim.following.follower.follow_options import BRIEFLY, THOROUGH_BRANCHES, FollowOptions
+from crowdsim.following.follower.beam_kernels import quicken
+from crowdsim.following.follower.candidate_kernels import BEST, COUNT, FULL, KEPT, QUERIES, TOP
+from crowdsim.following.follower.character import Character
+from crowdsim.following.follower.follow_kernels import BLOCKED, FOUND, OUT_OF_BUDGET, PAST_KEPT, follow
+from crowdsim.following.follower.follow_options import BRIEFLY, QUICKER, SLOW, THOROUGH_BRANCHES, FollowOptions
 from crowdsim.following.follower.follow_workspace import (
     Chain,
     Laid,
     Rules,
     Samples,
     Search,
+    make_beam,
     make_chain,
     make_guide,
     make_workspace,
 )
-from crowdsim.following.maps.motion_maps import MotionMaps
-from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.navmesh.mesh.address_kernels import places_of
 
 Floats = NDArray[np.float64]
@@ -95,69 +83,6 @@ class FollowResult:
     expansions: int
 
 
-@dataclass(frozen=True)
-class Character:
-    """Motions and body of a character that follows paths, with B behaviors.
-
-    Attributes
-    ----------
-    graph : GraphArrays
-        Motion graph.
-    maps : MotionMaps
-        Motion maps of that graph.
-    radii : (B, layers) float64
-        Radius of the body in each behavior on each layer [m].
-    facings : (B, F) float64
-        Angles off the direction of motion at which the body may face in each behavior [rad], padded with nan.
-    reach : BodyReach or None
-        Positions of the body's joints, to keep each of them in its section; None to test only the discs.
-
-    Examples
-    --------
-    >>> motion = load_behavior_set(["lateral", "frontal"], [(0.0, 2.0)])
-    >>> Character.of(motion.behaviors, motion.graph.arrays, MotionMaps.build(motion.graph.arrays)).radii.shape
-    (2, 1)
-    """
-
-    graph: GraphArrays
-    maps: MotionMaps
-    radii: Floats
-    facings: Floats
-    reach: BodyReach | None = None
-
-    @cached_property
-    def behaviors(self) -> int:
-        """Return the number of behaviors that the graph needs: one more than the largest behavior of a node."""
-        return int(self.graph.node_behavior.max(initial=0)) + 1
-
-    @cached_property
-    def turned(self) -> tuple[int, ...]:
-        """Return the numbers of the behaviors whose facings are all more than 45 degrees off their motion."""
-        turned = ~(np.abs(self.facings) <= np.pi / 4.0).any(axis=1)
-        return tuple(np.flatnonzero(turned).tolist())
-
-    @classmethod
-    def of(cls, behaviors: Sequence[Behavior], graph: GraphArrays, maps: MotionMaps) -> Character:
-        """Return the character that walks with ``behaviors``, tested by its discs only (``reach`` is None).
-
-        Parameters
-        ----------
-        behaviors : sequence of Behavior
-            What it can do, in the order of the graph's numbers.
-        graph : GraphArrays
-            Its motion graph.
-        maps : MotionMaps
-            The motion maps of the graph.
-
-        Returns
-        -------
-        Character
-            The character.
-        """
-        radii = np.ascontiguousarray([behavior.radii for behavior in behaviors], np.float64)
-        return cls(graph, maps, radii, facings_of(behaviors))
-
-
 class PathFollower:
     """One search for motion along a path, which can be continued beyond the first solution.
 
@@ -176,7 +101,9 @@ class PathFollower:
         options = options or FollowOptions()
         _check(character, samples, meshes, options)
         graph, maps, reach = character.graph, character.maps, character.reach
-        guide = make_guide(samples, len(character.facings), character.turned, options.transition_reach)
+        guide = make_guide(
+            samples, len(character.facings), character.turned, options.transition_reach, maps.arrays.speeds
+        )
         rules = Rules(
             radii=np.ascontiguousarray(character.radii, np.float64),
             facings=np.ascontiguousarray(character.facings, np.float64),
@@ -244,6 +171,29 @@ class PathFollower:
         places = search.best_place[:count].copy()
         places[count - bent :] = np.column_stack([laid.origin[:bent], laid.twist[:bent]])
         return _result(FOUND, search.best_step[:count], places, reached, int(search.state[QUERIES]))
+
+    def is_slow(self, found: FollowResult) -> bool:
+        """Return True if a motion takes SLOW seconds longer, or more, than the path does as planned."""
+        return self._seconds(found) - float(self._arguments[2].remaining[0]) >= SLOW
+
+    def _seconds(self, found: FollowResult) -> float:
+        """Return the time that a motion takes after the node that is played already [s]."""
+        begins = 0 if self._arguments[7] < 0 else 1
+        return float(self._arguments[0].node_frames[found.nodes[begins:]].sum()) / CAPTURE_RATE
+
+    def quicken(self, found: FollowResult) -> FollowResult | None:
+        """Search another motion, which takes at most the share QUICKER of the time of ``found``; None if none is found.
+
+        ``found`` is the latest solution. :meth:`arrive` bends the other motion, if there is one. The search cannot be
+        continued beyond this.
+        """
+        *arguments, search, laid = self._arguments
+        beam = make_beam(self._arguments[2], self._arguments[3], search, laid)
+        count, reached = quicken(*arguments, search, laid, beam, QUICKER * self._seconds(found))
+        if not count:
+            return None
+        queries = int(search.state[QUERIES])
+        return _result(FOUND, search.best_step[:count], search.best_place[:count], reached, queries)
 
     @cached_property
     def _chain(self) -> tuple[Search, Laid, Chain]:
@@ -354,15 +304,18 @@ def search_path(
 ) -> FollowResult:
     """Search as :func:`follow_path` does, but with the given clearance only.
 
-    A quarter of the budget goes into a quick search, in which the body stands BRIEFLY at most. If that finds nothing, a
-    thorough search looks at more branches, with the budget that is left. If neither finds a solution, return the
-    partial motion that came farther.
+    A quarter of the budget goes into a quick search, in which the body stands BRIEFLY at most. If the motion that it
+    finds is slow, a beam search looks for a quicker one. If it finds none, a thorough search looks at more branches,
+    with the budget that is left. If neither finds a solution, return the partial motion that came farther.
     """
     options = options or FollowOptions()
     quick = replace(options, budget=max(options.budget // 4, 1), most_still=min(options.most_still, BRIEFLY))
     arguments = character, samples, meshes, start_pose, start_node
-    found = PathFollower(*arguments, quick).next()
-    if found.status == FollowStatus.FOUND or options.budget <= quick.budget:
+    search = PathFollower(*arguments, quick)
+    found = search.next()
+    if found.status == FollowStatus.FOUND:
+        return (search.quicken(found) if search.is_slow(found) else None) or found
+    if options.budget <= quick.budget:
         return found
     thorough = replace(
         options, budget=options.budget - found.expansions, branches=max(options.branches, THOROUGH_BRANCHES)

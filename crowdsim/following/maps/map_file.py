@@ -20,7 +20,7 @@ from crowdsim.following.maps.motion_maps import DEPTH, MAX_ENTRIES, REACH, MapAr
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.whole_files import whole_file
 
-VERSION = 5
+VERSION = 6
 """Version of the file and of the way maps are built. Raise it if either changes; maps are then built anew."""
 
 SUFFIX = ".maps"

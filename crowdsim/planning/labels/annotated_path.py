@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import GeometryError
+from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.geometry.segments_kernels import add_lengths
 from crowdsim.planning.labels.sample_kernels import sample_path
 
@@ -26,6 +27,10 @@ class Section(NamedTuple):
     end: float
 
 
+_LEAST = 1e-3
+"""Length that a path of length 0 gets, to be followed [m]."""
+
+
 class PathSamples(NamedTuple):
     """The path at equal steps, C-contiguous for the kernels of the follower.
 
@@ -37,6 +42,19 @@ class PathSamples(NamedTuple):
     pose: NDArray[np.float64]
     arc: NDArray[np.float64]
     behavior: NDArray[np.int32]
+
+    def rest_from(self, position: NDArray[np.float64]) -> PathSamples:
+        """Return the samples from the one nearest to ``position`` (2,) [m] on, at least two; arc begins at 0.
+
+        A path of length 0 (an agent is at its goal already) becomes one of a millimeter: to follow it needs a length.
+        """
+        if not self.arc[-1] > 0.0:
+            pose = self.pose.copy()
+            pose[0, :2] -= _LEAST * np.array([cos(pose[0, 2]), sin(pose[0, 2])])
+            return PathSamples(pose, np.linspace(0.0, _LEAST, len(pose)), self.behavior)
+        away = hypot(*(self.pose[:, :2] - position).T)
+        first = min(int(np.argmin(away)), len(self.arc) - 2)
+        return PathSamples(self.pose[first:], self.arc[first:] - self.arc[first], self.behavior[first:])
 
 
 @dataclass(frozen=True)

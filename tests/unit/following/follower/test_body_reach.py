@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 from crowdsim.following.follower.body_reach import BodyReach, body_reach
+from crowdsim.following.follower.character import Character
 from crowdsim.following.follower.follow_options import FollowOptions
-from crowdsim.following.follower.path_follower import Character, FollowResult, FollowStatus, follow_path
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, follow_path
 from crowdsim.following.follower.reach_kernels import WINDOW
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.elementary import hypot

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from crowdsim.following.follower.arrival_kernels import MOST_BENT
 from crowdsim.following.follower.body_reach import body_reach
+from crowdsim.following.follower.character import Character
 from crowdsim.following.follower.exact_following import follow_exactly
 from crowdsim.following.follower.follow_options import FollowOptions
-from crowdsim.following.follower.path_follower import Character, FollowResult, FollowStatus, PathFollower
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.navmesh.mesh.address_kernels import places_of

@@ -8,8 +8,9 @@ import shapely
 from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
+from crowdsim.following.follower.character import Character
 from crowdsim.following.follower.follow_options import THOROUGH_BRANCHES, FollowOptions
-from crowdsim.following.follower.path_follower import Character, FollowResult, FollowStatus, PathFollower, follow_path
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower, follow_path
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.navmesh.navmesh import NavMesh

@@ -7,7 +7,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from crowdsim.following.follower import branch_kernels, follow_kernels, path_kernels
+from crowdsim.following.follower import branch_kernels, candidate_kernels, path_kernels
 from crowdsim.following.maps import map_kernels
 from crowdsim.jit import kernel
 
@@ -57,13 +57,13 @@ def key(x, y, heading):
 def keep_all(search, capacity, scores, entries):
     count = 0
     for i in range(len(scores)):
-        count = follow_kernels._keep(search.score, search.candidate, 0, count, capacity, scores[i], entries[i])
+        count = candidate_kernels._keep(search.score, search.candidate, 0, count, capacity, scores[i], entries[i])
     return count
 
 
 @kernel
 def seen(search, family, end, arc):
-    return follow_kernels._seen(search, family, end, arc)
+    return candidate_kernels.is_seen(search, candidate_kernels.stage_key(family, end, arc, 0.05, 48, 0.1))
 
 
 @kernel
