@@ -47,6 +47,9 @@ NODE_COST = 0.01
 _TIME_COST = 0.02
 """Cost of time [m2/s]."""
 
+_DELAY_COST = 0.1
+"""Cost of the time that a node takes longer than its behavior does on average, against turning on the spot [m2/s]."""
+
 _SWITCH_COST = 0.05
 """Cost of ending in a behavior other than the planned one [m2]."""
 
@@ -248,7 +251,7 @@ def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area, time):
     laid.strayed[entry] = math.inf
     if fit:
         area, nearest = _stray(graph, maps, guide, laid, entry, arc, arc_after, area)
-        area += NODE_COST + _TIME_COST * seconds
+        area += NODE_COST + _TIME_COST * seconds + _DELAY_COST * maps.late[node]
         if maps.leads_to[node] != guide.behavior[here]:
             area += _SWITCH_COST
     reached = _reaches(graph, guide, rules, laid, entry, nearest)
@@ -277,7 +280,7 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
     this stage has found it blocked. Without a root (-1) an entry is a node, laid at the stage's end pose itself.
 
     ``laid.area`` sums the area between branch and path (equation 5 of the 2012 paper, with equal shares of each node's
-    length), plus costs in the same unit: of nodes, of time, and of behaviors other than planned.
+    length), plus costs in the same unit: of nodes, of time, of delay, and of behaviors other than planned.
     """
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     arc = stage_arc

@@ -49,9 +49,6 @@ LAST = 2.0
 _QUERY_STEP = 2.0 * CELL
 """Distance between query points [m]; with their neighboring cells they leave no gaps."""
 
-DELAY_COST = 1.0
-"""Cost of the time that a branch takes longer than the planned behaviors do for its gain [m2/s]."""
-
 
 @helper
 def load_branch(maps, search, root, entry):
@@ -175,9 +172,8 @@ def collect(graph, maps, guide, rules, search, laid, top, along, singles):
     Candidates are the branches near the path if ``along``, and all other direct successors if ``singles``, as the path
     may leave the map's cells (without a root: all nodes that are not idle). The list has room for ``rules.candidates``
     and as many as there are singles. Scores are equation 5 of the 2012 paper, area over squared gain, but the track of
-    the last node counts, too, as all children of a node start alike; the area includes other costs (`lay_branch`),
-    those of the error at the end (``laid.off``) and of delay; and GOAL_FIRST is subtracted if the branch reaches the
-    goal.
+    the last node counts, too, as all children of a node start alike; the area includes other costs (`lay_branch`) and
+    that of the error at the end (``laid.off``); and GOAL_FIRST is subtracted if the branch reaches the goal.
     """
     root, serial = search.stage[top, NODE], search.stage[top, SERIAL]
     origin, end, arc = search.stage_origin[top], search.stage_end[top], search.stage_arc[top]
@@ -212,20 +208,12 @@ def collect(graph, maps, guide, rules, search, laid, top, along, singles):
             search.marked[ENTRY, entry] = serial
         # Squared, as the area grows with gap and length. At least 0.1 m, as turns in place gain nothing.
         gain = max(laid.arc[entry] - arc, 0.1)
-        delay = DELAY_COST * lateness(guide, arc, laid.arc[entry], laid.time[entry])
-        score = (laid.area[entry] + laid.off[entry] + delay) / (gain * gain)
+        score = (laid.area[entry] + laid.off[entry]) / (gain * gain)
         if laid.reached[entry]:
             score -= GOAL_FIRST
         most = rules.candidates + stop - first
         count = _keep(search.score, search.candidate, begin, count, most, score, entry)
     return count
-
-
-@helper
-def lateness(guide, arc, after, time):
-    """Return how much longer than planned ``time`` [s] is for the path from ``arc`` to ``after``, 0 at least [s]."""
-    planned = guide.remaining[sample_index(guide, arc)] - guide.remaining[sample_index(guide, after)]
-    return max(time - planned, 0.0)
 
 
 @helper

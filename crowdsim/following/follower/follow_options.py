@@ -58,7 +58,8 @@ class FollowOptions:
         Branches laid on the path at each stage besides the single successors, the most promising first. If a search
         with so many finds nothing, it is repeated with THOROUGH_BRANCHES. More: slower, a little more often successful.
     budget : int
-        Map queries before the search gives up.
+        Map queries before the search gives up. If it finds a slow motion, a search for a quicker one makes up to
+        QUICKEN_BUDGET more.
     most_still : int
         Largest number of nodes in a row that turn or shift in place before the search goes on along the path. A search
         with BRIEFLY of them comes first.

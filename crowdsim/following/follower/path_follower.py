@@ -184,12 +184,14 @@ class PathFollower:
     def quicken(self, found: FollowResult) -> FollowResult | None:
         """Search another motion, which takes at most the share QUICKER of the time of ``found``; None if none is found.
 
-        ``found`` is the latest solution. :meth:`arrive` bends the other motion, if there is one. The search cannot be
-        continued beyond this.
+        In it, the body stands BRIEFLY at most. ``found`` is the latest solution. :meth:`arrive` bends the other motion,
+        if there is one. The search cannot be continued beyond this.
         """
-        *arguments, search, laid = self._arguments
-        beam = make_beam(self._arguments[2], self._arguments[3], search, laid)
-        count, reached = quicken(*arguments, search, laid, beam, QUICKER * self._seconds(found))
+        graph, maps, guide, rules, *rest, search, laid = self._arguments
+        beam = make_beam(guide, rules, search, laid)
+        brief = rules._replace(most_still=min(rules.most_still, BRIEFLY))
+        limit = QUICKER * self._seconds(found)
+        count, reached = quicken(graph, maps, guide, brief, *rest, search, laid, beam, limit)
         if not count:
             return None
         queries = int(search.state[QUERIES])
@@ -304,27 +306,32 @@ def search_path(
 ) -> FollowResult:
     """Search as :func:`follow_path` does, but with the given clearance only.
 
-    A quarter of the budget goes into a quick search, in which the body stands BRIEFLY at most. If the motion that it
-    finds is slow, a beam search looks for a quicker one. If it finds none, a thorough search looks at more branches,
-    with the budget that is left. If neither finds a solution, return the partial motion that came farther.
+    A quarter of the budget goes into a quick search, in which the body stands BRIEFLY at most. If that finds nothing, a
+    thorough search looks at more branches, with the budget that is left. If the motion that is found is slow, a beam
+    search looks for a quicker one. If nothing is found, return the partial motion that came farther.
     """
     options = options or FollowOptions()
     quick = replace(options, budget=max(options.budget // 4, 1), most_still=min(options.most_still, BRIEFLY))
     arguments = character, samples, meshes, start_pose, start_node
-    search = PathFollower(*arguments, quick)
-    found = search.next()
-    if found.status == FollowStatus.FOUND:
-        return (search.quicken(found) if search.is_slow(found) else None) or found
-    if options.budget <= quick.budget:
+    found = _found(PathFollower(*arguments, quick))
+    if found.status == FollowStatus.FOUND or options.budget <= quick.budget:
         return found
     thorough = replace(
         options, budget=options.budget - found.expansions, branches=max(options.branches, THOROUGH_BRANCHES)
     )
-    again = PathFollower(*arguments, thorough).next()
+    again = _found(PathFollower(*arguments, thorough))
     expansions = found.expansions + again.expansions
     # Of two partial motions, keep the one that came farther; the status is that of the last search.
     farther = again.status == FollowStatus.FOUND or again.reached >= found.reached
     return replace(again if farther else found, status=again.status, expansions=expansions)
+
+
+def _found(search: PathFollower) -> FollowResult:
+    """Return the first solution of a search; if that is slow, a quicker motion, if there is one."""
+    found = search.next()
+    if found.status == FollowStatus.FOUND and search.is_slow(found):
+        return search.quicken(found) or found
+    return found
 
 
 def _check(character: Character, samples: Samples, meshes: tuple[Any, ...], options: FollowOptions) -> None:

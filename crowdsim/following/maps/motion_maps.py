@@ -56,6 +56,7 @@ class MapArrays(NamedTuple):
     family: (N,) int32, equal for nodes with the same successors.
     ends_as: (N, B) bool, True if a node is of a behavior or has a successor of it.
     leads_to: (N,) int32, behavior of most successors; the least number of several, 0 without successors.
+    late: (N,) float64, how much longer a node takes than its behavior does on average for the same distance [s].
     speeds: (B,) float64, speed at which each behavior walks [m/s], see :func:`_speeds`; infinite if it never does.
     outline_first: (N + 1,) int64, rows of ``outline`` for each node.
     outline: (S, 3) float64, x, y and arc length of points along each node's track, its end included, at most a cell
@@ -74,6 +75,7 @@ class MapArrays(NamedTuple):
     family: NDArray[np.int32]
     ends_as: NDArray[np.bool_]
     leads_to: NDArray[np.int32]
+    late: NDArray[np.float64]
     speeds: NDArray[np.float64]
     outline_first: NDArray[np.int64]
     outline: NDArray[np.float64]
@@ -197,6 +199,7 @@ class MotionMaps:
             family=_families(graph),
             ends_as=successors > 0,
             leads_to=np.argmax(successors - np.eye(successors.shape[1])[graph.node_behavior], axis=1).astype(np.int32),
+            late=_delays(graph),
             speeds=_speeds(graph),
             outline_first=outline_first,
             outline=outline,
@@ -252,6 +255,22 @@ def _behavior_counts(graph: GraphArrays) -> NDArray[np.int32]:
     source = np.repeat(np.arange(nodes), np.diff(graph.edge_start))
     np.add.at(table, (source, graph.node_behavior[graph.edge_target]), 1)
     return table
+
+
+def _delays(graph: GraphArrays) -> NDArray[np.float64]:
+    """Return how much longer each node takes than its behavior does on average for the same distance, (N,) [s].
+
+    It is 0 at least. The average of a behavior is that of all its nodes but turns in place, which are late themselves
+    by nearly all of their time.
+    """
+    seconds = graph.node_frames / CAPTURE_RATE
+    moved = hypot(graph.node_motion[:, 0], graph.node_motion[:, 1])
+    moves = moved >= IN_PLACE
+    behaviors = int(graph.node_behavior.max(initial=0)) + 1
+    way, time = (np.bincount(graph.node_behavior[moves], column[moves], behaviors) for column in (moved, seconds))
+    pace = np.divide(time, way, out=np.zeros(behaviors), where=way > 0.0)
+    late: NDArray[np.float64] = np.maximum(seconds - moved * pace[graph.node_behavior], 0.0)
+    return late
 
 
 def _speeds(graph: GraphArrays) -> NDArray[np.float64]:

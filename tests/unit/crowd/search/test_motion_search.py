@@ -66,6 +66,8 @@ def test_a_search_that_is_given_up_is_let_go_without_a_search_for_cycles(
         search.close()
         return weakref.ref(search)
 
+    # What compiles kernels for the first time leaves references to its callers.
+    search_motion(assets, environment, TO_THE_OTHER_ROOM)
     gc.collect()
     gc.disable()
     try:

@@ -113,6 +113,18 @@ def test_families_join_nodes_with_the_same_successors(maps: MotionMaps) -> None:
             assert (family[i] == family[j]) == (ends[i] == ends[j])
 
 
+def test_nodes_are_late_by_what_they_take_beyond_the_mean_speed_of_their_behavior(maps: MotionMaps) -> None:
+    """Nodes that move less than 15 cm are late as a whole; no node is early."""
+    for behavior in range(3):
+        nodes = [n for n in range(len(GRAPH.node_frames)) if GRAPH.node_behavior[n] == behavior]
+        seconds = {n: GRAPH.node_frames[n] / 60.0 for n in nodes}
+        moved = {n: float(np.linalg.norm(GRAPH.node_motion[n, :2])) for n in nodes}
+        walking = [n for n in nodes if moved[n] >= 0.15]
+        speed = sum(moved[n] for n in walking) / sum(seconds[n] for n in walking)
+        for n in nodes:
+            assert maps.arrays.late[n] == pytest.approx(max(seconds[n] - moved[n] / speed, 0.0), abs=1e-12)
+
+
 def test_three_quarters_of_the_nodes_that_move_are_slower_than_the_speed_of_their_behavior(maps: MotionMaps) -> None:
     """Nodes that move less than 15 cm do not count."""
     for behavior in range(3):
