@@ -41,7 +41,7 @@ CALM_FOR = 4.0
 BLOCKED_FOR = 0.3
 """Time for which a captured auto agent is refused before it steers [s]."""
 
-QUEUES_FOR = 12.0
+QUEUES_FOR = 3.0
 """Time for which a captured auto agent without room to pass others is refused before it steers [s]: steering would
 hardly help it."""
 
