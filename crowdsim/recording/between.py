@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,13 +45,10 @@ def frame_between(
     natural = CAPTURE_RATE // steps_per_second
     # Agents without a node have the index NONE (-1), which finds the 0 at the end.
     last = np.append(nodes.frames, 0)[old.node]
-    # Frames played during the step. Nodes are played at up to 1.15 times their natural rate. Across two nodes these are
-    # the rest of the old one and the start of the new one. But an agent that leaves an idle node skips the rest of it:
-    # an advance of more than 1.5 times the natural one is taken as such a skip, and replaced by the natural advance.
+    # An agent is in the old node until its last frame, during the first ``part`` of the step, then in the new one.
     same = (new.node == old.node) & (new.frame >= old.frame)
     advance = np.where(same, new.frame - old.frame, last - old.frame + new.frame)
-    advance = np.where(same | (2 * advance <= 3 * natural), advance, natural)
-    shown = share * advance
+    part, end, begin = _split(old.frame, new.frame, last, advance, natural)
     # Only agents that move or wait, and stay present, are interpolated; the others keep their old pose.
     moving = (old.state == AgentState.MOVING) | (old.state == AgentState.WAITING)
     both = moving & (new.state != AgentState.ABSENT)
@@ -70,12 +67,11 @@ def frame_between(
     # An agent that becomes captured in this step keeps its last phase.
     phase = np.where(both & np.isfinite(new.phase), old.phase + share * (new.phase - old.phase), old.phase)
 
-    # An agent is in the old node until its last frame, then in the new one, whose frames are counted back from the end
-    # of the step. A negative frame means that the new node has not begun: the last frame of the old one is held.
-    reached = old.frame + shown
-    left = new.frame - (advance - shown)
-    entered = both & ~same & (reached > last) & (left >= 0)
-    frame = np.where(same, np.minimum(reached, new.frame), np.minimum(reached, last))
+    # Frame of the node that is shown. The divisor of a part that has no length is not used.
+    entered = both & ~same & (share > part)
+    left = begin + (new.frame - begin) * (share - part) / np.where(entered, 1.0 - part, 1.0)
+    reached = old.frame + (end - old.frame) * share / np.where(entered | (part <= 0.0), 1.0, part)
+    frame = np.where(same, np.minimum(old.frame + share * advance, new.frame), np.minimum(reached, last))
     frame = np.where(both, frame, old.frame)
     return RecordedFrame(
         x=x,
@@ -88,3 +84,18 @@ def frame_between(
         state=old.state,
         phase=phase,
     )
+
+
+def _split(
+    since: NDArray[Any], frame: NDArray[Any], last: NDArray[Any], advance: NDArray[Any], natural: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return how a step is divided between two nodes, each (A,): see `split_step` of between_kernels, for one body.
+
+    Nodes are played at up to 1.15 times their natural rate. An ``advance`` of more than 1.5 times that is taken as one
+    of an agent that leaves an idle node and skips the rest of it.
+    """
+    skips = 2 * advance > 3 * natural
+    usual = (last - since) / np.maximum(advance, 1)
+    part = np.where(skips, np.maximum(1.0 - frame / natural, 0.0), np.where(advance > 0, usual, 1.0))
+    end = np.where(skips, np.minimum(since + part * natural, last), last)
+    return part, end, np.where(skips, np.maximum(frame - natural, 0.0), 0.0)

@@ -25,13 +25,14 @@ def track_between(nodes: NodeTracks, natural: float, old: Step, new: Step, share
     entered = last
     begin = 0.0
     if played > 1.5 * natural:
-        # It skips the rest of an idle node.
-        played, entered = natural, min(since + natural, last)
-        begin = until - max(since + natural - last, 0.0)
+        # It skips the rest of an idle node: the frames of the new one fill the end of the step, one after the other.
+        played, begin = natural, max(until - natural, 0.0)
+        idle = natural - (until - begin)
+        entered = since + idle
     at = share * played
     if at < entered - since:
-        return _gone(nodes, old_node, (since, start), since + at)
-    middle = _gone(nodes, old_node, (since, start), entered)
+        return _gone(nodes, old_node, (since, start), min(since + at, last))
+    middle = _gone(nodes, old_node, (since, start), min(entered, last))
     return _faded(nodes, new_node, (begin, middle), (until, goal), begin + at - (entered - since))
 
 

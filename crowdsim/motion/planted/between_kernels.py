@@ -50,11 +50,10 @@ def split_step(last, since, frame, natural):
     # All frames of both nodes are played: divide the step in proportion.
     if 2.0 * advance <= 3.0 * natural:
         return (last - since) / advance if advance > 0.0 else 1.0, last, 0.0
-    # More than 1.5 times the usual frames: the agent has left an idle node and skips the rest of it. Show as many
-    # frames as usual: those of the idle node, at most up to its end, then the ``left`` frames of the next node before
-    # ``frame``. If the idle node fills the step, ``left`` is 0, and the next node begins at the end of the step.
-    left = max(since + natural - last, 0.0)
-    return 1.0 - left / natural, min(since + natural, last), frame - left
+    # More than 1.5 times the usual frames: the agent has left an idle node and skips the rest of it. The next node is
+    # played from its begin, at the usual rate, so that no movement is left out; until then the idle node goes on.
+    share = max(1.0 - frame / natural, 0.0)
+    return share, min(since + share * natural, last), max(frame - natural, 0.0)
 
 
 @helper

@@ -59,3 +59,29 @@ def test_times_outside_are_refused(tmp_path):
         for time in (-0.1, 1.1):
             with pytest.raises(RecordingError, match="0 to 1 s"):
                 recording.at_time(time)
+
+
+@pytest.mark.parametrize(("since", "frame"), [(2, 3), (2, 2), (CYCLE - 1, 4), (0, 4), (1, 0)])
+def test_a_start_from_a_stand_is_shown_from_its_first_frame_on(tmp_path, since: int, frame: int) -> None:
+    """An agent that leaves an idle node skips the rest of it: the first frames of the next node fill the step."""
+    header = small_header(agents=1)
+    stood = RecordedFrame([0.0], [0.0], [0.0], [0], [-1], [since], [2], [AgentState.WAITING], [np.nan])
+    with RecordingWriter(tmp_path / "run.h5", header) as writer:
+        writer.append(stood, 0)
+        writer.append(stood._replace(x=[0.1], node=[3], previous=[0], frame=[frame], state=[AgentState.MOVING]), 0)
+        writer.finish({})
+    with Recording.open(tmp_path / "run.h5") as recording:
+        natural = 60 / recording.steps_per_second
+        assert CYCLE - since + frame > 1.5 * natural
+        shown = [recording.at_time(share / recording.steps_per_second) for share in np.linspace(0.0, 1.0, 25)[:-1]]
+        # It stands in the idle node, then plays the new one, one frame after the other, from the first one on.
+        begins = max(1.0 - frame / natural, 0.0)
+        for share, each in zip(np.linspace(0.0, 1.0, 25)[:-1], shown, strict=True):
+            if abs(share - begins) < 1e-6:
+                continue
+            if share < begins:
+                assert each.node[0] == 0
+                assert since <= each.frame[0] <= min(since + share * natural + 1e-9, CYCLE)
+            else:
+                assert each.node[0] == 3
+                assert each.frame[0] == pytest.approx(max(frame - natural, 0.0) + (share - begins) * natural)

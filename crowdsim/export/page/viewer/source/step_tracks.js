@@ -9,14 +9,14 @@ const NOTHING = 1e-9, MOST_WHOLE = 20;
 
 /**
  * How a step is divided between two nodes of which the first one ends in it: the first is played up to frame `end`,
- * until `part` of the step, the next one from `begin` on. An agent that leaves an idle node skips the rest of it, and plays
- * as many frames as usual: of the idle node at most up to its end, then the last ones of the next node.
+ * until `part` of the step, the next one from `begin` on. An agent that leaves an idle node skips the rest of it: the next
+ * node is played from its begin, at the usual rate, and the idle node goes on until then.
  */
 export function splitStep(last, since, frame, natural) {
   const advance = last - since + frame;
   if (2 * advance <= 3 * natural) return { part: advance > 0 ? (last - since) / advance : 1, end: last, begin: 0 };
-  const left = Math.max(since + natural - last, 0);
-  return { part: 1 - left / natural, end: Math.min(since + natural, last), begin: frame - left };
+  const part = Math.max(1 - frame / natural, 0);
+  return { part, end: Math.min(since + part * natural, last), begin: Math.max(frame - natural, 0) };
 }
 
 /** A displacement along an axis, taken across the ends of a floor of length `span` if that is shorter [m]. */
