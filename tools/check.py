@@ -1,9 +1,10 @@
-"""Run every check of the repository: format, lint, types, import directions, then the tests.
+"""Run every check of the repository: format, lint, types, import directions and the tests.
 
-All of them run even if some fail; the exit code is 1 if any failed. The tests come last, so that their closing line
-closes the output. They run in several processes, each test file in one, the longest files first (tests/conftest.py);
-arguments go to a single pytest instead:
-``python tools/check.py tests/unit -x``.
+All of them run even if some fail; the exit code is 1 if any failed. The tests run in several processes, each test file
+in one, the longest files first (tests/conftest.py). The other checks run beside them, one after another, as most of
+them leave a processor idle; each prints what it found in one piece when it has ended. They end minutes before the
+tests, whose closing line closes the output. With arguments, the checks come first, and the arguments go to a single
+pytest: ``python tools/check.py tests/unit -x``.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -26,21 +28,43 @@ PROCESSES = min(os.cpu_count() or 1, 4)
 """Number of test processes. Each compiles the kernels that it needs first, so that many more gain nothing."""
 
 
-def passes(command: list[str]) -> bool:
-    """Return whether ``command``, run in the repository's root, succeeds; its output goes to the terminal."""
-    print("==", Path(command[0]).name, *command[1:], flush=True)
+def passes(command: list[str], at_once: bool = False) -> bool:
+    """Return whether ``command``, run in the repository's root, succeeds; its output goes to the terminal.
+
+    With ``at_once`` it goes there in one piece at the end, on lines of its own, as another command is writing, too.
+    """
+    name = " ".join(["==", Path(command[0]).name, *command[1:]])
     # The tests start hundreds of processes: each would compile all its modules if Python were told to keep none.
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": ""}
-    return subprocess.run(command, cwd=ROOT, env=environment).returncode == 0
+    if not at_once:
+        print(name, flush=True)
+        return subprocess.run(command, cwd=ROOT, env=environment).returncode == 0
+    done = subprocess.run(
+        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    print(f"\n{name}\n{done.stdout}", end="", flush=True)
+    return done.returncode == 0
+
+
+def check_all(failed: list[list[str]], at_once: bool = False) -> None:
+    """Run all checks but the tests, name those that fail, and add them to ``failed``."""
+    failed += [command for command in CHECKS if not passes(command, at_once)]
+    for command in failed:
+        print("FAILED:", Path(command[0]).name, *command[1:], flush=True)
 
 
 def main() -> int:
     """Run all checks; return the exit code."""
-    failed = [command for command in CHECKS if not passes(command)]
-    for command in failed:
-        print("FAILED:", Path(command[0]).name, *command[1:], flush=True)
-    arguments = sys.argv[1:] or ["-n", str(PROCESSES), "--dist", "loadfile", "--no-loadscope-reorder"]
-    tests_pass = passes([sys.executable, "-m", "pytest", *arguments])
+    failed: list[list[str]] = []
+    tests = [sys.executable, "-m", "pytest"]
+    if sys.argv[1:]:
+        check_all(failed)
+        tests_pass = passes([*tests, *sys.argv[1:]])
+    else:
+        beside = threading.Thread(target=check_all, args=(failed, True))
+        beside.start()
+        tests_pass = passes([*tests, "-n", str(PROCESSES), "--dist", "loadfile", "--no-loadscope-reorder"])
+        beside.join()
     return 0 if tests_pass and not failed else 1
 
 

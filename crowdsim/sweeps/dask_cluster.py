@@ -19,6 +19,9 @@ except ImportError:
 
 _NAME = "crowdsim-runner"
 
+_PATIENCE = "20s"
+"""How long a scheduler may take to answer."""
+
 
 class KeptRunner(distributed.WorkerPlugin):
     """Dask's plugin that makes a worker's runner, which keeps kernels, motion and maps between points.
@@ -100,7 +103,7 @@ def _client(address: str, jobs: int) -> Any:
         )
         return _LocalClient(cluster)
     try:
-        return distributed.Client(address, timeout="20s")
+        return distributed.Client(address, timeout=_PATIENCE)
     except (OSError, ValueError) as error:
         raise CrowdSimError(
             f"--dask {address}: there is no scheduler ({error}); start one with: dask scheduler"

@@ -199,12 +199,12 @@ def test_dask_by_address_gives_the_same_table_though_one_of_two_workers_is_kille
     assert (folder / "sweep.csv").read_bytes() == table
 
 
-def test_a_scheduler_that_is_not_there_is_named(room, tmp_path, environment):
+def test_a_scheduler_that_is_not_there_is_named(room, tmp_path, crowdsim_here, monkeypatch):
     pytest.importorskip("distributed")
-    finished = subprocess.run(
-        arguments(room, tmp_path, "--dask", "tcp://127.0.0.1:9"),
-        env=environment, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    from crowdsim.sweeps import dask_cluster
+
+    monkeypatch.setattr(dask_cluster, "_PATIENCE", "1s")  # nothing comes at this address, however long one waits
+    finished = crowdsim_here("sweep", str(room), str(tmp_path), *OPTIONS, "--dask", "tcp://127.0.0.1:9")
     assert finished.returncode == 2
     assert "there is no scheduler" in finished.stderr
 

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import shapely
 
 from tests.reference.steering_reference import core_ends, segment_to_segment
 
@@ -18,6 +19,13 @@ def core_of(row: Any) -> np.ndarray:
 def gap_to_piece(row: Any, piece: np.ndarray) -> float:
     """Return the gap between a body and a disc anywhere along a piece of a way: x, y of both ends, radius [m]."""
     return segment_to_segment(core_of(row), piece[:4].reshape(2, 2)) - row["radius"] - piece[4]
+
+
+def gaps_to_pieces(rows: np.ndarray, pieces: np.ndarray) -> np.ndarray:
+    """Return (n, m) the gap of each body to each piece of (m, 5) ways, as :func:`gap_to_piece` [m]."""
+    cores = shapely.linestrings([core_of(row) for row in rows])
+    ways = shapely.linestrings(pieces[:, :4].reshape(-1, 2, 2))
+    return shapely.distance(cores[:, None], ways) - rows["radius"][:, None] - pieces[:, 4]
 
 
 def company(rows: np.ndarray, reach: tuple[float, float], narrow: float, wide: float) -> list[tuple[int, float, float]]:

@@ -1,6 +1,4 @@
-"""Slow, obvious twins of the navigation mesh, with rational numbers and shapely."""
-
-from fractions import Fraction
+"""Slow, obvious twins of the navigation mesh, with whole numbers and shapely."""
 
 import numpy as np
 import shapely
@@ -8,19 +6,27 @@ import shapely
 from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 
 
+def _integers(*points) -> list[list[int]]:
+    """Return the coordinates of points in a unit of which all are whole multiples: exact, and quicker than fractions.
+
+    A float is an integer over a power of two.
+    """
+    ratios = [[float(v).as_integer_ratio() for v in p] for p in points]
+    unit = max(below for pair in ratios for _, below in pair)
+    return [[above * (unit // below) for above, below in pair] for pair in ratios]
+
+
 def orient_sign(a, b, c) -> int:
     """Return the sign of the area of the triangle abc."""
-    (ax, ay), (bx, by), (cx, cy) = ([Fraction(v) for v in p] for p in (a, b, c))
+    (ax, ay), (bx, by), (cx, cy) = _integers(a, b, c)
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     return (area > 0) - (area < 0)
 
 
 def incircle_sign(a, b, c, d) -> int:
     """Return the sign of the in-circle determinant of d for the counter-clockwise triangle abc."""
-    rows = []
-    for p in (a, b, c):
-        x, y = Fraction(p[0]) - Fraction(d[0]), Fraction(p[1]) - Fraction(d[1])
-        rows.append((x, y, x * x + y * y))
+    *corners, (dx, dy) = _integers(a, b, c, d)
+    rows = [(x - dx, y - dy, (x - dx) ** 2 + (y - dy) ** 2) for x, y in corners]
     (ax, ay, al), (bx, by, bl), (cx, cy, cl) = rows
     det = ax * (by * cl - bl * cy) - ay * (bx * cl - bl * cx) + al * (bx * cy - by * cx)
     return (det > 0) - (det < 0)

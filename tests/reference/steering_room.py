@@ -76,12 +76,13 @@ def turned(vector: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
 def sides(segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64]) -> tuple[float, float]:
     """Return the room to the nearest walls straight to the left and to the right of a place [m]."""
     left, right = math.inf, math.inf
-    across = turned(way, math.pi / 2)
-    for ax, ay, bx, by in segments:
-        first, second = np.array([ax, ay]) - place, np.array([bx, by]) - place
-        before, after = float(first @ way), float(second @ way)
+    (x, y), (ux, uy) = place.tolist(), way.tolist()
+    for ax, ay, bx, by in segments.tolist():
+        before, after = (ax - x) * ux + (ay - y) * uy, (bx - x) * ux + (by - y) * uy
         if before * after <= 0.0 and before != after:
-            off = float((first + before / (before - after) * (second - first)) @ across)
+            s = before / (before - after)
+            # The crossing with the line across the way, seen from the place: what lies to the left is positive.
+            off = (ay - y + s * (by - ay)) * ux - (ax - x + s * (bx - ax)) * uy
             left, right = (min(left, off), right) if off > 0.0 else (left, min(right, -off))
     return left, right
 

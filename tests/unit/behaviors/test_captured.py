@@ -24,6 +24,11 @@ def both(captures):
     return load_behavior_set(["frontal", "arm_constrained"], BANDS, captures=captures, capture_patterns=PATTERNS)
 
 
+@pytest.fixture(scope="module")
+def frontal(captures):
+    return load_behavior_set(["frontal"], BANDS, captures=captures, capture_patterns=PATTERNS)
+
+
 def node_names(behavior_set, behavior):
     graph = behavior_set.graph
     return [name for i, name in enumerate(graph.node_names) if graph.arrays.node_behavior[i] == behavior]
@@ -34,13 +39,12 @@ def assert_all_can_stop(graph):
     assert ((graph.stop_edge != NONE) | graph.node_ends_standing).all()
 
 
-def test_frontal_alone(captures):
-    found = load_behavior_set(["frontal"], BANDS, captures=captures, capture_patterns=PATTERNS)
-    assert [behavior.name for behavior in found.behaviors] == ["frontal"]
-    assert 0.25 < found.behaviors[0].radii[1] < 0.45
-    assert found.graph.report.dropped == ()
-    assert not any("arms" in name or "held" in name for name in found.graph.node_names)
-    assert_all_can_stop(found.graph.arrays)
+def test_frontal_alone(frontal):
+    assert [behavior.name for behavior in frontal.behaviors] == ["frontal"]
+    assert 0.25 < frontal.behaviors[0].radii[1] < 0.45
+    assert frontal.graph.report.dropped == ()
+    assert not any("arms" in name or "held" in name for name in frontal.graph.node_names)
+    assert_all_can_stop(frontal.graph.arrays)
 
 
 def test_held_arms_make_the_same_walks_narrower(both):
@@ -72,9 +76,8 @@ def test_arm_constrained_alone_has_no_transitions(captures):
     assert_all_can_stop(found.graph.arrays)
 
 
-def test_waiting_stays_in_its_place_and_repeats(captures):
-    found = load_behavior_set(["frontal"], BANDS, captures=captures, capture_patterns=PATTERNS)
-    (rest,) = found.clips[0].idle
+def test_waiting_stays_in_its_place_and_repeats(frontal):
+    (rest,) = frontal.clips[0].idle
     assert rest.name.startswith("16_3")
     track = track_of(rest)
     assert rest.duration == pytest.approx(REST_SECONDS)

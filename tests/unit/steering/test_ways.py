@@ -8,7 +8,7 @@ from crowdsim.steering.steering import Steering, frame_of
 from crowdsim.steering.walls import build_walls
 from crowdsim.steering.way_kernels import list_ways
 from crowdsim.steering.ways import NOBODY_ELSE, Others, clear_of, listed
-from tests.reference.mixed_crowd import gap_to_piece
+from tests.reference.mixed_crowd import gap_to_piece, gaps_to_pieces
 from tests.support.steered import agents, scatter
 
 NO_WALLS = build_walls([])
@@ -77,7 +77,7 @@ def test_a_crowd_never_touches_what_others_have_reserved(seed):
     segments, owners = reserved(rng, 8, side)
     places = scatter(rng, 60, (0.0, 0.0), (side, side))
     state = agents(places, rng.uniform(-np.pi, np.pi, 60), rng.integers(0, 3, 60), rng)
-    state = state[[min(gap_to_piece(body, piece) for piece in segments) > 0.01 for body in state]].copy()
+    state = state[gaps_to_pieces(state, segments).min(axis=1) > 0.01].copy()
     others = Others(seen_at(segments, owners), segments, owners)
     least = 1.0
     with Steering(NO_WALLS, NO_WALLS, leg_radius=0.125) as steering:
@@ -91,7 +91,7 @@ def test_a_crowd_never_touches_what_others_have_reserved(seed):
                 turned = (state["heading"] - before["heading"] + np.pi) % (2 * np.pi) - np.pi
                 heading = before["heading"] + share * turned
                 between["hx"], between["hy"] = np.cos(heading), np.sin(heading)
-                least = min(least, *(gap_to_piece(body, piece) for body in between for piece in segments))
+                least = min(least, gaps_to_pieces(between, segments).min())
     assert least > 0.0
     assert np.hypot(state["x"] - before["x"], state["y"] - before["y"]).max() > 0.01
 

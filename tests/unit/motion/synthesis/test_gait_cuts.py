@@ -1,7 +1,5 @@
 """The default clips are cut where they were made to be: in passing and standing poses and nowhere else."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -9,12 +7,13 @@ from crowdsim.constants import CAPTURE_RATE
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.graph.features import joint_speeds
 from crowdsim.motion.graph.segmentation import Segment, segment_clip
-from crowdsim.motion.synthesis.library import synthesize_set
+from tests.unit.motion.synthesis.test_gait_set import default_set
 
 
-@cache
-def default_set() -> dict[str, Clip]:
-    return {f"{folder}/{clip.name}": clip for folder, _, clip in synthesize_set()}
+def made(name: str) -> Clip:
+    """A clip of the default set, by folder/name."""
+    folder, _, clip = name.partition("/")
+    return default_set()[f"{folder}/clips/{clip}.bvh"]
 
 
 def kinds(segments: list[Segment]) -> str:
@@ -44,7 +43,7 @@ def kinds(segments: list[Segment]) -> str:
     ],
 )
 def test_clips_are_cut_in_their_hubs(name: str, expected: str) -> None:
-    assert kinds(segment_clip(default_set()[name], ["crossing", "standing"])) == expected
+    assert kinds(segment_clip(made(name), ["crossing", "standing"])) == expected
 
 
 @pytest.mark.parametrize(
@@ -52,7 +51,7 @@ def test_clips_are_cut_in_their_hubs(name: str, expected: str) -> None:
     [("side_left", 3, 0.44), ("side_right", 3, -0.44), ("side_left_short", 1, 0.2), ("side_right_turning", 4, -0.4)],
 )
 def test_side_steps_are_cut_with_the_feet_together(name: str, steps: int, length: float) -> None:
-    clip = default_set()[f"lateral/{name}"]
+    clip = made(f"lateral/{name}")
     segments = segment_clip(clip, ["standing"])
     assert kinds(segments) == "S" * (steps + 1)
     ankles = [clip.skeleton.joint(f"{side}_ankle") for side in ("left", "right")]
@@ -68,7 +67,7 @@ def test_side_steps_are_cut_with_the_feet_together(name: str, steps: int, length
 
 
 def test_side_steps_pause_for_four_frames() -> None:
-    clip = default_set()["lateral/side_left"]
+    clip = made("lateral/side_left")
     slow = np.ones(clip.frame_count, bool)
     for side in ("left", "right"):
         slow &= joint_speeds(clip, clip.skeleton.joint(f"{side}_ankle")) < 0.15

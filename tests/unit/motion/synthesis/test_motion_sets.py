@@ -18,12 +18,13 @@ from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.graph.features import CrossingDetector
 from crowdsim.motion.graph.motion_graph import MotionSource, build_motion_graph
 from crowdsim.motion.graph.transition_drift import clip_stances, transition_drifts
+from crowdsim.motion.synthesis.dance import dance_plans
 from crowdsim.motion.synthesis.library import motion_database, synthesize_set
 from crowdsim.motion.synthesis.styles import DANCING, HAPPY, MANNERS, PLAIN, Manner, find_manner
 from crowdsim.scenario.schema.agents import Motion
 from tests.support.gait_figures import LIMITS, angles, body_angles, gait_figures
 from tests.unit.motion.synthesis.test_gait_bands import hinge
-from tests.unit.motion.synthesis.test_gait_set import knee_bend, role, soles
+from tests.unit.motion.synthesis.test_gait_set import SHIPPED, knee_bend, role, soles
 
 STYLED = (HAPPY, DANCING)
 BEHAVIORS = ("lateral", "arm_constrained", "frontal")
@@ -40,7 +41,18 @@ def loaded(name: str) -> BehaviorSet:
     return load_behavior_set(BEHAVIORS, BANDS, motion_set=name)
 
 
-NAMES = [(manner, name) for manner in STYLED for name in made(manner)]
+def names_of(manner: Manner) -> list[str]:
+    """Names of the clips of a set, told without making them: those of the default set, and dances."""
+    dances = [f"frontal/{plan.name}.bvh" for plan in dance_plans()] if manner is DANCING else []
+    return [name.replace("/clips/", "/") for name in SHIPPED] + dances
+
+
+NAMES = [(manner, name) for manner in STYLED for name in names_of(manner)]
+
+
+@pytest.mark.parametrize("manner", STYLED, ids=lambda manner: manner.name)
+def test_all_clips_of_a_set_are_looked_at(manner: Manner) -> None:
+    assert sorted(names_of(manner)) == sorted(made(manner))
 
 
 @pytest.mark.parametrize(("manner", "name"), NAMES, ids=[f"{manner.name}/{name}" for manner, name in NAMES])

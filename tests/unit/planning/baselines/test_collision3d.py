@@ -45,6 +45,12 @@ def behaviors():
     return load_behavior_set(("lateral", "arm_constrained", "frontal"), bands).behaviors
 
 
+@pytest.fixture(scope="module")
+def bodies(behaviors):
+    """Bodies in an empty place: the surfaces of a cycle take seconds to make, and scenes are put around them."""
+    return make_bodies(CollisionScene([]), behaviors)
+
+
 def post(x: float, y: float, radius: float = 0.2, bottom: float = 0.0, top: float = 2.0):
     return cylinder("post", (x, y), radius, bottom, top)
 
@@ -74,10 +80,10 @@ def test_a_ball_meets_what_it_reaches_into(solid, meets):
     assert CollisionScene([solid]).collides(stride.body(0.0), 2.0, 0.0, np.pi / 2) is meets
 
 
-def plan_through(behaviors, solids, ends):
+def plan_through(behaviors, bodies, solids, ends):
     layers = clearance_layers(FLOOR, solids, [LEGS, TORSO])
     meshes = [NavMesh(layer.free) for layer in layers]
-    return Planner(meshes, behaviors).query(*ends), make_bodies(CollisionScene(solids), behaviors)
+    return Planner(meshes, behaviors).query(*ends), bodies._replace(scene=CollisionScene(solids))
 
 
 def gap(width: float, top: float):
@@ -88,32 +94,32 @@ def gap(width: float, top: float):
 
 
 @pytest.mark.parametrize(("width", "top", "needed"), [(0.46, 2.0, 0), (0.52, 2.0, 1), (0.8, 2.0, 2), (0.5, 0.45, 2)])
-def test_gaps_ask_for_the_behavior_that_passes(behaviors, width, top, needed):
-    query, bodies = plan_through(behaviors, gap(width, top), ((1.0, 0.0), (11.0, 0.0)))
-    path = annotated_in_3d(query, bodies, np.array([[1.0, 0.0], [11.0, 0.0]]))
+def test_gaps_ask_for_the_behavior_that_passes(behaviors, bodies, width, top, needed):
+    query, among = plan_through(behaviors, bodies, gap(width, top), ((1.0, 0.0), (11.0, 0.0)))
+    path = annotated_in_3d(query, among, np.array([[1.0, 0.0], [11.0, 0.0]]))
     inside = {section.behavior for section in path.sections if section.start < 5.5 and section.end > 4.5}
     assert min(inside) == needed, (path.sections, needed)
 
 
-def test_nothing_fits_through_a_wall(behaviors):
+def test_nothing_fits_through_a_wall(behaviors, bodies):
     wall = [box("wall", (5.0, -3.0), (5.2, 3.0), 0.0, 2.0)]
-    query, bodies = plan_through(behaviors, [*wall], ((1.0, 0.0), (3.0, 0.0)))
-    assert annotated_in_3d(query, bodies, np.array([[1.0, 0.0], [11.0, 0.0]])).sections == ()
-    assert plan_collision3d(query, bodies) is not None
+    query, among = plan_through(behaviors, bodies, [*wall], ((1.0, 0.0), (3.0, 0.0)))
+    assert annotated_in_3d(query, among, np.array([[1.0, 0.0], [11.0, 0.0]])).sections == ()
+    assert plan_collision3d(query, among) is not None
 
 
-def test_plans_keep_the_sections_of_bodies_in_3d_and_prove_no_bound(behaviors):
-    query, bodies = plan_through(behaviors, gap(0.6, 2.0), ((1.0, 1.0), (11.0, -1.0)))
-    planner = Planner(query.meshes, behaviors, planner="collision3d", bodies=bodies)
+def test_plans_keep_the_sections_of_bodies_in_3d_and_prove_no_bound(behaviors, bodies):
+    query, among = plan_through(behaviors, bodies, gap(0.6, 2.0), ((1.0, 1.0), (11.0, -1.0)))
+    planner = Planner(query.meshes, behaviors, planner="collision3d", bodies=among)
     path = planner.plan((1.0, 1.0), (11.0, -1.0))
-    assert path.sections == annotated_in_3d(query, bodies, path.points).sections
+    assert path.sections == annotated_in_3d(query, among, path.points).sections
     assert path.bound == 0.0
 
 
-def test_a_solid_below_the_layers_is_named_as_the_reason(behaviors):
+def test_a_solid_below_the_layers_is_named_as_the_reason(behaviors, bodies):
     threshold = box("threshold", (5.0, -3.0), (5.2, 3.0), 0.0, 0.05)
-    query, bodies = plan_through(behaviors, [threshold], ((1.0, 0.0), (11.0, 0.0)))
-    planner = Planner(query.meshes, behaviors, planner="collision3d", bodies=bodies)
+    query, among = plan_through(behaviors, bodies, [threshold], ((1.0, 0.0), (11.0, 0.0)))
+    planner = Planner(query.meshes, behaviors, planner="collision3d", bodies=among)
     with pytest.raises(PathNotFound, match="in 3D the body of every behavior touches a solid"):
         planner.plan((1.0, 0.0), (11.0, 0.0))
 
