@@ -45,7 +45,7 @@ class System(Protocol):
     ...     for _ in range(50):
     ...         simulation.step()
     ...     simulation.agents["walked"].round(1)
-    array([4.8, 3.1, 0. , 0. ])
+    array([5.4, 3.1, 0. , 0. ])
     """
 
     reads: tuple[str, ...]

@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[2]
 THROUGH_ITS_FRONT = {
     "crowd.systems.reserving_kernels": ("tests/unit/crowd/systems/test_going_on.py", "going_on"),
     "following.follower.branch_kernels": ("tests/unit/following/follower/test_path_follower.py", "follow_maps"),
+    "following.follower.candidate_kernels": ("tests/unit/following/follower/test_path_follower.py", "follow_maps"),
     "following.follower.follow_kernels": ("tests/unit/following/follower/test_path_follower.py", "follow_maps"),
     "following.maps.map_kernels": ("tests/unit/following/maps/test_motion_maps.py", "follow_maps"),
     "navmesh.shortest.complete_search_kernels": (

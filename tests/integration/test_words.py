@@ -32,6 +32,7 @@ OF_TEXTS = (
     "export/scenes/usd.py",
 )
 WITH_RIGS = (
+    "following/follower/character.py",
     "following/follower/path_follower.py",
     "following/follower/exact_following.py",
     "following/coverage.py",

@@ -71,7 +71,7 @@ BOUNDED = {
     ),
     "halves or doubles a number, or goes up or down a tree of known depth": (
         "following/follower/arrival_kernels.py arrive",
-        "following/follower/follow_kernels.py _first_row",
+        "following/follower/candidate_kernels.py _first_row",
         "following/graph_search/graph_search_kernels.py _bend_branch",
         "following/maps/map_kernels.py _sift_down",
         "following/maps/map_kernels.py _sift_up",
@@ -87,7 +87,7 @@ BOUNDED = {
         "crowd/giving_way/give_way_kernels.py move_is_free",
         "crowd/state/reservation_kernels.py node_is_free",
         "following/follower/branch_kernels.py branch_is_free",
-        "following/follower/follow_kernels.py _collect",
+        "following/follower/candidate_kernels.py collect",
         "following/follower/path_kernels.py project",
         "following/follower/reach_kernels.py branch_keeps_in",
         "planning/labels/labelling_kernels.py label_cells",

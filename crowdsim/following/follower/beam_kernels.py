@@ -5,8 +5,9 @@ back, unless it is blocked. A beam search keeps several motions: stages of all o
 the most promising ones of each stretch of it first. If none of the stages that may go on reaches the goal, twice as
 many of each stretch may.
 
-``beam`` has a row for each stage, which ends a branch laid after the stage ``PARENT``; row 0 is the begin. Other
-arguments of all helpers as of :mod:`crowdsim.following.follower.candidate_kernels`.
+``beam`` (:mod:`crowdsim.following.follower.follow_workspace`) has a row for each stage, which ends a branch laid after
+the stage ``PARENT``; row 0 is the begin. ``graph`` (GraphArrays), ``maps`` (MapArrays), ``guide``, ``rules``,
+``search`` and ``laid`` are those of the search before.
 """
 
 import math
@@ -148,16 +149,16 @@ def _append(graph, maps, guide, rules, search, laid, beam, before, first, count,
 @helper
 def _write_best(search, beam, last):
     """Write the motion up to stage ``last`` to the best solution; return its number of nodes, 0 if it is too long."""
-    begins = search.best_step.shape[0]
-    total = np.int64(beam.link[0, DEPTH])
-    row = last
-    while row > 0:
+    total, row = np.int64(0), last
+    for _ in range(len(beam.link)):  # no stage comes before itself
         total += beam.link[row, DEPTH]
         row = beam.link[row, PARENT]
-    if total > begins:
+        if row < 0:
+            break
+    if total > search.best_step.shape[0]:
         return np.int64(0)
     at, row = total, last
-    while row >= 0:
+    for _ in range(len(beam.link)):
         at -= beam.link[row, DEPTH]
         for d in range(beam.link[row, DEPTH]):
             for k in range(2):
@@ -165,6 +166,8 @@ def _write_best(search, beam, last):
             for k in range(4):
                 search.best_place[at + d, k] = beam.place[row, d, k]
         row = beam.link[row, PARENT]
+        if row < 0:
+            break
     return total
 
 
@@ -172,8 +175,8 @@ def _write_best(search, beam, last):
 def quicken(graph, maps, guide, rules, layers, reach, start_pose, start_node, search, laid, beam, limit):
     """Search a motion along a path that takes less than ``limit`` [s]; the search that found another one is over.
 
-    Others as of :func:`crowdsim.following.follower.follow_kernels.follow`; ``beam`` as of
-    :mod:`crowdsim.following.follower.follow_workspace`. The time does not include that of ``start_node``.
+    ``layers``, ``reach``, ``start_pose`` and ``start_node`` are those of
+    :func:`crowdsim.following.follower.follow_kernels.follow`. The time does not include that of ``start_node``.
 
     Returns
     -------

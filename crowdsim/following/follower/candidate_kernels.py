@@ -220,7 +220,7 @@ def collect(graph, maps, guide, rules, search, laid, top, along, singles):
 def stage_key(family, end, arc, place_grain, headings, arc_grain):
     """Return a number that is equal for stages whose node's family, end pose and arc lie in the same grains.
 
-    Grains are meters of place and arc, and one of ``headings`` of a full turn.
+    Grains are meters of place (``place_grain``) and of arc (``arc_grain``), and one of ``headings`` of a full turn.
     """
     # Mix five numbers by a prime. If unlike stages get one key, one of them is lost.
     key = np.int64(family)

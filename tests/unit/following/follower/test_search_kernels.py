@@ -7,7 +7,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from crowdsim.following.follower import branch_kernels, candidate_kernels, path_kernels
+from crowdsim.following.follower import branch_kernels, candidate_kernels, follow_kernels, path_kernels
 from crowdsim.following.maps import map_kernels
 from crowdsim.jit import kernel
 
@@ -32,6 +32,13 @@ class Rules(NamedTuple):
 class Candidates(NamedTuple):
     score: NDArray[np.float64]
     candidate: NDArray[np.int64]
+
+
+class Solutions(NamedTuple):
+    step: NDArray[np.int64]
+    place: NDArray[np.float64]
+    best_step: NDArray[np.int64]
+    best_place: NDArray[np.float64]
 
 
 class Memory(NamedTuple):
@@ -59,6 +66,11 @@ def keep_all(search, capacity, scores, entries):
     for i in range(len(scores)):
         count = candidate_kernels._keep(search.score, search.candidate, 0, count, capacity, scores[i], entries[i])
     return count
+
+
+@kernel
+def record_best(search, count):
+    return follow_kernels._record_best(search, count)
 
 
 @kernel
@@ -117,6 +129,16 @@ def test_the_best_candidates_are_kept_in_order() -> None:
     assert keep_all(search, 8, scores, entries) == 8
     best = sorted(zip(scores.tolist(), entries.tolist(), strict=True))[:8]
     assert list(zip(search.score.tolist(), search.candidate.tolist(), strict=True)) == best
+
+
+def test_the_best_solution_is_a_copy_of_the_present_one() -> None:
+    rng = np.random.default_rng(5)
+    search = Solutions(rng.integers(0, 9, (6, 2)), rng.random((6, 4)), np.full((6, 2), -7), np.full((6, 4), -7.0))
+    assert record_best(search, 4) == 4
+    np.testing.assert_array_equal(search.best_step[:4], search.step[:4])
+    np.testing.assert_array_equal(search.best_place[:4], search.place[:4])
+    assert (search.best_step[4:] == -7).all()
+    assert (search.best_place[4:] == -7.0).all()
 
 
 def test_a_stage_is_known_again_by_family_place_and_arc() -> None:
