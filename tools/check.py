@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -39,33 +39,32 @@ def passes(command: list[str], at_once: bool = False) -> bool:
     if not at_once:
         print(name, flush=True)
         return subprocess.run(command, cwd=ROOT, env=environment).returncode == 0
-    done = subprocess.run(
-        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    print(f"\n{name}\n{done.stdout}", end="", flush=True)
+    done = subprocess.run(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    print(f"\n{name}\n{done.stdout.decode('utf-8', 'replace')}", end="", flush=True)
     return done.returncode == 0
 
 
-def check_all(failed: list[list[str]], at_once: bool = False) -> None:
-    """Run all checks but the tests, name those that fail, and add them to ``failed``."""
-    failed += [command for command in CHECKS if not passes(command, at_once)]
+def check_all(at_once: bool = False) -> bool:
+    """Run all checks but the tests, and name those that fail; return True if none does."""
+    failed = [command for command in CHECKS if not passes(command, at_once)]
     for command in failed:
         print("FAILED:", Path(command[0]).name, *command[1:], flush=True)
+    return not failed
 
 
 def main() -> int:
     """Run all checks; return the exit code."""
-    failed: list[list[str]] = []
     tests = [sys.executable, "-m", "pytest"]
     if sys.argv[1:]:
-        check_all(failed)
+        checks_pass = check_all()
         tests_pass = passes([*tests, *sys.argv[1:]])
     else:
-        beside = threading.Thread(target=check_all, args=(failed, True))
-        beside.start()
-        tests_pass = passes([*tests, "-n", str(PROCESSES), "--dist", "loadfile", "--no-loadscope-reorder"])
-        beside.join()
-    return 0 if tests_pass and not failed else 1
+        with ThreadPoolExecutor(1) as beside:
+            checks = beside.submit(check_all, True)
+            tests_pass = passes([*tests, "-n", str(PROCESSES), "--dist", "loadfile", "--no-loadscope-reorder"])
+            # Raises what the checks have raised.
+            checks_pass = checks.result()
+    return 0 if tests_pass and checks_pass else 1
 
 
 if __name__ == "__main__":

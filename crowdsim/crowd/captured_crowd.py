@@ -117,7 +117,7 @@ class CapturedCrowd:
         for goal in self.cast.goals[strictest]:
             if distance(goal, start) > AT_GOAL:
                 request = Request(start, goal, stays=True, within=within)
-                search = MotionSearch(self.assets, self.environment, request)
+                search = MotionSearch(self.assets, self.environment, request, always_quicken=True)
                 search.advance()
                 search.close()
                 return

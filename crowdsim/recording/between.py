@@ -95,7 +95,7 @@ def _split(
     of an agent that leaves an idle node and skips the rest of it.
     """
     skips = 2 * advance > 3 * natural
-    usual = (last - since) / np.maximum(advance, 1)
+    usual = (last - since) / np.where(advance > 0, advance, 1)
     part = np.where(skips, np.maximum(1.0 - frame / natural, 0.0), np.where(advance > 0, usual, 1.0))
     end = np.where(skips, np.minimum(since + part * natural, last), last)
-    return part, end, np.where(skips, np.maximum(frame - natural, 0.0), 0.0)
+    return part, end, np.where(skips & (2 * frame > 3 * natural), frame - natural, 0.0)

@@ -26,9 +26,9 @@ def track_between(nodes: NodeTracks, natural: float, old: Step, new: Step, share
     begin = 0.0
     if played > 1.5 * natural:
         # It skips the rest of an idle node: the frames of the new one fill the end of the step, one after the other.
-        played, begin = natural, max(until - natural, 0.0)
-        idle = natural - (until - begin)
-        entered = since + idle
+        begin = 0.0 if until <= 1.5 * natural else until - natural
+        played = max(natural, until - begin)
+        entered = since + played - (until - begin)
     at = share * played
     if at < entered - since:
         return _gone(nodes, old_node, (since, start), min(since + at, last))

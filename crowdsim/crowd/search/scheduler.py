@@ -194,6 +194,9 @@ class Searches:
                 continue
             # Few searches need another slice, and most of those need many: make it longer.
             search.branches = min(2 * search.branches, self.longest_slice)
+            # What quickening took beyond the slice counts for the next step.
+            self._left -= search.search.excess
+            search.search.excess = 0
             search.counts = search.search.slices, search.search.backtracks, search.search.recoveries
             if search.search.over:
                 self.drop(agent)

@@ -85,13 +85,14 @@ def quicker_end(
     request: Request,
     goal: NDArray[np.float64],
     exactly: bool,
+    queries: int,
 ) -> FollowResult:
     """Return a quicker motion than ``found``, the latest solution of a search, that ends as requested, or ``found``.
 
-    ``goal`` (2,) is the end of the path [m]. If ``exactly``, the quicker motion is bent to the goal if it ends farther
-    off than requested. The search is over then.
+    ``queries`` is the largest number of map queries, ``goal`` (2,) the end of the path [m]. If ``exactly``, the quicker
+    motion is bent to the goal if it ends farther off than requested. The search is over then.
     """
-    quicker = search.quicken(found)
+    quicker = search.quicken(found, queries)
     if quicker is not None and exactly and meters_off(graph, quicker, goal) > request.within:
         quicker = search.arrive(request.within)
     return quicker or found

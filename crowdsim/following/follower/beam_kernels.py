@@ -180,8 +180,8 @@ def quicken(graph, maps, guide, rules, layers, reach, start_pose, start_node, se
 
     Returns
     -------
-    (nodes of the motion, arc length that it reached [m]), the motion in ``search.best_*``; (0, 0.0), and these as they
-    were, if none is found.
+    (nodes of the motion, arc length that it reached [m]), the motion in ``search.best_step`` and ``best_place``;
+    (0, 0.0), and these as they were, if none is found.
     """
     hints = np.full(len(layers), np.int64(NONE))
     before, queries = search.state[BEST], search.state[QUERIES]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from crowdsim.following.follower.arrival_kernels import MOST_BENT
 from crowdsim.following.follower.beam_kernels import CHILDREN, LINK_COLUMNS, MEASURE_COLUMNS, STRETCH
 from crowdsim.following.follower.candidate_kernels import STAGE_COLUMNS, STATE_COLUMNS
-from crowdsim.following.follower.follow_options import QUICKEN_BUDGET
 from crowdsim.following.follower.path_kernels import near_planned
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.motion.graph.arrays import GraphArrays
@@ -181,8 +180,8 @@ def make_guide(samples: Samples, behaviors: int, turned: Iterable[int], reach: f
     allowed = np.ones((behaviors, len(samples.arc)), np.bool_)
     for b in turned:
         near_planned(samples.arc, samples.behavior, b, reach, allowed[b])
-    # A behavior that the graph does not have takes no time.
-    known = np.append(speeds, np.full(behaviors, np.inf))[:behaviors]
+    # A behavior without nodes that move, or that the graph does not have, takes no time.
+    known = np.append(speeds, np.full(max(behaviors, int(samples.behavior.max()) + 1), np.inf))
     seconds = length / pieces / known[samples.behavior[:-1]]
     remaining = np.append(np.cumsum(seconds[::-1])[::-1], 0.0)
     return Guide(samples.pose, samples.behavior, allowed, length, length / pieces, pieces / length, remaining)
@@ -251,9 +250,9 @@ def _make_laid(entries: int, rules: Rules) -> Laid:
     )
 
 
-def make_beam(guide: Guide, rules: Rules, search: Search, laid: Laid) -> Beam:
-    """Return empty arrays for a beam search of QUICKEN_BUDGET map queries along a path, beside those of a search."""
-    stages, depth = QUICKEN_BUDGET * CHILDREN + 1, len(search.branch)
+def make_beam(guide: Guide, rules: Rules, search: Search, laid: Laid, queries: int) -> Beam:
+    """Return empty arrays for a beam search of so many map ``queries`` along a path, beside those of a search."""
+    stages, depth = queries * CHILDREN + 1, len(search.branch)
     candidates = rules.candidates + len(laid.node)
     return Beam(
         link=np.empty((stages, LINK_COLUMNS), np.int64),

@@ -17,7 +17,14 @@ from crowdsim.following.follower.beam_kernels import quicken
 from crowdsim.following.follower.candidate_kernels import BEST, COUNT, FULL, KEPT, QUERIES, TOP
 from crowdsim.following.follower.character import Character
 from crowdsim.following.follower.follow_kernels import BLOCKED, FOUND, OUT_OF_BUDGET, PAST_KEPT, follow
-from crowdsim.following.follower.follow_options import BRIEFLY, QUICKER, SLOW, THOROUGH_BRANCHES, FollowOptions
+from crowdsim.following.follower.follow_options import (
+    BRIEFLY,
+    QUICKEN_BUDGET,
+    QUICKER,
+    SLOW,
+    THOROUGH_BRANCHES,
+    FollowOptions,
+)
 from crowdsim.following.follower.follow_workspace import (
     Chain,
     Laid,
@@ -181,21 +188,26 @@ class PathFollower:
         begins = 0 if self._arguments[7] < 0 else 1
         return float(self._arguments[0].node_frames[found.nodes[begins:]].sum()) / CAPTURE_RATE
 
-    def quicken(self, found: FollowResult) -> FollowResult | None:
+    def quicken(self, found: FollowResult, queries: int = QUICKEN_BUDGET) -> FollowResult | None:
         """Search another motion, which takes at most the share QUICKER of the time of ``found``; None if none is found.
 
-        In it, the body stands BRIEFLY at most. ``found`` is the latest solution. :meth:`arrive` bends the other motion,
-        if there is one. The search cannot be continued beyond this.
+        In it, the body stands BRIEFLY at most. ``found`` is the latest solution; ``queries`` is the largest number of
+        map queries, if it is below QUICKEN_BUDGET. :meth:`arrive` bends the other motion, if there is one. The search
+        cannot be continued beyond this.
         """
         graph, maps, guide, rules, *rest, search, laid = self._arguments
-        beam = make_beam(guide, rules, search, laid)
+        beam = make_beam(guide, rules, search, laid, min(queries, QUICKEN_BUDGET))
         brief = rules._replace(most_still=min(rules.most_still, BRIEFLY))
         limit = QUICKER * self._seconds(found)
         count, reached = quicken(graph, maps, guide, brief, *rest, search, laid, beam, limit)
         if not count:
             return None
-        queries = int(search.state[QUERIES])
-        return _result(FOUND, search.best_step[:count], search.best_place[:count], reached, queries)
+        return _result(FOUND, search.best_step[:count], search.best_place[:count], reached, self.queries)
+
+    @property
+    def queries(self) -> int:
+        """Return the number of map queries so far."""
+        return int(self._search.state[QUERIES])
 
     @cached_property
     def _chain(self) -> tuple[Search, Laid, Chain]:
@@ -330,8 +342,8 @@ def _found(search: PathFollower) -> FollowResult:
     """Return the first solution of a search; if that is slow, a quicker motion, if there is one."""
     found = search.next()
     if found.status == FollowStatus.FOUND and search.is_slow(found):
-        return search.quicken(found) or found
-    return found
+        found = search.quicken(found) or found
+    return replace(found, expansions=search.queries)
 
 
 def _check(character: Character, samples: Samples, meshes: tuple[Any, ...], options: FollowOptions) -> None:

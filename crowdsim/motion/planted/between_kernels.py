@@ -51,9 +51,11 @@ def split_step(last, since, frame, natural):
     if 2.0 * advance <= 3.0 * natural:
         return (last - since) / advance if advance > 0.0 else 1.0, last, 0.0
     # More than 1.5 times the usual frames: the agent has left an idle node and skips the rest of it. The next node is
-    # played from its begin, at the usual rate, so that no movement is left out; until then the idle node goes on.
+    # played from its begin, so that no movement is left out; until then the idle node goes on. Only agents that enter a
+    # node in its middle have more frames of it behind them than a step has.
     share = max(1.0 - frame / natural, 0.0)
-    return share, min(since + share * natural, last), max(frame - natural, 0.0)
+    begin = 0.0 if 2.0 * frame <= 3.0 * natural else frame - natural
+    return share, min(since + share * natural, last), begin
 
 
 @helper

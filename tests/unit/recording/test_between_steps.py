@@ -84,4 +84,4 @@ def test_a_start_from_a_stand_is_shown_from_its_first_frame_on(tmp_path, since: 
                 assert since <= each.frame[0] <= min(since + share * natural + 1e-9, CYCLE)
             else:
                 assert each.node[0] == 3
-                assert each.frame[0] == pytest.approx(max(frame - natural, 0.0) + (share - begins) * natural)
+                assert each.frame[0] == pytest.approx((share - begins) * max(natural, frame))

@@ -20,7 +20,7 @@ class Counted:
     def __init__(self, slices: int, beginning: int = 20, is_way_around: bool = False) -> None:
         self.left, self.slices, self.over = slices, 0, False
         self.beginning, self.is_way_around = beginning, is_way_around
-        self.backtracks = self.recoveries = 0
+        self.backtracks = self.recoveries = self.excess = 0
         self.kept: list[int] = []
         self.looks: list[int] = []
         self.closed = 0
@@ -90,6 +90,20 @@ def test_those_who_wait_have_no_more_than_a_quarter_even_where_nobody_else_asks(
     for agent in range(3):
         searches.begin(agent, Counted(1, is_way_around=True))
     assert [run(searches, step) for step in range(5)] == [[], [0], [1], [2], []]
+
+
+def test_what_a_search_evaluates_beyond_its_slice_is_taken_off_the_next_step(searches: Searches) -> None:
+    for agent in range(12):
+        searches.begin(agent, Counted(1))
+    usual = [run(searches, step) for step in range(3)]
+    assert usual == [[], [0, 1, 2, 3], [4, 5, 6, 7]]
+    run(searches, 3)
+    for agent in range(12):
+        search = Counted(1)
+        search.excess = 20 if agent < 3 else 0
+        searches.begin(agent, search)
+    # The first four are over by 60 of the 80 branches of a step: one search has room in the next one.
+    assert [run(searches, step) for step in range(4, 8)] == [[], [0, 1, 2, 3], [4], [5, 6, 7, 8]]
 
 
 def test_a_search_that_is_replaced_or_of_no_use_is_heard_of_no_more(searches: Searches) -> None:

@@ -128,9 +128,13 @@ def test_what_is_not_slow_stays(character: Character) -> None:
     assert not search.is_slow(found)
     whole = follow_path(character, path, world.meshes, np.zeros(3), IDLE)
     np.testing.assert_array_equal(whole.origins, found.origins)
-    # No motion can take a tenth of that time: none is found, and the best solution is what it was.
-    tenth = FollowResult(found.status, found.nodes[:2], found.edges, found.twists, found.origins, 12.0, 0)
-    assert search.quicken(tenth) is None
+    # No motion can take a tenth of that time: none is found, and the best solution is what it was, to be bent.
+    other, same = searched(character, (world, path), 0.0, FollowOptions(end_standing=True))
+    tenth = FollowResult(same.status, same.nodes[:2], same.edges, same.twists, same.origins, 12.0, 0)
+    assert other.quicken(tenth) is None
+    bent = other.arrive(0.3)
+    assert bent is not None
+    np.testing.assert_array_equal(bent.nodes, same.nodes)
 
 
 def test_slow_motions_are_quickened_by_follow_path(character: Character, places: list[tuple[Scene, Samples]]) -> None:
@@ -157,7 +161,7 @@ def test_the_next_stage_is_the_least_costly_of_the_first_stretch_with_room(chara
     world, path = scene(OPEN_GROUND), sample([(0.0, 0.0), (6.0, 0.0)])
     search = PathFollower(character, path, world.meshes, np.zeros(3), IDLE)
     guide, rules, arrays, laid = (search._arguments[i] for i in (2, 3, 8, 9))
-    beam = make_beam(guide, rules, arrays, laid)
+    beam = make_beam(guide, rules, arrays, laid, 20)
     rng, none = np.random.default_rng(4), 0
     for _ in range(200):
         count = int(rng.integers(1, 40))

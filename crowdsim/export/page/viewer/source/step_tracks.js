@@ -10,13 +10,14 @@ const NOTHING = 1e-9, MOST_WHOLE = 20;
 /**
  * How a step is divided between two nodes of which the first one ends in it: the first is played up to frame `end`,
  * until `part` of the step, the next one from `begin` on. An agent that leaves an idle node skips the rest of it: the next
- * node is played from its begin, at the usual rate, and the idle node goes on until then.
+ * node is played from its begin, and the idle node goes on until then. Only who enters a node in its middle has more frames
+ * of it behind it than a step has.
  */
 export function splitStep(last, since, frame, natural) {
   const advance = last - since + frame;
   if (2 * advance <= 3 * natural) return { part: advance > 0 ? (last - since) / advance : 1, end: last, begin: 0 };
   const part = Math.max(1 - frame / natural, 0);
-  return { part, end: Math.min(since + part * natural, last), begin: Math.max(frame - natural, 0) };
+  return { part, end: Math.min(since + part * natural, last), begin: 2 * frame <= 3 * natural ? 0 : frame - natural };
 }
 
 /** A displacement along an axis, taken across the ends of a floor of length `span` if that is shorter [m]. */
