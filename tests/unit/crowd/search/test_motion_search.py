@@ -9,13 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crowdsim.constants import CAPTURE_RATE
 from crowdsim.crowd.captured_crowd import CapturedCrowd
-from crowdsim.crowd.search.motion_search import MotionSearch
+from crowdsim.crowd.search.motion_search import SLICE_BRANCHES, MotionSearch
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state.assets import Assets, prepare
 from crowdsim.crowd.state.environment import Edit, EnvironmentState
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.errors import PathNotFound
+from crowdsim.following.follower import path_follower
+from crowdsim.following.follower.follow_options import SLOW
 from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
 from crowdsim.geometry.planar import compose
 from crowdsim.scenario.loader import parse_scenario
@@ -75,6 +78,29 @@ def test_a_search_that_is_given_up_is_let_go_without_a_search_for_cycles(
     finally:
         gc.enable()
     assert left is None
+
+
+def test_slow_motions_are_quickened_in_the_slice_that_finds_them(
+    assets: Assets, environment: EnvironmentState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The work is bounded and told; all that is found arrives, and nothing takes longer than without."""
+    before = after = 0.0
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        request = Request(rng.uniform((0.5, 0.5), (4.4, 5.5)), rng.uniform((9.0, 0.5), (11.5, 5.5)), stays=True)
+        seconds = []
+        for slow in (np.inf, SLOW):
+            monkeypatch.setattr(path_follower, "SLOW", slow)
+            search = MotionSearch(assets, environment, request)
+            plan = plan_of(search.advance(0, SLICE_BRANCHES))
+            assert search.over
+            assert plan.arrives
+            check_chain(assets, plan)
+            assert search.excess <= (0 if slow == np.inf else 2 * SLICE_BRANCHES)
+            seconds.append(float(assets.graph.node_frames[plan.nodes].sum()) / CAPTURE_RATE)
+        assert seconds[1] <= seconds[0]
+        before, after = before + seconds[0], after + seconds[1]
+    assert after < 0.97 * before
 
 
 def test_slices_come_to_what_one_search_finds_and_only_grow_what_is_played(
