@@ -264,9 +264,9 @@ class MotionSearch:
                 off = 0.0  # it comes near, which is enough for an attempt that is not bent
                 if exactly:
                     found, off = nearest_end(assets.graph, search, found, request, samples.pose[-1, :2], kept + 1)
-                # It was found in the first slice, so that nothing of it is played yet: look for a quicker one.
+                # Nothing of it is played, nor will be in any case: look for a quicker one.
                 slow = self.always_quicken or search.is_slow(found)
-                if slow and off <= request.within and plan is None and played is None:
+                if slow and off <= request.within and not kept:
                     most, queries = 2 * self._branches // options.branches, search.queries
                     found = quicker_end(assets.graph, search, found, request, samples.pose[-1, :2], exactly, most)
                     self.excess += (search.queries - queries) * options.branches
