@@ -249,7 +249,10 @@ def test_what_a_quick_search_cannot_find_is_searched_thoroughly(maps: MotionMaps
     needed = PathFollower(character, path, world.meshes, np.array(start), IDLE, options).next().expansions
     short = follow(maps, world, path, start, branches=1, budget=3 * needed)
     assert short.status is FollowStatus.FOUND
-    assert short.expansions > 3 * needed // 4
+    fewer = FollowOptions(branches=1, most_still=1, budget=3 * needed // 4)
+    vain = PathFollower(character, path, world.meshes, np.array(start), IDLE, fewer).next()
+    assert vain.status is FollowStatus.OUT_OF_BUDGET
+    assert short.expansions > vain.expansions == 3 * needed // 4
     check(short, world)
     assert same(short, follow(maps, world, path, start, branches=THOROUGH_BRANCHES))
     assert not same(short, quick)
