@@ -1,7 +1,5 @@
 """Benchmark of driven simulations on few agents, and its bar."""
 
-import itertools
-
 import numpy as np
 import pytest
 
@@ -38,5 +36,5 @@ def test_all_columns_are_read():
 def test_driving_a_thousand_agents_costs_at_most_five_percent_more_than_a_run(level, measured):
     # Of three tries the best: how CPU time is counted varies with the load of the machine.
     first = measured.rows[LEVELS.index(level)]["more_percent"]
-    tries = itertools.chain([first], (driven.compare(level, **SIZE).more for _ in range(2)))
-    assert any(more <= driven.MOST_MORE for more in tries)
+    # It is rounded, so that it has to stay below the bar.
+    assert first < driven.MOST_MORE or any(driven.compare(level, **SIZE).more <= driven.MOST_MORE for _ in range(2))
