@@ -60,8 +60,10 @@ def hear_opposing(rows, mine, near, count, walls, rules):
     Agents behind walls are neither seen nor heard: an agent in a narrow ring does not meet those on its other side.
     Agents without a goal (``goal`` < 0) count as of one goal.
     """
-    # What the agent remembers fades within two seconds.
-    news = max(mine.opposed - 0.5 * rules.step, 0.0)
+    # What the agent remembers fades: slowly in a crowd, where others will follow that it cannot see yet, else soon, as
+    # keeping right longer would only lead it aside.
+    fading = rules.fading if count >= rules.company else rules.fading_alone
+    news = max(mine.opposed - fading * rules.step, 0.0)
     for n in range(count):
         seen = near[n]
         # Only agents ahead count.
@@ -69,12 +71,13 @@ def hear_opposing(rows, mine, near, count, walls, rules):
             continue
         other = rows[seen.row]
         along = other.ix * mine.gx + other.iy * mine.gy
-        # An agent whose intent is more than 107 degrees off this one's guidance is opposing traffic if it is within
-        # 1.5 m of the line along that guidance. Agents of one goal never are: at a door they face each other because
-        # they queue for it.
+        # An agent whose intent is more than 107 degrees off this one's guidance is opposing traffic unless it is far to
+        # the side of the line along that guidance; less far to the left, where it will pass. Agents of one goal never
+        # are: at a door they face each other because they queue for it.
         if along < -0.3 and not same_goal(mine, other):
-            aside = abs(mine.gx * seen.py - mine.gy * seen.px)
-            if aside < 1.5 and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
+            left = mine.gx * seen.py - mine.gy * seen.px
+            meets = -rules.opposing_right < left < rules.opposing_left
+            if meets and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
                 return 1.0
         # An agent that walks the same way (less than 73 degrees off) hands on a share of its awareness, less a little:
         # so the news runs back through a queue from agent to agent, and ends.

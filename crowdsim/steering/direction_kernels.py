@@ -51,8 +51,16 @@ DIRECTIONS = np.array(
 """Candidate directions (cos, sin) against straight ahead, in the order tried: 0, 10, 20, 35, 50, 70 and 90 degrees,
 each to the right and then to the left."""
 
-TURNS = np.array([(1.0, 0.0), (0.766044443119, 0.642787609687), (0.258819045103, 0.965925826289)])
-"""Candidate turns of the shoulders (cos, sin): 0, 40 and 75 degrees."""
+TURNS = np.array(
+    [
+        (1.0, 0.0),
+        (0.766044443119, 0.642787609687),
+        (0.5, 0.866025403784),
+        (0.258819045103, 0.965925826289),
+    ]
+)
+"""Candidate turns of the shoulders (cos, sin): 0, 40, 60 and 75 degrees. Only slow agents try the last one: who walks
+turns the trunk by 40 degrees against the hips, but does not go sideways."""
 
 
 @helper
@@ -196,7 +204,8 @@ def choose_direction(mine, near, count, walls, rules, ahead, fixed_cos, in_file)
     best = score_directions(mine, near, count, walls, rules, ahead, 1.0, 0.0, best)
     # Straight shoulders first. Try the other turns only if the free distance of the best direction is short.
     if best[3] <= rules.tight and not in_file:
-        for turn in range(1, len(TURNS)):
+        slow = mine.vx * mine.vx + mine.vy * mine.vy < rules.sideways_below * rules.sideways_below
+        for turn in range(1, len(TURNS) if slow else len(TURNS) - 1):
             before = best[0]
             cost = rules.turn_cost * rules.horizon * (1.0 - TURNS[turn, 0])
             best = score_directions(mine, near, count, walls, rules, ahead, TURNS[turn, 0], cost, best)

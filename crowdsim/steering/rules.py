@@ -34,6 +34,8 @@ class Rules(NamedTuple):
     """Cost of turned shoulders, per meter of the horizon: multiplied by 1 - cos(turn)."""
     tight: float = 0.7
     """Free distance of the best direction up to which an agent also tries turned shoulders."""
+    sideways_below: float = 0.6
+    """Speed from which on an agent turns its shoulders by 60 degrees at most; slower ones by up to 75 degrees [m/s]."""
     keep_right: float = 1.0
     """Largest angle by which an agent aims to the right of its guidance while it meets opposing traffic; times its
     awareness of that traffic, and less if there is little room."""
@@ -43,12 +45,23 @@ class Rules(NamedTuple):
     direct: float = 2.0
     """Length of the way to go below which an agent aims less and less to the right, so that it reaches its goal
     straight."""
+    opposing_left: float = 0.9
+    """Distance to the left of its way up to which others that come towards an agent are opposing traffic. Those farther
+    to the left pass by; keeping right of them, too, would lead two who meet in the open 2 m and more aside."""
+    opposing_right: float = 1.5
+    """The same to the right."""
+    fading: float = 0.5
+    """Awareness of opposing traffic that is lost in a second, of an agent that has ``company`` or more near."""
+    fading_alone: float = 2.0
+    """The same of an agent with fewer near."""
+    company: int = 6
+    """Number of neighbors, of the twelve that an agent sees at most, from which on it is in a crowd."""
     news: float = 0.6
     """Share of the awareness of opposing traffic that an agent takes over from agents ahead that walk the same way."""
     sidle: float = 0.6
     """Largest angle by which an agent that meets opposing traffic aims farther to the right if it is stuck behind
     another one; reached 1 s after it got stuck, and less if there is little room."""
-    headway: float = 0.45
+    headway: float = 0.43
     """Time gap to the agent ahead. Less makes crowds faster and denser."""
     standoff: float = 0.3
     """Gap at which the allowed speed is 0; the time gap counts from there."""
@@ -82,7 +95,7 @@ class Rules(NamedTuple):
     """Time stuck after which an agent leaves the file."""
     creep: float = 0.8
     """Speed at which a stuck agent presses on, at most its free speed [m/s]; reached 2.3 s after it got stuck."""
-    creep_first: float = 1.2
+    creep_first: float = 1.34
     """The same if no agent that it has to wait for is close ahead [m/s]; reached 1.2 s after it got stuck."""
     merge_after: float = 0.2
     """Time stuck of an agent that goes first, after which others of the same goal make room for it."""

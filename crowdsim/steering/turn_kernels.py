@@ -120,7 +120,7 @@ def stands_still(mine, dx, dy, heading):
 def turn_wedged(mine, walls, keep, turn, half, lines, spans):
     """Return heading [rad], its unit vector and half length of the core [m] of a wedged agent that turns on the spot.
 
-    It turns by up to ``turn`` [rad]; its core does not grow. ``walls`` (Walls) are those of the torso's layers, off
+    It turns by up to ``turn`` [rad], or to the other side if that is not possible; its core does not grow. ``walls`` (Walls) are those of the torso's layers, off
     which the core keeps ``keep`` [m]. ``spans`` is (people, fixed, count): ``lines[:people]`` are half planes of
     neighbors, ``lines[people:fixed]`` of walls, ``lines[fixed:count]`` of reserved segments. Half planes of walls do
     not count, as the turn keeps off the walls themselves. If half planes of neighbors or of reserved segments leave no
@@ -128,10 +128,13 @@ def turn_wedged(mine, walls, keep, turn, half, lines, spans):
     """
     people, fixed, count = spans
     half = min(half, mine.half)
-    turn = turn_between_walls(walls, mine, half, keep, turn)
-    heading = wrap_angle(mine.heading + turn)
-    ex, ey = cos_sin(heading)
-    fits = turn_fits(mine, ex, ey, half, 0.0, 0.0, lines, people)
-    if fits and turn_fits(mine, ex, ey, half, 0.0, 0.0, lines[fixed:], count - fixed):
-        return heading, ex, ey, half
+    # A body that stands at a right angle to a wall cannot turn past that angle if a micrometer is missing; to the other
+    # side it comes free.
+    for side in (turn, -turn):
+        angle = turn_between_walls(walls, mine, half, keep, side)
+        heading = wrap_angle(mine.heading + angle)
+        ex, ey = cos_sin(heading)
+        fits = abs(angle) > _STILL and turn_fits(mine, ex, ey, half, 0.0, 0.0, lines, people)
+        if fits and turn_fits(mine, ex, ey, half, 0.0, 0.0, lines[fixed:], count - fixed):
+            return heading, ex, ey, half
     return mine.heading, mine.hx, mine.hy, half
