@@ -21,7 +21,7 @@ HALVINGS = 5
 _STILL = 1e-3
 """Displacement [m] and turn [rad] in a step below which an agent stands still."""
 
-_ADVANCES = 100
+_ADVANCES = 300
 """Largest number of times that a turn is continued by as much as the gap allows."""
 
 _LEAST = 1e-9
@@ -120,21 +120,22 @@ def stands_still(mine, dx, dy, heading):
 def turn_wedged(mine, walls, keep, turn, half, lines, spans):
     """Return heading [rad], its unit vector and half length of the core [m] of a wedged agent that turns on the spot.
 
-    It turns by up to ``turn`` [rad], or to the other side if that is not possible; its core does not grow. ``walls`` (Walls) are those of the torso's layers, off
-    which the core keeps ``keep`` [m]. ``spans`` is (people, fixed, count): ``lines[:people]`` are half planes of
-    neighbors, ``lines[people:fixed]`` of walls, ``lines[fixed:count]`` of reserved segments. Half planes of walls do
-    not count, as the turn keeps off the walls themselves. If half planes of neighbors or of reserved segments leave no
-    room for the turn, the heading stays.
+    It turns by up to ``turn`` [rad], or to the other side if walls leave more room there; its core does not grow.
+    ``walls`` (Walls) are those of the torso's layers, off which the core keeps ``keep`` [m]. ``spans`` is (people,
+    fixed, count): ``lines[:people]`` are half planes of neighbors, ``lines[people:fixed]`` of walls,
+    ``lines[fixed:count]`` of reserved segments. Half planes of walls do not count, as the turn keeps off the walls
+    themselves. If half planes of neighbors or of reserved segments leave no room for either turn, the heading stays.
     """
     people, fixed, count = spans
     half = min(half, mine.half)
-    # A body that stands at a right angle to a wall cannot turn past that angle if a micrometer is missing; to the other
-    # side it comes free.
-    for side in (turn, -turn):
-        angle = turn_between_walls(walls, mine, half, keep, side)
-        heading = wrap_angle(mine.heading + angle)
+    # A body nearly at a right angle to a wall that it touches cannot turn past that angle: to the other side it comes
+    # free. It tries first to turn to where it gets farther.
+    angle = turn_between_walls(walls, mine, half, keep, turn)
+    back = turn_between_walls(walls, mine, half, keep, -turn) if abs(angle) < abs(turn) else 0.0
+    for side in (back, angle) if abs(back) > abs(angle) else (angle, back):
+        heading = wrap_angle(mine.heading + side)
         ex, ey = cos_sin(heading)
-        fits = abs(angle) > _STILL and turn_fits(mine, ex, ey, half, 0.0, 0.0, lines, people)
+        fits = turn_fits(mine, ex, ey, half, 0.0, 0.0, lines, people)
         if fits and turn_fits(mine, ex, ey, half, 0.0, 0.0, lines[fixed:], count - fixed):
             return heading, ex, ey, half
     return mine.heading, mine.hx, mine.hy, half

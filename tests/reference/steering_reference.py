@@ -229,20 +229,22 @@ class Decision:
     def hear(self) -> float:
         """Return how strongly the agent believes in an opposing flow ahead, in [0, 1].
 
-        An opposing agent seen near the own way gives 1; the belief decays with time, and is passed on by agents ahead
-        that go the same way.
+        An opposing agent seen near the own way gives 1; the belief decays with time, sooner with few near, and is
+        passed on by agents ahead that go the same way.
         """
-        news = [0.0, self.mine["opposed"] - 0.5 * self.rules.step]
+        rules = self.rules
+        fading = rules.fading if len(self.heeded) >= rules.company else rules.fading_alone
+        news = [0.0, self.mine["opposed"] - fading * rules.step]
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
             along = self.intent(other) @ self.way
             if apart @ self.way <= 0.0 or not in_sight(self.walls, self.mine, row):
                 continue
             if along < -0.3 and not same_goal(self.mine, row):
-                if abs(cross(self.way, apart)) < 1.5:
+                if -rules.opposing_right < cross(self.way, apart) < rules.opposing_left:
                     return 1.0
             elif along > 0.3:
-                news.append(self.rules.news * row["opposed"] - 0.02)
+                news.append(rules.news * row["opposed"] - 0.02)
         return max(news)
 
     def pressing(self) -> list[float]:
@@ -329,11 +331,13 @@ class Decision:
         )
         if self.opposed > 0.0 and mine["stuck"] > 0.0 and blocked:
             angle += rules.sidle * min(1.0, mine["stuck"]) * room
-        # Walk frontally if that is free enough; else also try two angles of turning the shoulders.
+        # Walk frontally if that is free enough; else also try to turn the shoulders, slow agents farther.
         ahead = turned(self.way, -angle)
         best = self.best_direction(ahead, [0.0])
         if best[2] <= rules.tight and not self.in_file():
-            best = min(best, self.best_direction(ahead, [40.0, 75.0]), key=lambda each: each[0])
+            slow = np.hypot(mine["vx"], mine["vy"]) < rules.sideways_below
+            turns = [40.0, 60.0, 75.0] if slow else [40.0, 60.0]
+            best = min(best, self.best_direction(ahead, turns), key=lambda each: each[0])
         _, direction, _, self.turn = best
         speed = self.turning(self.speed(direction), direction)
         # Wedged beside a wall: sideways, and now and then a step back if nobody is near.

@@ -16,28 +16,13 @@ from crowdsim.steering.rules import Rules
 from crowdsim.steering.stuck_kernels import STEP_BACK, WEDGED_AFTER, to_where_room_is
 from crowdsim.steering.walls import build_walls
 from tests.reference import steering_reference as reference
+from tests.support.decisions import decide, near_rows
 from tests.support.steered import State, agents, scatter
 
 
 @kernel
 def _free_ahead(walls, x, y, ux, uy, width, farthest):
     return wall_kernels.free_ahead(walls, x, y, ux, uy, width, farthest)
-
-
-def _decide(state: State, near: np.ndarray, segments: np.ndarray | tuple[()] = ()) -> np.ndarray:
-    wanted = np.zeros(len(state), WANTED)
-    walls = (build_walls(segments), build_walls(segments), 0.1)
-    count = len(state)
-    decide_rows(state, near, 0, count, np.arange(count, dtype=np.int32), count, walls, Rules(), wanted)
-    return wanted
-
-
-def _near(state: State) -> tuple[list[list[int]], np.ndarray]:
-    heeded = [reference.nearest_agents(state, me, 3.0, MOST_NEAR) for me in range(len(state))]
-    near = np.full((len(state), MOST_NEAR), -1, np.int32)
-    for me, others in enumerate(heeded):
-        near[me, : len(others)] = others
-    return heeded, near
 
 
 def _busy(seed: int) -> State:
@@ -80,8 +65,8 @@ def test_the_right_of_way_in_a_jam_is_that_of_the_slow_twin() -> None:
     alike = 0
     for seed in range(8):
         state, segments = _jammed(seed)
-        heeded, near = _near(state)
-        wanted = _decide(state, near, segments)
+        heeded, near = near_rows(state)
+        wanted = decide(state, near, segments)
         for me in range(len(state)):
             walls = build_walls(segments)
             expected = reference.Decision(state, me, heeded[me], Rules(), segments, partial(_free_ahead, walls))
@@ -98,8 +83,8 @@ def test_the_right_of_way_in_a_jam_is_that_of_the_slow_twin() -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_decisions_follow_the_rules(seed):
     state = _busy(seed)
-    heeded, near = _near(state)
-    wanted = _decide(state, near)
+    heeded, near = near_rows(state)
+    wanted = decide(state, near)
     alike = 0
     for me in range(len(state)):
         expected = reference.Decision(state, me, heeded[me], Rules())
@@ -114,8 +99,8 @@ def test_rules_that_need_a_certain_place():
     seen = {"gave way": 0, "merged": 0}
     for seed in range(6):
         state = _busy(seed)
-        heeded, near = _near(state)
-        wanted = _decide(state, near)
+        heeded, near = near_rows(state)
+        wanted = decide(state, near)
         for me in range(len(state)):
             decision = reference.Decision(state, me, heeded[me], Rules())
             gave_way = decision.give_way() is not None
@@ -144,21 +129,18 @@ def _turn_across(row: np.void, way: np.ndarray) -> float:
     return float(np.clip(nearer, -most, most))
 
 
-def test_close_to_its_goal_nobody_aims_to_the_right():
-    rng = np.random.default_rng(3)
-    state = agents(np.array([[0.0, 0.0], [2.5, 0.0]]), np.array([0.0, math.pi]), np.array([0, 1]), rng)
-    state["ix"] = state["gx"]
-    state["opposed"] = 1.0
-    # The way straight ahead is free, as the other one walks off.
-    state["vx"] = [0.0, 2.0]
-    aside = []
-    for togo in (10.0, 2.0, 0.5, 0.01):
-        state["togo"] = togo
-        wanted = _decide(state, _near(state)[1])
-        aside.append(math.degrees(math.atan2(-wanted["vy"][0], wanted["vx"][0])))
-    assert aside[0] == aside[1] > 30.0
-    assert aside[1] > aside[2] > aside[3]
-    assert abs(aside[3]) < 1.0
+def test_who_walks_does_not_turn_sideways():
+    """From ``sideways_below`` on, shoulders turn by 60 degrees at most; slower agents turn them by up to 75."""
+    tried = {False: set(), True: set()}
+    for seed in range(40):
+        state = _busy(seed)
+        state["stuck"] = state["rank"] = 0.0  # nobody gives way or lets others merge, which turns shoulders fully
+        wanted = decide(state, near_rows(state)[1])
+        walks = np.hypot(state["vx"], state["vy"]) >= Rules().sideways_below
+        for pace in (False, True):
+            tried[pace] |= set(np.degrees(np.arccos(wanted["turn_cos"][walks == pace])).round().tolist())
+    assert tried[True] == {0.0, 40.0, 60.0}
+    assert tried[False] == {0.0, 40.0, 60.0, 75.0}
 
 
 def test_a_follower_keeps_a_time_gap():
@@ -167,12 +149,12 @@ def test_a_follower_keeps_a_time_gap():
     state["key"] = state["togo"] = [10.0, 9.0]
     state["vx"] = [1.0, 0.4]
     state["ix"] = 1.0
-    heeded, near = _near(state)
+    heeded, near = near_rows(state)
     rules = Rules()
     gap = 0.8 - 2 * 0.125
     allowed = (gap - rules.standoff) / rules.headway + rules.leader * 0.4 * min(1.0, gap / rules.leader_gap)
     assert reference.Decision(state, 0, heeded[0], rules).speed(np.array([1.0, 0.0])) == pytest.approx(allowed)
-    wanted = _decide(state, near)
+    wanted = decide(state, near)
     # Nobody slows down, or speeds up, faster than people do.
     assert abs(wanted["vx"][0] - 1.0) <= rules.acceleration * rules.step + 1e-12
 
@@ -198,8 +180,8 @@ def test_in_a_lane_people_of_one_way_walk_in_file(width, opposed):
     alike = turned = 0
     for seed in range(4):
         state = _file(seed, opposed)
-        heeded, near = _near(state)
-        wanted = _decide(state, near, walls)
+        heeded, near = near_rows(state)
+        wanted = decide(state, near, walls)
         for me in range(len(state)):
             expected = reference.Decision(
                 state, me, heeded[me], Rules(), walls, partial(_free_ahead, build_walls(walls))
@@ -225,8 +207,8 @@ def test_in_a_file_the_leader_goes_first_whichever_is_nearer_to_its_goal(goals: 
         state = agents(np.array([[0.0, 0.0], [0.75, 0.02]]), np.zeros(2), np.array(goals), np.random.default_rng(3))
         state["gx"], state["gy"], state["ix"], state["iy"] = 1.0, 0.0, 1.0, 0.0
         state["key"] = 9.0, leader_key
-        speeds.append(_decide(state, _near(state)[1], walls)["vx"][0])
-    alone = _decide(state[:1].copy(), _near(state[:1].copy())[1], walls)["vx"][0]
+        speeds.append(decide(state, near_rows(state)[1], walls)["vx"][0])
+    alone = decide(state[:1].copy(), near_rows(state[:1].copy())[1], walls)["vx"][0]
     assert speeds[0] == speeds[1] < 0.5 * alone
 
 
@@ -253,11 +235,11 @@ def test_files_go_on_around_a_bend_whatever_goals_lie_ahead(width: float, radius
         state = agents(pair[:, :2], np.arctan2(pair[:, 3], pair[:, 2]), np.array([0, 1]), rng)
         state["gx"], state["gy"] = state["ix"], state["iy"] = pair[:, 2], pair[:, 3]
         state["vx"], state["vy"] = 0.5 * pair[:, 2], 0.5 * pair[:, 3]
-        heeded, near = _near(state)
+        heeded, near = near_rows(state)
         expected = reference.Decision(state, 0, heeded[0], Rules(), walls, partial(_free_ahead, build_walls(walls)))
         assert expected.in_file() == (width < 0.85)
         followed += expected.in_file()
-        found = _decide(state, near, walls)[0]
+        found = decide(state, near, walls)[0]
         np.testing.assert_allclose([found["vx"], found["vy"]], expected.velocity, atol=5e-3)
     assert (followed > 3) == (width < 0.85)
 
@@ -275,9 +257,9 @@ def test_people_behind_walls_are_no_opposing_traffic(wall: float, told: bool) ->
         state["opposed"] = 0.0, knows
         state["stuck"] = state["rank"] = 0.0, stuck
         state["togo"] = state["key"] = 9.0
-        heeded, near = _near(state)
+        heeded, near = near_rows(state)
         expected = reference.Decision(state, 0, heeded[0], Rules(), walls, partial(_free_ahead, build_walls(walls)))
-        wanted = _decide(state, near, walls)
+        wanted = decide(state, near, walls)
         assert wanted["opposed"][0] == pytest.approx(expected.opposed, abs=1e-9)
         assert (wanted["opposed"][0] > 0.0) == told
         gives_way = expected.give_way() is not None
@@ -295,9 +277,9 @@ def test_who_is_stuck_for_long_beside_a_wall_gives_way_to_where_there_is_room(wa
     state["gy"] = state["iy"] = state["vx"] = state["vy"] = 0.0
     state["stuck"] = state["rank"] = stuck, 30.0
     state["radius"] = 0.125
-    heeded, near = _near(state)
+    heeded, near = near_rows(state)
     expected = reference.Decision(state, 0, heeded[0], Rules(), walls, partial(_free_ahead, build_walls(walls)))
-    found = _decide(state, near, walls)[0]
+    found = decide(state, near, walls)[0]
     np.testing.assert_allclose([found["vx"], found["vy"]], expected.velocity, atol=1e-9)
     assert found["ix"] < 0.0
     # Its own right, as ever, is at negative y; after long it goes back along a wall there.
@@ -338,11 +320,12 @@ def test_those_on_the_other_side_of_a_ring_are_no_opposing_traffic(offset: float
     ways = angles + 0.5 * math.pi + math.radians(25.0)
     state["gx"] = state["ix"] = np.cos(ways)
     state["gy"] = state["iy"] = np.sin(ways)
-    heeded, near = _near(state)
+    heeded, near = near_rows(state)
     for me in range(13):
         assert reference.Decision(state, me, heeded[me], Rules(), walls).opposed == 0.0
-    assert not _decide(state, near, walls)["opposed"].any()
-    assert _decide(state, near)["opposed"].all()
+    assert not decide(state, near, walls)["opposed"].any()
+    # Without walls they would be, but for the bound to the left.
+    assert decide(state, near, rules=Rules(opposing_left=Rules().opposing_right))["opposed"].all()
 
 
 def test_who_stays_wants_nothing():
@@ -350,7 +333,7 @@ def test_who_stays_wants_nothing():
     state = agents(np.array([[0.0, 0.0], [0.0, 0.6]]), np.zeros(2), np.zeros(2, int), rng)
     for name in ("gx", "gy", "ix", "iy"):
         state[name] = 0.0
-    wanted = _decide(state, _near(state)[1])
+    wanted = decide(state, near_rows(state)[1])
     assert not wanted["vx"].any()
     assert not wanted["vy"].any()
     assert not wanted["turn"].any()
@@ -368,8 +351,8 @@ def test_jammed_agents_step_back_now_and_then(stuck: float, opposed: float, widt
     state["gy"] = state["iy"] = 0.0
     state["stuck"], state["opposed"] = (stuck, 0.0), opposed
     state["togo"] = state["key"] = 9.0
-    heeded, near = _near(state)
-    wanted = _decide(state, near, walls)
+    heeded, near = near_rows(state)
+    wanted = decide(state, near, walls)
     expected = reference.Decision(state, 0, heeded[0], Rules(), walls, partial(_free_ahead, build_walls(walls)))
     np.testing.assert_allclose([wanted["vx"][0], wanted["vy"][0]], expected.velocity, atol=5e-3)
     assert (wanted["vx"][0] < 0.0) == (20.0 <= stuck < 22.0 and opposed > 0.0 and width < 1.2)
@@ -382,7 +365,7 @@ def test_the_right_of_way_of_a_jammed_agent_lasts_while_it_goes_on() -> None:
     ranks = []
     for stuck in (9.9, 10.0, 20.0, 30.0, 12.0):
         state["stuck"] = stuck
-        ranks.append(float(_decide(state, _near(state)[1], walls)["rank"][0]))
+        ranks.append(float(decide(state, near_rows(state)[1], walls)["rank"][0]))
     assert ranks[0] < 10.0
     assert ranks[1] >= 100.0
     assert len(set(ranks[1:])) == 1
@@ -410,9 +393,9 @@ def test_a_right_of_way_ends_with_its_owner() -> None:
     ways = np.radians([60.0, 120.0])
     state["gx"], state["gy"] = np.cos(ways), np.sin(ways)
     state["ix"], state["iy"], state["rank"] = state["gx"], state["gy"], 119.0
-    wanted = _decide(state, _near(state)[1])
+    wanted = decide(state, near_rows(state)[1])
     state["rank"] = wanted["rank"]
-    assert (_decide(state, _near(state)[1])["rank"] < 31.0).all()
+    assert (decide(state, near_rows(state)[1])["rank"] < 31.0).all()
 
 
 @pytest.mark.parametrize("stuck", [4.0, 6.0, 10.5, 12.0, 21.5, 25.5])
@@ -427,7 +410,7 @@ def test_wedged_agents_turn_and_step_back_as_the_slow_twin(stuck: float, beside:
     state["togo"] = state["key"] = 9.0
     near = np.full((2, MOST_NEAR), -1, np.int32)
     near[0, 0], near[1, 0] = 1, 0
-    wanted = _decide(state, near, walls)
+    wanted = decide(state, near, walls)
     free = partial(_free_ahead, build_walls(walls))
     expected = reference.Decision(state, 0, [1], Rules(), walls, free)
     np.testing.assert_allclose([wanted["vx"][0], wanted["vy"][0]], expected.velocity, atol=2e-3)

@@ -20,6 +20,11 @@ def _turn_between_walls(walls, body, half, keep, turn):
     return turn_kernels.turn_between_walls(walls, body, half, keep, turn)
 
 
+@kernel
+def _turn_wedged(mine, walls, keep, turn, half, lines, spans):
+    return turn_kernels.turn_wedged(mine, walls, keep, turn, half, lines, spans)
+
+
 @pytest.mark.parametrize("seed", range(60))
 def test_a_body_turns_as_far_as_the_walls_allow(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -38,6 +43,26 @@ def test_a_body_turns_as_far_as_the_walls_allow(seed: int) -> None:
     # Where the body grazes a wall, advances get too short to pass it. A millimeter more room is enough for them.
     enough = reference.turn_between(walls, np.zeros(2), heading, half, keep + 1e-3, turn)
     assert abs(found) >= abs(enough) - 1e-3
+
+
+@pytest.mark.parametrize("degrees", [-1.0, -0.3, 0.2, 0.5, 2.0])
+def test_a_body_that_cannot_turn_past_a_right_angle_to_a_wall_turns_to_the_other_side(degrees: float) -> None:
+    """Two shoulders that leaned on each other and on both walls of a neck of 0.8 m held up 64 people for good."""
+    rng = np.random.default_rng(1)
+    state = agents(np.zeros((1, 2)), np.radians([degrees]), np.zeros(1, int), rng)
+    body, sign = state[0], math.copysign(1.0, degrees)
+    # The wall beside the shoulder leaves half a micrometer: to a right angle, the core would need 0.7 um or more.
+    wall = np.array([[-2.0, 1.0, 2.0, 1.0]])
+    wall[:, 1::2] = body["half"] * math.cos(body["heading"]) + 5e-7
+    walls, lines, spans = build_walls(wall), np.empty((4, 4)), (0, 0, 0)
+    for _ in range(30):
+        # The facing is a little to the side on which the heading is, so the turn aims past the right angle.
+        turn = -sign * 0.25
+        assert abs(_turn_between_walls(walls, body, body["half"], 0.0, turn)) <= abs(body["heading"])
+        body["heading"], body["hx"], body["hy"], _ = _turn_wedged(body, walls, 0.0, turn, body["half"], lines, spans)
+        if sign * body["heading"] > 0.2:
+            break
+    assert sign * body["heading"] > 0.2
 
 
 BOX = [(6.132, 2.052), (6.808, 2.705), (6.148, 3.388), (5.472, 2.735)]
