@@ -44,13 +44,13 @@ CIRCLES = {64: 3.5, 256: 2.0}
 
 KEYS = (
     *("drill", "runs", "failed", "missing", "last_s", "last_s_median", "flow_per_m", "flow_per_m_least"),
-    *("speed", "speed_least", "speed_most", "overtaken", "acceleration_p95"),
+    *("speed", "speed_least", "speed_most", "overtaken", "acceleration_p95", "sideways_percent"),
 )
 """Columns of the table. ``failed``: runs that miss their bar. ``missing``: agents that do not arrive, in all runs.
 ``last_s``: last arrival [s], the latest and the median of the runs. ``flow_per_m``: flow per meter of a bottleneck
 [1/(m s)], ``speed`` in corridors [m/s]: medians of the runs, with the least and the greatest. ``overtaken``: number of
 overtakings in single file, in all runs. ``acceleration_p95``: 95 % quantile of accelerations, the largest of the runs
-[m/s2]."""
+[m/s2]. ``sideways_percent``: share of the steps at speed that agents go sideways, median of the runs."""
 
 
 def measure() -> Measurement:
@@ -73,14 +73,20 @@ def _row(drill: str, failed: Sequence[bool], **columns: float) -> dict[str, Any]
 
 
 def _arrivals(results: Sequence[DrillResult]) -> dict[str, float]:
-    """Return the columns ``missing``, ``last_s``, ``last_s_median`` and ``acceleration_p95``, see KEYS."""
+    """Return the columns of arrivals, ``acceleration_p95`` and ``sideways_percent``, see KEYS."""
     last = [_last(result) for result in results]
     return {
         "missing": int(sum(np.isnan(result.arrived).sum() for result in results)),
         "last_s": round(max(last), 1),
         "last_s_median": round(float(np.median(last)), 1),
         "acceleration_p95": round(max(result.acceleration for result in results), 2),
+        "sideways_percent": _sideways(results),
     }
+
+
+def _sideways(results: Sequence[DrillResult | EndlessResult]) -> float:
+    """Return the median share of sideways steps of the runs, in percent."""
+    return round(100.0 * float(np.median([result.sideways for result in results])), 1)
 
 
 def _last(result: DrillResult) -> float:
@@ -146,6 +152,7 @@ def _measured(name: str, results: Sequence[EndlessResult], band: tuple[float, fl
         speed_least=round(min(speeds), 3),
         speed_most=round(max(speeds), 3),
         acceleration_p95=round(max(result.acceleration for result in results), 2),
+        sideways_percent=_sideways(results),
     )
 
 

@@ -20,6 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.behaviors.behavior import list_behaviors
 from crowdsim.behaviors.library import load_behavior_set
+from crowdsim.bench.crowds.sideways import SidewaysSteps
 from crowdsim.constants import STEERING_RATE
 from crowdsim.library import library_folder
 from crowdsim.planning.query.requirements import Requirements
@@ -84,10 +85,14 @@ class Drill:
 
 @dataclass(frozen=True)
 class DrillResult:
-    """Arrival time of each agent [s], nan if it did not arrive, and the 95 % quantile of accelerations [m/s2]."""
+    """Arrival time of each agent [s], nan if it did not arrive, and the 95 % quantile of accelerations [m/s2].
+
+    ``sideways`` is the share of steps at speed that agents go sideways (:mod:`crowdsim.bench.crowds.sideways`).
+    """
 
     arrived: NDArray[np.float64]
     acceleration: float
+    sideways: float
 
     def flow(self) -> float:
         """Return the flow of arrivals [1/s], as :func:`~crowdsim.recording.measured.flow_of`; 0 if it gives none."""
@@ -198,17 +203,19 @@ def walk(
     changes = []
     with Steering(walls, walls, leg_radius=LEG_RADIUS, rules=rules, threads=threads) as steering:
         dt = steering.rules.step
+        sideways = SidewaysSteps(len(state), dt)
         for step in range(round(seconds / dt)):
             guide(state)
             before = state[["vx", "vy"]].copy()
             steering.step(state)
             changes.append(np.hypot(state["vx"] - before["vx"], state["vy"] - before["vy"]) / dt)
+            sideways.add(state)
             there = state["togo"] == 0.0
             arrived[state["id"][there]] = (step + 1) * dt
             state = state[~there]
             if not len(state):
                 break
-    return DrillResult(arrived, float(np.quantile(np.concatenate(changes), 0.95)))
+    return DrillResult(arrived, float(np.quantile(np.concatenate(changes), 0.95)), sideways.share())
 
 
 def circle_state(count: int, seed: int) -> State:

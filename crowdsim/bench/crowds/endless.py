@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from crowdsim.bench.crowds.drills import LEG_RADIUS, SPEED, make_agents
+from crowdsim.bench.crowds.sideways import SidewaysSteps
 from crowdsim.steering.rules import Rules
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls
@@ -58,6 +59,8 @@ class EndlessResult:
     acceleration: float
     gone: NDArray[np.float64]
     """Distance of each agent along +x over the whole run [m]."""
+    sideways: float
+    """Share of steps at speed that agents go sideways (:mod:`crowdsim.bench.crowds.sideways`)."""
 
 
 def run_endless(density: float, seed: int, *, both_ways: bool = False, rules: Rules | None = None) -> EndlessResult:
@@ -77,17 +80,20 @@ def walk_endless(state: NDArray[Any], length: float, width: float, rules: Rules 
     gone = np.zeros(len(state))
     with Steering(walls, walls, leg_radius=LEG_RADIUS, rules=rules) as steering:
         dt = steering.rules.step
+        sideways = SidewaysSteps(len(state), dt)
         for step in range(round((SETTLING + MEASURED) / dt)):
             all_of_them = with_copies(state, length)
             steering.step(all_of_them)
             stepped = all_of_them[: len(state)]
             gone += stepped["vx"] * dt
             if step * dt >= SETTLING:
+                sideways.add(stepped)
                 speeds.append(float(np.mean(stepped["vx"] * stepped["gx"])))
                 changes.append(np.hypot(stepped["vx"] - state["vx"], stepped["vy"] - state["vy"]) / dt)
             state = stepped.copy()
             shift(state, -length * np.floor(state["x"] / length))
-    return EndlessResult(float(np.mean(speeds)), float(np.quantile(np.concatenate(changes), 0.95)), gone)
+    acceleration = float(np.quantile(np.concatenate(changes), 0.95))
+    return EndlessResult(float(np.mean(speeds)), acceleration, gone, sideways.share())
 
 
 def with_copies(state: NDArray[Any], length: float = LENGTH) -> NDArray[Any]:

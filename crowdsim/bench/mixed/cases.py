@@ -107,7 +107,7 @@ def walked(drill: Drill, seconds: float) -> dict[str, Any]:
 def neck(drill: Drill, width: float) -> dict[str, Any]:
     """Return the row of a bottleneck of ``width`` [m]: all must arrive, with a flow per meter of LEAST_FLOW or more."""
     results = [walk_auto(drill, draw_agents(drill, seed)) for seed in SEEDS]
-    flows = [DrillResult(result.arrived, 0.0).flow() / width for result in results]
+    flows = [DrillResult(result.arrived, 0.0, 0.0).flow() / width for result in results]
     failed = [bool(np.isnan(r.arrived).any()) or flow < LEAST_FLOW for r, flow in zip(results, flows, strict=True)]
     steered = min(run_drill(drill, seed).flow() / width for seed in SEEDS)
     return _row(drill.name, f"{LEAST_FLOW} /m/s", f"{steered:.2f} /m/s", f"{min(flows):.2f} /m/s", failed, results)
@@ -146,7 +146,7 @@ def large_corner(seed: int = SEEDS[0]) -> dict[str, Any]:
     state = draw_crowd(seed, AROUND)
     results = [walk_auto(drill, state) for drill in (straight(INNER), around_corner(), straight(OUTER))]
     # Accelerations of auto agents are not measured: 0.
-    auto = AroundResult(*(DrillResult(result.arrived, 0.0) for result in results))
+    auto = AroundResult(*(DrillResult(result.arrived, 0.0, 0.0) for result in results))
     there = run_around(seed, AROUND)
     steered, mixed = (", ".join(f"{time:.1f}" for time in run.lasts()) + " s" for run in (there, auto))
     case, bar = "large crowd around a corner (RiMEA 15)", "between both straight ones"
