@@ -47,11 +47,11 @@ class Rules(NamedTuple):
     straight."""
     opposing_left: float = 0.9
     """Distance to the left of its way up to which others that come towards an agent are opposing traffic. Those farther
-    to the left pass by; keeping right of them, too, would lead two who meet in the open 2 m and more aside."""
+    to the left pass by; keeping right of them, too, leads two streams that meet in the open ever farther aside."""
     opposing_right: float = 1.5
     """The same to the right."""
     fading: float = 0.5
-    """Awareness of opposing traffic that is lost in a second, of an agent that has ``company`` or more near."""
+    """Awareness of opposing traffic that is lost in a second, of an agent that has ``company`` or more near [1/s]."""
     fading_alone: float = 2.0
     """The same of an agent with fewer near."""
     company: int = 6

@@ -14,7 +14,7 @@ FAST = 0.7
 ASKEW = math.radians(60.0)
 """Angle between heading and velocity from which on a step is sideways [rad]."""
 
-LONGEST = 0.5
+LEAST_LASTING = 0.5
 """Duration from which on sideways steps in a row count [s]; shorter ones pass by another agent, or begin a turn."""
 
 
@@ -23,7 +23,7 @@ class SidewaysSteps:
 
     def __init__(self, count: int, dt: float) -> None:
         self._in_a_row = np.zeros(count, np.int64)
-        self._least = math.ceil(LONGEST / dt - 1e-9)
+        self._least = math.ceil(LEAST_LASTING / dt - 1e-9)
         self._fast = self._sideways = 0
 
     def add(self, state: NDArray[Any]) -> None:

@@ -89,7 +89,7 @@ def test_bodies_are_those_of_the_recording_at_the_same_time(watched: Watched) ->
     if on_tracks.any():
         # Feet go where the way until now leads; what comes next is not known.
         apart = gap[on_tracks]
-        assert np.median(apart[:, hips]) < 0.01
+        assert np.median(apart[:, hips]) < 0.006
         assert apart[:, hips].max() < 0.12
         assert np.median(apart.max(axis=1)) < 0.03
         assert apart.max() < 0.4

@@ -92,8 +92,8 @@ def test_visitors_of_one_exhibit_stand_around_it_and_see_it(seed, locomotion, tm
         x, y, heading = recording.x[:], recording.y[:], recording.heading[:]
     # All have come after 24 s, the last one squeezing in between others; then none moves, until the first one leaves.
     standing = slice(240, 290)
-    assert np.ptp(x[standing], axis=0).max() < 0.3
-    assert np.ptp(y[standing], axis=0).max() < 0.3
+    assert np.ptp(x[standing], axis=0).max() < 0.1
+    assert np.ptp(y[standing], axis=0).max() < 0.1
     # They stand on one side, as they came from there: half a disc with a square meter for each.
     off = np.hypot(x[250] - 8.0, y[250] - 9.0)
     assert off.max() < np.sqrt(2.0 * 40.0 / np.pi)
