@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
+import shapely
 from shapely import MultiPolygon, Polygon, union_all
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.mesh_solid import MeshSolid, footprints_between
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import GeometryError
-from crowdsim.geometry.polygons import clean_polygon
+from crowdsim.geometry.elementary import cos
+from crowdsim.geometry.polygons import buffered, clean_polygon
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,26 @@ class ClearanceLayer:
     high: float
     obstacles: MultiPolygon
     free: MultiPolygon
+
+    @cached_property
+    def _rooms(self) -> dict[float, MultiPolygon]:
+        """Return the rooms asked for so far, by their radius [m]."""
+        return {}
+
+    def room(self, radius: float) -> MultiPolygon:
+        """Return the :func:`room_in` the free floor, prepared for queries; it is made once for each radius [m]."""
+        if radius not in self._rooms:
+            self._rooms[radius] = room_in(self.free, radius)
+            shapely.prepare(self._rooms[radius])
+        return self._rooms[radius]
+
+
+def room_in(free: MultiPolygon, radius: float) -> MultiPolygon:
+    """Return the part of the area ``free`` that is at least ``radius`` [m] from everything outside of it."""
+    quarter = 16
+    # The arcs of a buffer are polygons inside of the true arcs; a larger radius makes up for that.
+    outer = radius / cos(math.pi / (4 * quarter))
+    return polygons_only(buffered(free, -outer, quad_segs=quarter))
 
 
 def clearance_layers(

@@ -18,7 +18,6 @@ from shapely import MultiPolygon, Point, Polygon
 from crowdsim.environment.layers import polygons_only
 from crowdsim.environment.spot_kernels import take_spots
 from crowdsim.geometry.elementary import cos, sin
-from crowdsim.geometry.polygons import buffered
 
 _TRIES = 1000
 """Draws in a row for one agent that find no place before its region counts as full."""
@@ -28,14 +27,6 @@ _BATCH = 64
 
 _PIECE_CORNERS = 2000
 """Number of corners up to which a region is triangulated as one piece."""
-
-
-def room_in(free: MultiPolygon, radius: float) -> MultiPolygon:
-    """Return the part of the area ``free`` that is at least ``radius`` [m] from everything outside of it."""
-    quarter = 16
-    # The arcs of a buffer are polygons inside of the true arcs; a larger radius makes up for that.
-    outer = radius / cos(math.pi / (4 * quarter))
-    return polygons_only(buffered(free, -outer, quad_segs=quarter))
 
 
 def meets(region: Polygon | Point, area: Polygon | MultiPolygon) -> bool:

@@ -112,19 +112,19 @@ FRONTS = {
         "steering.guidance.guidance:Guidance",
         "tests/unit/steering/guidance/test_crowding.py",
     ),
-    "steering.guidance.field_kernels.solve": (
+    "steering.guidance.solve_kernels.solve": (
         "steering.guidance.field:solve_field",
         "tests/unit/steering/guidance/test_field.py",
     ),
-    "steering.guidance.sample_kernels.end_of_way": (
+    "steering.guidance.way_kernels.end_of_way": (
         "steering.guidance.field:way_end",
         "tests/unit/steering/guidance/test_field.py",
     ),
-    "steering.guidance.sample_kernels.sample": (
+    "steering.guidance.way_kernels.sample": (
         "steering.guidance.field:guide",
         "tests/unit/steering/guidance/test_field.py",
     ),
-    "steering.guidance.sample_kernels.ways_at": (
+    "steering.guidance.way_kernels.ways_at": (
         "steering.guidance.field:ways",
         "tests/unit/steering/guidance/test_field.py",
     ),

@@ -18,7 +18,7 @@ BOUNDED = {
         "navmesh/shortest/tangent_search_kernels.py search_tangents",
         "planning/roadmap/search_kernels.py costs_from",
         "planning/roadmap/search_kernels.py find_road",
-        "steering/guidance/field_kernels.py solve",
+        "steering/guidance/solve_kernels.py solve",
     ),
     "each round takes from a number that only a limited work adds to: triangles, labels, tries, queries, turns": (
         "crowd/giving_way/give_way_kernels.py _let_move",

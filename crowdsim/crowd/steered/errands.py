@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import shapely
@@ -19,6 +19,7 @@ from crowdsim.crowd.steered.components import Errand, standing_at
 from crowdsim.crowd.steered.exits import ExitChoice
 from crowdsim.crowd.steered.gathering import KEPT_OFF_AFTER, ONE_BODY, Gathering
 from crowdsim.crowd.steered.last_steps import lead, speed_near, stop, turn
+from crowdsim.crowd.steered.own_goals import NewGoal
 from crowdsim.crowd.steered.reaching import are_held_up, are_within, is_near
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import atan2, hypot
@@ -43,17 +44,6 @@ TURN_SECONDS = 3.0
 
 Floats = NDArray[np.float64]
 """Array of float64."""
-
-
-class NewGoal(NamedTuple):
-    """A goal given by a command."""
-
-    number: int
-    """Number of the goal among those of guidance."""
-    places: Floats
-    """(k, 2) spot of each agent [m]."""
-    stays: bool
-    """True if the agents stay there."""
 
 
 class Errands:
@@ -111,6 +101,12 @@ class Errands:
         """Return the number of a goal, no exit, that has this region; NONE if there is none."""
         same = np.flatnonzero(shapely.equals_exact(self._regions, region))
         return next((number for number in same.tolist() if number not in self._cast.exits.values()), NONE)
+
+    def count_bound_for(self, goal: int, more: NDArray[np.int64]) -> int:
+        """Return the number of agents that have a goal among their places, or are in ``more`` (k,)."""
+        bound = (self._goals[self._itinerary] == goal).any(axis=1)
+        bound[more] = True
+        return int(bound.sum())
 
     def put(self, number: int, region: Polygon, middle: Floats) -> None:
         """Set goal ``number``, a new one or one that :meth:`free_goal` returned; ``middle`` (2,) is in it [m]."""

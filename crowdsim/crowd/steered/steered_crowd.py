@@ -21,10 +21,11 @@ from crowdsim.crowd.state.itineraries import stands_summary
 from crowdsim.crowd.state.state_hash import chained_hash, rows_digest
 from crowdsim.crowd.steered.components import COLUMNS, Errand
 from crowdsim.crowd.steered.entering import Entering
-from crowdsim.crowd.steered.errands import Errands, NewGoal
+from crowdsim.crowd.steered.errands import Errands
 from crowdsim.crowd.steered.exits import ExitChoice, exits_summary
 from crowdsim.crowd.steered.gait import walk_on
 from crowdsim.crowd.steered.gathering import Gathering
+from crowdsim.crowd.steered.own_goals import FEW, NewGoal, goals_of_few
 from crowdsim.crowd.steered.parties import Parties
 from crowdsim.crowd.steered.periodic_boundary import PeriodicBoundary, laid_three_times
 from crowdsim.crowd.steered.steered_place import SteeredPlace
@@ -36,6 +37,7 @@ from crowdsim.scenario.people.arrivals import NEVER
 from crowdsim.scenario.people.crowd_placement import BODY_RADIUS, CrowdPlacement
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing, Timetable
+from crowdsim.steering.guidance.guidance import PLAIN
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.ways import NOBODY_ELSE, Others
 
@@ -78,7 +80,8 @@ class SteeredCrowd:
         behaviors = self.behavior_set.behaviors
         self.cast = place_crowd(scenario) if cast is None else cast
         environment = laid_three_times(scenario.environment, scenario.span)
-        self.place = SteeredPlace(environment, self.cast.goals, behaviors, STEERING_RATE, threads, ranks)
+        own = goals_of_few(self.cast)
+        self.place = SteeredPlace(environment, self.cast.goals, behaviors, STEERING_RATE, threads, ranks, own)
         self.world = World(COLUMNS)
         self.steering = Steering(*self.place.walls, leg_radius=BODY_RADIUS, threads=threads)
         free = scenario.environment.layers[0].free
@@ -179,12 +182,15 @@ class SteeredCrowd:
         If ``stays`` is True, they stay there, at their spots ``places`` (k, 2) [m]; else they leave the world there.
         """
         # Those sent to one region go to one goal, by whatever command, so that they gather there.
-        number = self.errands.number_of(region)
+        number, guidance, view = self.errands.number_of(region), self.place.guidance, self.world.view()
         if number == NONE:
             number = self.errands.free_goal()
-            self.place.guidance.put(number, region)
+            guidance.put(number, region, own=len(agents) <= FEW)
             self.errands.put(number, region, places[0])
-        self.errands.redirect(self.world.view(), agents, NewGoal(number, places, stays))
+        elif guidance.own[number] and self.errands.count_bound_for(number, agents) > FEW:
+            guidance.put(number, region)
+            view.following[view.goal == number] = PLAIN
+        self.errands.redirect(view, agents, NewGoal(number, places, stays))
         self.parties.part(agents)
 
     def add(self, agents: NDArray[np.int64], starts: NDArray[np.float64] | None) -> None:

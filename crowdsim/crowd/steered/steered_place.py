@@ -53,6 +53,8 @@ class SteeredPlace:
         Number of threads that solve fields; the result does not depend on it.
     ranks : Ranks
         The processes that share the run.
+    own : (m,) bool, optional
+        Goals whose agents get ways of their own; none by default.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class SteeredPlace:
         steps_per_second: int,
         threads: int,
         ranks: Ranks = ONE_RANK,
+        own: NDArray[np.bool_] | None = None,
     ) -> None:
         self._ranks = ranks
         timetable = environment.timetable
@@ -76,7 +79,7 @@ class SteeredPlace:
         self._prescribed = Requirements.of(behaviors, len(self._layers), TRACKING_MARGIN).radii
         ground = build_ground(self._walls.segments().layers, self._need, prescribed=self._prescribed)
         self.asked = asked_of(behaviors)
-        self.guidance = Guidance(ground, goals, self.asked, threads=threads)
+        self.guidance = Guidance(ground, goals, self.asked, own=own, threads=threads)
         self._steps_per_second = steps_per_second
         # What movables that wait to appear are to cover; by number of the event, as the next event of the same movable
         # may place it elsewhere.

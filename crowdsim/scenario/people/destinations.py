@@ -11,8 +11,9 @@ from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.constants import NONE
+from crowdsim.environment.layers import room_in
 from crowdsim.environment.solids import circle_around
-from crowdsim.environment.spots import meets, room_in
+from crowdsim.environment.spots import meets
 from crowdsim.geometry.polygons import buffered
 from crowdsim.scenario.environment import Environment
 from crowdsim.scenario.schema.agents import AgentGroup

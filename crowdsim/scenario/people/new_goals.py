@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from shapely import Point, Polygon
 
 from crowdsim.environment.solids import circle_around
-from crowdsim.environment.spots import room_in
 from crowdsim.scenario.environment import Environment
 from crowdsim.scenario.people.destinations import POINT_REACHED
 from crowdsim.scenario.people.placement import NOMINAL_RADIUS, STAND_ROOM, unusable
@@ -48,8 +47,7 @@ def places_in(environment: Environment, region: Region, count: int) -> GoalPlace
     places lie around it.
     """
     shape = region.shape()
-    room = room_in(environment.fixed_layers[0].free, NOMINAL_RADIUS)
-    shapely.prepare(room)
+    room = environment.fixed_layers[0].room(NOMINAL_RADIUS)
     inside = room if isinstance(shape, Point) else room.intersection(shape)
     middle = shapely.get_coordinates(shape if isinstance(shape, Point) else inside.representative_point())[0]
     # The lattice covers the bounds of the room (+ 1 rounds up), but is limited: of many places, it holds about 16 times
@@ -61,16 +59,20 @@ def places_in(environment: Environment, region: Region, count: int) -> GoalPlace
     offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     offsets = offsets[np.lexsort((offsets[:, 1], offsets[:, 0], (offsets * offsets).sum(axis=1)))]
     places = middle + offsets
-    ways = shapely.linestrings(np.stack((np.broadcast_to(middle, places.shape), places), axis=1))
-    usable = shapely.intersects_xy(inside, places) & shapely.covers(room, ways)
     polygon = circle_around((shape.x, shape.y), POINT_REACHED) if isinstance(shape, Point) else shape
-    return GoalPlaces(polygon, places[usable][:count])
+    # The nearest ones are enough as a rule: then the others need not be tested.
+    for tried in (places[:count], places):
+        lines = shapely.linestrings(np.stack((np.broadcast_to(middle, tried.shape), tried), axis=1))
+        usable = tried[shapely.intersects_xy(inside, tried) & shapely.covers(room, lines)]
+        if len(usable) >= count:
+            break
+    return GoalPlaces(polygon, usable[:count])
 
 
 def region_complaint(environment: Environment, region: Region) -> str | None:
     """Return why no agent with NOMINAL_RADIUS of free floor around it can stand in a region; None if one can."""
     shape = region.shape()
-    if room_in(environment.fixed_layers[0].free, NOMINAL_RADIUS).intersects(shape):
+    if environment.fixed_layers[0].room(NOMINAL_RADIUS).intersects(shape):
         return None
     return unusable(environment, shape, NOMINAL_RADIUS)
 

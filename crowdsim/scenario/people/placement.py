@@ -15,8 +15,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
 
-from crowdsim.environment.layers import dropped_solids, polygons_only
-from crowdsim.environment.spots import Spots, draw_spots, meets, room_in
+from crowdsim.environment.layers import dropped_solids, polygons_only, room_in
+from crowdsim.environment.spots import Spots, draw_spots, meets
 from crowdsim.scenario.environment import Environment
 from crowdsim.scenario.people.arrivals import start_steps
 from crowdsim.scenario.people.destinations import Destinations
@@ -234,7 +234,7 @@ def rooms_around(keys: ScenarioFields, environment: Environment, radius: float) 
         if placing is not None and len(dropped_solids(movable.solids, bands)) < len(movable.solids)
     ]
     if not taken:
-        return [room_in(environment.layers[0].free, radius)]
+        return [environment.layers[0].room(radius)]
     free = environment.fixed_layers[0].free
     return [room_in(polygons_only(free.difference(shapely.union_all(taken))), radius), room_in(free, radius)]
 

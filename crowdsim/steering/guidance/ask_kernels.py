@@ -87,7 +87,7 @@ def _passage(ground, x, y, dx, dy):
 
 
 @kernel
-def ask(ground, points, field, state, asks, slots):
+def ask(ground, points, field, state, known, asks, slots):
     """Find the behavior that the path of each box needs, and number the boxes whose agents must look for a free line.
 
     Parameters
@@ -97,9 +97,11 @@ def ask(ground, points, field, state, asks, slots):
         and the solved field.
     state : (boxes,) uint8
         States of the boxes after :func:`solve`.
-    asks : (boxes,) int8
+    known : (k,) int32
+        Boxes that are looked at, none for all.
+    asks : (k,) or (boxes,) int8
         Gets the narrowest behavior needed on the next BEFORE meters, -1 without a path.
-    slots : (boxes,) int32
+    slots : (k,) or (boxes,) int32
         Gets -1 for boxes in which agents at any position may head straight for the anchor: the boxes on both sides
         across the path see the same anchor (or an adjacent pin in the goal), all with the widest behavior. Gets
         consecutive numbers, from 0 on, for all others.
@@ -113,9 +115,10 @@ def ask(ground, points, field, state, asks, slots):
     top = len(ground.costs) - 1
     paces = 5
     numbered = 0
-    for box in range(boxes):
-        asks[box] = -1
-        slots[box] = numbered
+    for entry in range(len(asks)):
+        box = known[entry] if len(known) > 0 else entry
+        asks[entry] = -1
+        slots[entry] = numbered
         numbered += 1
         # Without a path: agents that are there look for a free line to a box around, so this box keeps its slot.
         if state[box] < CLOSED:
@@ -140,10 +143,10 @@ def ask(ground, points, field, state, asks, slots):
                 around = state[other] == CLOSED_PURE and leads_alike(ground, field, anchor, field.anchor[other], sx, sy)
         if around:
             numbered -= 1
-            slots[box] = -1
+            slots[entry] = -1
         # Behavior: take the narrowest at five points of the next BEFORE meters of the path, from anchor to anchor. Far
         # from walls the widest fits.
-        asks[box] = top
+        asks[entry] = top
         if ground.far[row, column] * FAR_UNIT > ground.reach + BEFORE + BOX:
             continue
         pace = BEFORE / (paces - 1)
@@ -155,7 +158,7 @@ def ask(ground, points, field, state, asks, slots):
             # The path ends here.
             if length == 0.0:
                 break
-            asks[box] = min(asks[box], _passage(ground, x, y, dx / length, dy / length))
+            asks[entry] = min(asks[entry], _passage(ground, x, y, dx / length, dy / length))
             # Advance by one pace, past as many anchors as lie within it; after the last point this is not needed. The
             # path ends at a point of the goal, or at a pin that is its own anchor.
             rest = pace

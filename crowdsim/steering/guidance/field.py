@@ -14,10 +14,11 @@ from shapely.geometry.base import BaseGeometry
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.errors import GeometryError
 from crowdsim.steering.guidance.ask_kernels import ask
-from crowdsim.steering.guidance.field_kernels import PARTS, UNKNOWN, solve
+from crowdsim.steering.guidance.field_kernels import PARTS, UNKNOWN
 from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground
 from crowdsim.steering.guidance.ground_kernels import BOX, PIN_UNIT
-from crowdsim.steering.guidance.sample_kernels import end_of_way, sample, ways_at
+from crowdsim.steering.guidance.solve_kernels import solve
+from crowdsim.steering.guidance.way_kernels import end_of_way, sample, ways_at
 
 SIDEWAYS = math.pi / 2.0
 """Angle between heading and path that a turned behavior prescribes [rad]."""
@@ -37,7 +38,11 @@ BOX_ROW = np.dtype(
 
 
 class Field(NamedTuple):
-    """Path of each box of a :class:`~crowdsim.steering.guidance.ground.Ground`; kernels take it as it is."""
+    """Paths of the boxes of a :class:`~crowdsim.steering.guidance.ground.Ground`; kernels take it as it is.
+
+    Columns have a row for each box of the ground, in their order, or for each of ``known``. Anchors and targets are
+    numbered by the boxes of the ground in both cases.
+    """
 
     cost: NDArray[np.float32]
     """float32[boxes]: cost to the goal, in the unit of ``Ground.costs`` times meters; infinite without a path."""
@@ -49,14 +54,60 @@ class Field(NamedTuple):
     asks: NDArray[np.int8]
     """int8[boxes]: narrowest behavior needed on the next 0.7 m of the path, -1 without a path."""
     slots: NDArray[np.int32]
-    """int32[boxes]: row of ``heads`` and ``costs``; -1 if all agents in the box may head straight for its anchor."""
+    """int32[boxes]: row of ``heads`` and ``costs`` (if these have any); -1 if all agents in the box may head straight
+    for its anchor."""
     heads: NDArray[np.int32]
     """int32[j, 16]: target of each part of a box with a slot, numbered like anchors; -1 if no line is free, UNKNOWN
-    until the first agent is there."""
+    until the first agent is there. Of no rows, if targets are not remembered."""
     costs: NDArray[np.float32]
     """float32[j, 16]: cost from the middle of the part to the goal over that target; infinite if it has none."""
     points: NDArray[np.float64]
     """float64[k, 2]: points of the goal that are anchors, in addition to the pins in it [m]."""
+    known: NDArray[np.int32]
+    """int32[k]: the boxes that have a row, ascending; empty if all have one."""
+
+
+class Lead(NamedTuple):
+    """For whom a field is solved; kernels take it as it is."""
+
+    box: int
+    """Box of the agent for whom the field is; -1 if it is for all agents, wherever they are."""
+    beside: float
+    """Boxes are solved if a detour over them costs the agent no more than this many meters [m]."""
+
+
+class Work(NamedTuple):
+    """Scratch of a search; kernels take it as it is."""
+
+    state: NDArray[np.uint8]
+    """uint8[boxes]: states of the boxes, NEW before the search."""
+    seed_cost: NDArray[np.float32]
+    """float32[boxes]: cost of a box that is in the goal, or from which a line to a point of it was tested; else
+    infinite."""
+    seed_anchor: NDArray[np.int32]
+    """int32[boxes]: its anchor then."""
+    seed_state: NDArray[np.uint8]
+    """uint8[boxes]: its state then."""
+    closed: NDArray[np.int32]
+    """int32[boxes]: gets the boxes that become final, in this order; empty if these are not needed."""
+
+    @staticmethod
+    def of(boxes: int, *, listed: bool) -> Work:
+        """Return the scratch of a search among a number of boxes, that lists those that become final, or not."""
+        return Work(
+            np.zeros(boxes, np.uint8),
+            np.full(boxes, np.inf, np.float32),
+            np.empty(boxes, np.int32),
+            np.empty(boxes, np.uint8),
+            np.empty(boxes if listed else 0, np.int32),
+        )
+
+
+FOR_ALL = Lead(-1, 0.0)
+"""The field is for all agents."""
+
+ALL_BOXES = np.empty(0, np.int32)
+"""The boxes that a field knows if it knows all."""
 
 
 class Ways(NamedTuple):
@@ -95,29 +146,41 @@ def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowdi
     GeometryError
         If the goal has coordinates that are not finite.
     """
-    points, inside = _goal_of(ground, goal)
+    points, inside = goal_of(ground, goal)
     boxes = ground.columns * ground.rows
+    of_box = no_paths(boxes)
+    field, work = field_of(of_box, points), Work.of(boxes, listed=False)
+    solve(ground, crowding, points, inside, FOR_ALL, field, work)
+    count = set_behaviors(ground, field, work.state, ALL_BOXES, of_box)
+    heads = np.full((count, PARTS * PARTS), UNKNOWN, np.int32)
+    return field._replace(heads=heads, costs=np.full((count, PARTS * PARTS), np.inf, np.float32))
+
+
+def no_paths(boxes: int) -> NDArray[Any]:
+    """Return the values BOX_ROW[boxes] of boxes without a path."""
     of_box = np.empty(boxes, BOX_ROW)
     of_box["cost"] = of_box["length"] = np.inf
     of_box["anchor"] = -1
-    field = Field(
-        of_box["cost"],
-        of_box["length"],
-        of_box["anchor"],
-        of_box["asks"],
-        of_box["slots"],
-        np.empty((0, PARTS * PARTS), np.int32),
-        np.empty((0, PARTS * PARTS), np.float32),
-        points,
-    )
-    state = np.zeros(boxes, np.uint8)
-    solve(ground, crowding, points, inside, field, state)
+    return of_box
+
+
+def field_of(of_box: NDArray[Any], points: NDArray[np.float64], known: NDArray[np.int32] = ALL_BOXES) -> Field:
+    """Return a field to ``points`` (k, 2) [m] with the values BOX_ROW of its boxes, without slots yet."""
+    none = np.empty((0, PARTS * PARTS), np.int32)
+    columns = (of_box["cost"], of_box["length"], of_box["anchor"], of_box["asks"], of_box["slots"])
+    return Field(*columns, none, none.astype(np.float32), points, known)
+
+
+def set_behaviors(
+    ground: Ground, field: Field, state: NDArray[np.uint8], known: NDArray[np.int32], of_box: NDArray[Any]
+) -> int:
+    """Set behaviors and slots of the boxes ``known`` (k,), or of all if there are none, in their values BOX_ROW.
+
+    ``field`` has rows for all boxes; ``state`` (boxes,) are their states after the search. Return the number of slots.
+    """
     # Ways are found with the clearances that bodies need, behaviors prescribed by those of plans, which may be larger.
     asking = ground._replace(radii=ground.prescribed)
-    count = ask(asking, points, field, state, field.asks, field.slots)
-    heads = np.full((count, PARTS * PARTS), UNKNOWN, np.int32)
-    field = field._replace(heads=heads, costs=np.full((count, PARTS * PARTS), np.inf, np.float32))
-    return field
+    return int(ask(asking, field.points, field, state, known, of_box["asks"], of_box["slots"]))
 
 
 def ways(ground: Ground, field: Field, places: ArrayLike) -> Ways:
@@ -173,7 +236,7 @@ def guide(
     return int(sample(ground, NOBODY, field, asked, agents, state))
 
 
-def _goal_of(ground: Ground, goal: BaseGeometry | ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def goal_of(ground: Ground, goal: BaseGeometry | ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the points (k, 2) of a goal [m], and the boxes whose pins are in it.
 
     A region has points only if it contains less than FEW pins; a goal of points contains no pins.

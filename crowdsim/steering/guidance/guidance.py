@@ -14,6 +14,7 @@ from crowdsim.steering.guidance.crowding_kernels import CHAIN, add_agents, chang
 from crowdsim.steering.guidance.field import BOX_ROW, Field, guide, solve_field, way_end, ways
 from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground, squeezed_ground
 from crowdsim.steering.guidance.ground_kernels import BOX
+from crowdsim.steering.guidance.own_ways import OwnWays
 from crowdsim.steering.guidance.sample_kernels import LOST
 from crowdsim.steering.stuck_kernels import CYCLE, STUCK_MOST
 
@@ -30,7 +31,8 @@ BOXES_A_SECOND = 50_000
 """Largest number of boxes of renewed fields per simulated second [1/s]: large places renew their fields less often."""
 
 PLAIN = -1
-"""Number, in ``following``, of the field of the place without a crowd, which all agents follow at first."""
+"""Number, in ``following``, of the field of the place without a crowd, which all agents follow at first; of those that
+have ways of their own, it stands for none yet."""
 
 SQUEEZED = 0.145
 """Clearance of the ways on which agents without a path are led out [m]: a body with turned shoulders needs 0.125 m."""
@@ -102,7 +104,8 @@ class Guidance:
     """Guide all agents of one width class to their goals.
 
     The field that each agent follows is stored by the caller, in ``following`` (int32[n], one entry per row of the
-    state): the number of a field, or PLAIN.
+    state): the number of a field, or PLAIN. Few agents with a goal of their own may get ways of their own
+    (:class:`OwnWays`), which cost less than a field of the whole place, but take no notice of crowds.
 
     Parameters
     ----------
@@ -114,6 +117,8 @@ class Guidance:
         Body that each behavior prescribes, as :func:`~crowdsim.steering.guidance.field.asked_of` gives it.
     weighing : Weighing
         How much a crowd counts.
+    own : (m,) bool, optional
+        Goals whose agents get ways of their own; none by default.
     threads : int
         Number of threads that solve fields.
     """
@@ -125,10 +130,13 @@ class Guidance:
         asked: NDArray[np.float64],
         *,
         weighing: Weighing = USUAL,
+        own: NDArray[np.bool_] | None = None,
         threads: int = 1,
     ) -> None:
         self.ground = ground
         self.goals = tuple(goals)
+        self.own = np.zeros(len(self.goals), np.bool_) if own is None else own
+        """(m,) whether the agents of each goal get ways of their own."""
         self.asked = asked
         self.weighing = weighing
         self._threads = threads
@@ -138,6 +146,8 @@ class Guidance:
         # For agents that were pushed to where no path leads: a ground, and a field by goal; made when first needed.
         self._squeezed: Ground | None = None
         self._ways_out: dict[int, Field] = {}
+        self._own_ways = OwnWays(ground, asked, threads=threads)
+        self._own_ways_out: OwnWays | None = None
         self.rebuild(ground)
 
     @property
@@ -152,18 +162,26 @@ class Guidance:
             # Walls and lists are those of the ground.
             of_boxes = (self._squeezed.pins, self._squeezed.widest, self._squeezed.ways, self._squeezed.pure)
             ground += sum(each.nbytes for each in of_boxes)
-        return shared + own + ground
+        ways = self._own_ways.memory + (self._own_ways_out.memory if self._own_ways_out else 0)
+        return shared + own + ground + ways
 
-    def put(self, index: int, goal: Goal) -> None:
-        """Set goal number ``index``, and solve its field without a crowd.
+    def put(self, index: int, goal: Goal, *, own: bool = False) -> None:
+        """Set goal number ``index``, whose agents get ways of their own, or a field, solved without a crowd.
 
-        The goal is a new one (``index`` is the number of goals), or replaces one that no agent goes to any more.
+        The goal is a new one (``index`` is the number of goals), or replaces one that no agent goes to any more; or it
+        is the same goal, whose agents get ways of the other kind, and PLAIN in ``following``.
         """
-        field = {self._made: solve_field(self.ground, goal)}
-        self._made += 1
+        field: dict[int, Field] = {}
+        if not own:
+            field[self._made] = solve_field(self.ground, goal)
+            self._made += 1
         self.goals = (*self.goals[:index], goal, *self.goals[index + 1 :])
+        self.own = np.concatenate((self.own[:index], [own], self.own[index + 1 :]))
         self._ways_out.pop(index, None)
         self._fields[index : index + 1] = [field]
+        self._own_ways.forget(index)
+        if self._own_ways_out is not None:
+            self._own_ways_out.forget(index)
 
     def lengths(self, goal: int, places: ArrayLike) -> NDArray[np.float64]:
         """Return the lengths (k,) of the paths from positions, float64[k, 2], to a goal by its first field [m].
@@ -172,13 +190,16 @@ class Guidance:
         path.
         """
         fields = self._fields[goal]
-        return ways(self.ground, fields[min(fields)], places).length
+        field = solve_field(self.ground, self.goals[goal]) if self.own[goal] else fields[min(fields)]
+        return ways(self.ground, field, places).length
 
     def end(self, goal: int, following: int, place: ArrayLike) -> NDArray[np.float64]:
         """Return where the way from a place, (2,) [m], by the field ``following`` enters a goal, (2,) [m].
 
         PLAIN and the number of a dropped field stand for the goal's first field. The result is nan if there is no way.
         """
+        if self.own[goal]:
+            return way_end(self.ground, self._own_ways.field(self.goals, goal, following), place)
         fields = self._fields[goal]
         return way_end(self.ground, fields.get(following, fields[min(fields)]), place)
 
@@ -190,19 +211,26 @@ class Guidance:
         self.ground = ground
         self._squeezed = None
         self._ways_out = {}
-        fields = solve_fields(ground, self.goals, crowding, threads=self._threads)
-        self._fields = [{self._made: field} for field in fields]
+        self._own_ways, self._own_ways_out = OwnWays(ground, self.asked, threads=self._threads), None
+        shared = np.flatnonzero(~self.own).tolist()
+        fields = solve_fields(ground, [self.goals[goal] for goal in shared], crowding, threads=self._threads)
+        self._fields = [{} for _ in self.goals]
+        for goal, field in zip(shared, fields, strict=True):
+            self._fields[goal] = {self._made: field}
         self._made += 1
 
     def goal_in_turn(self, step: int, steps_per_second: int) -> int | None:
         """Return the goal whose field it is time to renew in ``step``, None if it is not; goals take turns.
 
-        In step 0 all fields are new, so none is renewed.
+        In step 0 all fields are new, so none is renewed. Ways of single agents are not.
         """
+        shared = np.flatnonzero(~self.own)
+        if not len(shared):
+            return None
         boxes = self.ground.columns * self.ground.rows
-        seconds = max(REFRESH_SECONDS / len(self.goals), boxes / BOXES_A_SECOND)
+        seconds = max(REFRESH_SECONDS / len(shared), boxes / BOXES_A_SECOND)
         pause = max(round(seconds * steps_per_second), 1)
-        return step // pause % len(self.goals) if step % pause == 0 and step > 0 else None
+        return int(shared[step // pause % len(shared)]) if step % pause == 0 and step > 0 else None
 
     def refresh_in_turn(
         self, step: int, steps_per_second: int, state: NDArray[Any], following: NDArray[np.int32]
@@ -282,9 +310,13 @@ class Guidance:
         ``state`` (ROW[n]) are the agents. ``following`` (int32[n]) holds the numbers of the fields that they follow;
         PLAIN is replaced by the goal's first field, numbers of dropped fields by the newest one.
         """
-        lost = 0
+        # Agents with ways of their own, all at once.
+        walking = np.flatnonzero(state["goal"] >= 0)
+        own = self.own[state["goal"][walking]]
+        left = self._own_ways.write(self.goals, state, following, walking[own]) if own.any() else walking[:0]
+        lost = len(left) if not lead_out or not len(left) else self._lead_each_out(left, state)
         # Goals that agents have: commands may have given many others before.
-        for goal in np.unique(state["goal"][state["goal"] >= 0]).tolist():
+        for goal in np.unique(state["goal"][walking[~own]]).tolist():
             self._fix_numbers(goal, state, following)
             mine = state["goal"] == goal
             without = 0
@@ -298,17 +330,29 @@ class Guidance:
                 lost += self._lead_out(goal, np.flatnonzero(mine & (state["togo"] >= LOST)), state)
         return lost
 
+    def _lead_each_out(self, agents: NDArray[np.int64], state: NDArray[Any]) -> int:
+        """Guide agents as :meth:`_lead_out` does, but those with ways of their own, whatever their goals are."""
+        if self._own_ways_out is None:
+            self._own_ways_out = OwnWays(self._squeezed_ground(), self.asked, threads=self._threads)
+        begins = np.full(len(state), PLAIN, np.int32)
+        return len(self._own_ways_out.write(self.goals, state, begins, agents))
+
+    def _squeezed_ground(self) -> Ground:
+        """Return the ground on which bodies just fit through gaps, which is made when it is first needed."""
+        if self._squeezed is None:
+            self._squeezed = squeezed_ground(self.ground, SQUEEZED)
+        return self._squeezed
+
     def _lead_out(self, goal: int, agents: NDArray[np.int64], state: NDArray[Any]) -> int:
         """Guide the rows ``agents`` (k,) of ``state`` (ROW[n]), without a path, through gaps in which bodies just fit.
 
         The ground and the field for that are made when they are first needed. Return how many agents have no path even
         then.
         """
-        if self._squeezed is None:
-            self._squeezed = squeezed_ground(self.ground, SQUEEZED)
+        ground = self._squeezed_ground()
         if goal not in self._ways_out:
-            self._ways_out[goal] = solve_field(self._squeezed, self.goals[goal])
-        return guide(self._squeezed, self._ways_out[goal], self.asked, agents, state)
+            self._ways_out[goal] = solve_field(ground, self.goals[goal])
+        return guide(ground, self._ways_out[goal], self.asked, agents, state)
 
     def _fix_numbers(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
         """In ``following``, replace PLAIN by the first field of a goal, and numbers of dropped fields by the newest.

@@ -14,8 +14,8 @@ place: lines are tested against walls alone.
 import math
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
-from crowdsim.jit import helper, kernel
-from crowdsim.steering.guidance.field_kernels import PARTS, UNKNOWN, anchor_cost, anchor_place
+from crowdsim.jit import helper
+from crowdsim.steering.guidance.field_kernels import PARTS, UNKNOWN, anchor_cost, anchor_place, row_of
 from crowdsim.steering.guidance.ground_kernels import (
     BOX,
     CORNER,
@@ -184,22 +184,23 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
                 continue
         other = v * ground.columns + u
         # A box without a path has no anchor.
-        if not field.asks[other] >= 0:
+        known = row_of(field, other)
+        if known < 0 or field.asks[known] < 0:
             continue
         px, py = pin_of(ground, other)
         apart = math.sqrt((px - x) * (px - x) + (py - y) * (py - y))
         # Candidate 1: its anchor, at the cost per meter of the line from its pin. With ``onwards``, an anchor that is
         # reached counts only if the path ends there. A pin that is its own anchor is candidate 2.
-        anchor = field.anchor[other]
+        anchor = field.anchor[known]
         sx, sy = anchor_place(ground, field.points, anchor)
         length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
-        ends = anchor >= boxes or field.anchor[anchor] == anchor
+        ends = anchor >= boxes or field.anchor[row_of(field, anchor)] == anchor
         counts = ends or length > REACHED or not onwards
         if counts and anchor != other:
             paid = anchor_cost(field, boxes, anchor)
             beside = math.sqrt((sx - px) * (sx - px) + (sy - py) * (sy - py))
             # If pin and anchor coincide, no line tells the cost of a meter: take that with the widest behavior.
-            meter = (float(field.cost[other]) - paid) / beside if beside > 0.0 else top
+            meter = (float(field.cost[known]) - paid) / beside if beside > 0.0 else top
             # Test the line only if it could win.
             if paid + meter * length < best - LIKE:
                 # Pushed beside the pin, but the line on from here is clear: it costs no more if no behavior fits here.
@@ -213,7 +214,7 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
         # Candidate 2: its pin, unless that is reached and leads on.
         if apart < REACHED and onwards and anchor != other:
             continue
-        paid = float(field.cost[other])
+        paid = float(field.cost[known])
         meter = ground.costs[ground.widest[other]]
         if paid + meter * apart < best - LIKE:
             value = paid + cost_to(ground, nobody, x, y, px, py, meter, False)
@@ -244,8 +245,9 @@ def head_for(ground, nobody, field, box, x, y):
     """Return the target of all agents in the part of a box around (x, y), the cost from its middle, and the middle [m].
 
     The result is four values: target, cost, x and y of the middle of the part. The first agent in a part looks it up
-    and stores it in ``field.heads`` and ``field.costs``; it depends on the part alone, so it does not matter which
-    agent is first. The target is -1 and the cost infinite if no line is free. The box must have a slot.
+    and stores it in ``field.heads`` and ``field.costs``, if the field remembers targets. It depends on the part alone,
+    so it does not matter which agent is first. The target is -1 and the cost infinite if no line is free. The box must
+    have a slot.
     """
     row = box // ground.columns
     column = box - row * ground.columns
@@ -253,10 +255,13 @@ def head_for(ground, nobody, field, box, x, y):
     size = BOX / PARTS
     i = min(max(int((x - ground.left - column * BOX) / size), 0), PARTS - 1)
     j = min(max(int((y - ground.bottom - row * BOX) / size), 0), PARTS - 1)
-    slot = field.slots[box]
+    slot = field.slots[row_of(field, box)]
     part = j * PARTS + i
     mx = ground.left + column * BOX + (i + 0.5) * size
     my = ground.bottom + row * BOX + (j + 0.5) * size
+    if len(field.heads) == 0:
+        head, cost = look_around(ground, nobody, field, box, mx, my)
+        return head, cost, mx, my
     # Look it up once. The target is stored last, as it marks the entry as known.
     if field.heads[slot, part] == UNKNOWN:
         head, cost = look_around(ground, nobody, field, box, mx, my)
@@ -272,10 +277,15 @@ def first_head(ground, nobody, field, box, x, y):
     Without a path the target is -1, and the cost infinite. The cost holds at the position (mx, my) [m], which is the
     pin of the box, the middle of the part with (x, y), or (x, y) itself.
     """
+    known = row_of(field, box)
+    # A box that the field does not know, beside those that it does: look from the position itself.
+    if known < 0:
+        head, cost = look_around(ground, nobody, field, box, x, y)
+        return head, cost, x, y
     # Boxes without a slot: all agents in the box head for its anchor.
-    if field.slots[box] < 0:
+    if field.slots[known] < 0:
         mx, my = pin_of(ground, box)
-        return field.anchor[box], float(field.cost[box]), mx, my
+        return field.anchor[known], float(field.cost[known]), mx, my
     head, cost, mx, my = head_for(ground, nobody, field, box, x, y)
     if head < 0:
         # No free line from the middle of this part, which may be inside of a wall: look from the position itself.
@@ -298,7 +308,8 @@ def way_at(ground, nobody, field, x, y):
         return 0.0, 0.0, math.inf, math.inf, top
     boxes = len(ground.widest)
     # Cost 0: the pin of the box is in the goal, so all of the box counts as in it.
-    if field.cost[box] == 0.0:
+    known = row_of(field, box)
+    if known >= 0 and field.cost[known] == 0.0:
         return 0.0, 0.0, 0.0, 0.0, top
     head, cost, mx, my = first_head(ground, nobody, field, box, x, y)
     if head < 0:
@@ -307,86 +318,11 @@ def way_at(ground, nobody, field, x, y):
     length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
     # Scale the cost of the line, which holds at (mx, my), to the distance from the position.
     middle = math.sqrt((sx - mx) * (sx - mx) + (sy - my) * (sy - my))
-    to_go = length + (float(field.length[head]) if head < boxes else 0.0)
+    to_go = length + (float(field.length[row_of(field, head)]) if head < boxes else 0.0)
     paid = anchor_cost(field, boxes, head)
     meter = (cost - paid) / middle if middle > 0.0 else ground.costs[top]
     # The box has no path from its pin (-1), though one leads on from here: nothing is prescribed.
-    asked = top if field.asks[box] < 0 else field.asks[box]
+    asked = top if known < 0 or field.asks[known] < 0 else field.asks[known]
     if length == 0.0:
         return 0.0, 0.0, paid, to_go, asked
     return (sx - x) / length, (sy - y) / length, paid + meter * length, to_go, asked
-
-
-@kernel
-def end_of_way(ground, nobody, field, x, y):
-    """Return x and y [m] of the point at which the path from the position (x, y) enters the goal.
-
-    Return the position itself if its box counts as in the goal, and nan, nan if there is no path.
-    """
-    box = box_at(ground, x, y)
-    if box < 0:
-        return math.nan, math.nan
-    # Cost 0: the box counts as in the goal, as in `way_at`.
-    if field.cost[box] == 0.0:
-        return x, y
-    head, _, _, _ = first_head(ground, nobody, field, box, x, y)
-    if head < 0:
-        return math.nan, math.nan
-    # From a pin the path goes on to the anchor of that pin, whether its box has a slot or not. Follow the anchors up to
-    # a point of the goal, or to a pin in the goal, which is its own anchor. Each costs less than the one before, so
-    # none comes twice.
-    boxes = len(ground.widest)
-    for _ in range(boxes):
-        if head >= boxes or field.anchor[head] == head:
-            break
-        head = field.anchor[head]
-    return anchor_place(ground, field.points, head)
-
-
-@kernel
-def sample(ground, nobody, field, asked, agents, state):
-    """Write gx, gy, togo, turn and held of the agents that follow a field to their rows.
-
-    ``held`` is the smaller of what the behavior prescribes and ``rest``, and -1 if nothing is prescribed.
-
-    Parameters
-    ----------
-    ground, nobody, field : Ground, Crowding, Field
-        The place, an empty crowd (the field already contains the crowd's costs) and the field.
-    asked : (n, 2) float64
-        Turn [rad] and held half length [m] that each behavior prescribes, -1 for none.
-    agents : (k,) int64
-        Rows of ``state`` to write.
-    state : ROW[m]
-        All agents (ROW of steering.row_kernels).
-
-    Returns
-    -------
-    int
-        Number of agents without a path; they get no direction, and the length LOST.
-    """
-    lost = 0
-    for n in range(len(agents)):
-        me = state[agents[n]]
-        gx, gy, _, to_go, behavior = way_at(ground, nobody, field, me.x, me.y)
-        if to_go == math.inf:
-            lost += 1
-            to_go = LOST
-        me.gx = gx
-        me.gy = gy
-        me.togo = to_go
-        me.turn = asked[behavior, 0]
-        me.held = min(me.rest, asked[behavior, 1])
-    return lost
-
-
-@kernel
-def ways_at(ground, nobody, field, places, out):
-    """Fill ``out`` (float64[k, 5]) with the five values of :func:`way_at` at ``places`` (float64[k, 2]) [m]."""
-    for n in range(len(places)):
-        gx, gy, cost, to_go, behavior = way_at(ground, nobody, field, places[n, 0], places[n, 1])
-        out[n, 0] = gx
-        out[n, 1] = gy
-        out[n, 2] = cost
-        out[n, 3] = to_go
-        out[n, 4] = behavior

@@ -7,11 +7,12 @@ from crowdsim.jit import kernel
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.planner import Planner
 from crowdsim.steering.guidance.field import SIDEWAYS, asked_of, guide, solve_field, way_end, ways
-from crowdsim.steering.guidance.field_kernels import SEEDS, eighth_of
+from crowdsim.steering.guidance.field_kernels import eighth_of
 from crowdsim.steering.guidance.ground import NOBODY
 from crowdsim.steering.guidance.ground_kernels import BOX, PACE, line_cost, pin_of
 from crowdsim.steering.guidance.guidance import solve_fields
 from crowdsim.steering.guidance.sample_kernels import CLEAR, is_clear
+from crowdsim.steering.guidance.solve_kernels import SEEDS
 from tests.reference import guidance_reference, weighted_region
 from tests.support.guided import BEHAVIORS, NEED, follow, free_places, ground_of, rows_at
 from tests.support.small_scenes import scene

@@ -1,0 +1,92 @@
+"""Paths of a field at positions, and those of agents written to their rows.
+
+``ground`` (Ground) and ``field`` (Field) are those of the place; ``nobody`` is the Crowding of an empty place: lines
+are tested against walls alone.
+"""
+
+import math
+
+from crowdsim.jit import helper, kernel
+from crowdsim.steering.guidance.field_kernels import anchor_place, row_of
+from crowdsim.steering.guidance.ground_kernels import box_at
+from crowdsim.steering.guidance.sample_kernels import LOST, first_head, way_at
+
+
+@kernel
+def end_of_way(ground, nobody, field, x, y):
+    """Return x and y [m] of the point at which the path from the position (x, y) enters the goal.
+
+    Return the position itself if its box counts as in the goal, and nan, nan if there is no path.
+    """
+    box = box_at(ground, x, y)
+    if box < 0:
+        return math.nan, math.nan
+    # Cost 0: the box counts as in the goal, as in `way_at`.
+    known = row_of(field, box)
+    if known >= 0 and field.cost[known] == 0.0:
+        return x, y
+    head, _, _, _ = first_head(ground, nobody, field, box, x, y)
+    if head < 0:
+        return math.nan, math.nan
+    # From a pin the path goes on to the anchor of that pin, whether its box has a slot or not. Follow the anchors up to
+    # a point of the goal, or to a pin in the goal, which is its own anchor. Each costs less than the one before, so
+    # none comes twice.
+    boxes = len(ground.widest)
+    for _ in range(boxes):
+        ahead = head if head >= boxes else field.anchor[row_of(field, head)]
+        if ahead == head:
+            break
+        head = ahead
+    return anchor_place(ground, field.points, head)
+
+
+@helper
+def lead(ground, nobody, field, asked, me):
+    """Write gx, gy, togo, turn and held of the agent ``me`` (a row of ROW); return True if it has a path."""
+    gx, gy, _, to_go, behavior = way_at(ground, nobody, field, me.x, me.y)
+    me.gx = gx
+    me.gy = gy
+    me.togo = LOST if to_go == math.inf else to_go
+    me.turn = asked[behavior, 0]
+    me.held = min(me.rest, asked[behavior, 1])
+    return to_go < math.inf
+
+
+@kernel
+def sample(ground, nobody, field, asked, agents, state):
+    """Write gx, gy, togo, turn and held of the agents that follow a field to their rows.
+
+    ``held`` is the smaller of what the behavior prescribes and ``rest``, and -1 if nothing is prescribed.
+
+    Parameters
+    ----------
+    ground, nobody, field : Ground, Crowding, Field
+        The place, an empty crowd (the field already contains the crowd's costs) and the field.
+    asked : (n, 2) float64
+        Turn [rad] and held half length [m] that each behavior prescribes, -1 for none.
+    agents : (k,) int64
+        Rows of ``state`` to write.
+    state : ROW[m]
+        All agents (ROW of steering.row_kernels).
+
+    Returns
+    -------
+    int
+        Number of agents without a path; they get no direction, and the length LOST.
+    """
+    lost = 0
+    for n in range(len(agents)):
+        lost += 0 if lead(ground, nobody, field, asked, state[agents[n]]) else 1
+    return lost
+
+
+@kernel
+def ways_at(ground, nobody, field, places, out):
+    """Fill ``out`` (float64[k, 5]) with the five values of :func:`way_at` at ``places`` (float64[k, 2]) [m]."""
+    for n in range(len(places)):
+        gx, gy, cost, to_go, behavior = way_at(ground, nobody, field, places[n, 0], places[n, 1])
+        out[n, 0] = gx
+        out[n, 1] = gy
+        out[n, 2] = cost
+        out[n, 3] = to_go
+        out[n, 4] = behavior

@@ -1,0 +1,287 @@
+"""Agents with goals of their own get ways of their own, which lead as fields of the whole place do."""
+
+import numpy as np
+import pytest
+import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from crowdsim.steering.guidance import own_ways
+from crowdsim.steering.guidance.field import asked_of, guide, solve_field
+from crowdsim.steering.guidance.ground import build_ground
+from crowdsim.steering.guidance.ground_kernels import BOX, STEPS
+from crowdsim.steering.guidance.guidance import PLAIN, Guidance
+from crowdsim.steering.guidance.own_way_kernels import begin_ways, label_boxes
+from crowdsim.steering.guidance.own_ways import OwnWays
+from crowdsim.steering.guidance.place_walls import outline_segments
+from crowdsim.steering.guidance.sample_kernels import LOST
+from tests.support.guided import BEHAVIORS, free_places, ground_of, rows_at
+from tests.support.small_scenes import scene
+from tests.unit.steering.guidance.test_ways_on import HALL, NO_MARGIN, strewn
+
+ASKED = asked_of(BEHAVIORS)
+SHOWN = ["gx", "gy", "togo", "turn", "held"]
+
+
+def sent(places, goals):
+    """Rows of agents at places, each of which goes to the goal with its number, and what they follow."""
+    state = rows_at(places)
+    state["goal"] = np.arange(len(places)) % len(goals)
+    return state, np.full(len(places), PLAIN, np.int32)
+
+
+def guided(ground, goals, places, **more):
+    """Return the rows of agents with ways of their own, what they follow, and the ways."""
+    ways = OwnWays(ground, ASKED, **more)
+    state, following = sent(places, goals)
+    ways.write(goals, state, following, np.arange(len(places)))
+    return state, following, ways
+
+
+def goals_in(areas, count, seed):
+    """Points, discs and rectangles; some of them out of reach."""
+    rng = np.random.default_rng(seed)
+    goals = []
+    for place in free_places(areas, count, seed, 0.3):
+        kind = rng.integers(3)
+        if kind == 0:
+            goals.append(place)
+        else:
+            shape = shapely.Point(*place).buffer(0.25) if kind == 1 else shapely.box(*(place - 0.2), *(place + 1.5))
+            goals.append(shape.intersection(areas[0]))
+    return goals
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_own_ways_are_those_of_a_field_of_the_whole_place(seed):
+    areas = scene(seed) if seed < 3 else strewn(seed)
+    ground = ground_of(areas) if seed < 3 else build_ground([outline_segments(a) for a in areas], NO_MARGIN)
+    goals = goals_in(areas, 40, seed + 10)
+    places = free_places(areas, 120, seed, 0.16)
+    state, _, _ = guided(ground, goals, places)
+    whole = state.copy()
+    for number, goal in enumerate(goals):
+        guide(ground, solve_field(ground, goal), ASKED, np.flatnonzero(state["goal"] == number), whole)
+    lost = whole["togo"] >= LOST
+    np.testing.assert_array_equal(state["togo"] >= LOST, lost)
+    assert (~lost).sum() > 80
+    # Searches that take boxes in another order may bend elsewhere.
+    apart = np.abs(state["togo"] - whole["togo"])[~lost]
+    assert apart.max() <= 0.05 * whole["togo"][~lost].max()
+    assert np.median(apart) < 0.01
+    assert np.mean(state["turn"][~lost] == whole["turn"][~lost]) > 0.95
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_who_is_pushed_about_arrives_all_the_same(seed, monkeypatch):
+    """Pushed off its way by up to 2 m now and then, each agent gets another one from there."""
+    monkeypatch.setattr(own_ways, "BESIDE", 0.2)
+    rng = np.random.default_rng(seed)
+    areas = strewn(seed + 40)
+    ground = build_ground([outline_segments(area) for area in areas], NO_MARGIN, bounds=HALL.bounds)
+    goals = [np.array(place) for place in free_places(areas, 30, seed + 5, 0.35)]
+    state, following, ways = guided(ground, goals, free_places(areas, 90, seed))
+    rows = np.flatnonzero(state["togo"] < LOST)
+    reached = np.zeros(len(state), bool)
+    begun = following.copy()
+    changes = 0
+    free = areas[0].buffer(-0.16)
+    for step in range(900):
+        on_way = rows[~reached[rows]]
+        if not len(on_way):
+            break
+        ways.write(goals, state, following, on_way)
+        assert (state["togo"][on_way] < LOST).all()
+        changes += int((following != begun).sum())
+        begun = following.copy()
+        pace = np.minimum(0.05, state["togo"][on_way])
+        state["x"][on_way] += state["gx"][on_way] * pace
+        state["y"][on_way] += state["gy"][on_way] * pace
+        reached[on_way] = state["togo"][on_way] <= 0.06
+        if step % 60 == 30 and step < 200:
+            there = np.column_stack([state["x"], state["y"]])
+            pushed = there + rng.uniform(-2.0, 2.0, there.shape)
+            # Straight pushes that no wall stops.
+            lines = shapely.linestrings(np.stack([there, pushed], axis=1))
+            go = shapely.covers(free, lines)
+            state["x"][go], state["y"][go] = pushed[go].T
+    assert reached[rows].all()
+    assert changes > 5
+
+
+def test_ways_depend_on_goal_and_beginning_alone():
+    """Neither on threads, nor on the order of the agents, nor on what was asked before."""
+    areas = scene(2)
+    ground = ground_of(areas)
+    goals, places = goals_in(areas, 25, 3), free_places(areas, 75, 4, 0.16)
+    first, following, ways = guided(ground, goals, places)
+    again, same, _ = guided(ground, goals, places, threads=3)
+    np.testing.assert_array_equal(following, same)
+    assert first.tobytes() == again.tobytes()
+    # In the other order, one by one, and with ways that others followed before.
+    for row in np.arange(len(places))[::-1]:
+        again["togo"][row] = -1.0
+        same[row] = PLAIN
+        ways.write(goals, again, same, np.array([row]))
+    np.testing.assert_array_equal(following, same)
+    assert first.tobytes() == again.tobytes()
+
+
+def cell_in_a_room():
+    """Ground of a room with a cell in it that has no door."""
+    room = shapely.box(0.0, 0.0, 10.0, 10.0).difference(shapely.box(3.9, 3.9, 6.1, 6.1))
+    segments = [outline_segments(part) for part in (room, shapely.box(4.2, 4.2, 5.8, 5.8))]
+    return build_ground([np.concatenate(segments)] * 2, NO_MARGIN)
+
+
+OUT_OF_REACH = {
+    "beyond the place": np.array([30.0, 30.0]),
+    "no points": np.empty((0, 2)),
+    "nothing": shapely.Polygon(),
+    "in the cell": shapely.box(4.3, 4.3, 5.7, 5.7),
+}
+
+
+@pytest.mark.parametrize("goal", OUT_OF_REACH.values(), ids=OUT_OF_REACH)
+def test_goals_out_of_reach_are_told_without_a_search(goal, monkeypatch):
+    def no_search(*_):
+        raise AssertionError("a search was made")
+
+    monkeypatch.setattr(own_ways, "solve", no_search)
+    state, _, ways = guided(cell_in_a_room(), [goal], np.array([(1.0, 1.0), (9.0, 5.0), (0.4, 9.5)]))
+    assert (state["togo"] == LOST).all()
+    assert (state["gx"] == 0.0).all()
+    assert (state["gy"] == 0.0).all()
+    assert ways.memory < 10_000
+
+
+@pytest.mark.parametrize("goal", [*OUT_OF_REACH.values(), shapely.Point(4.0, 5.0).buffer(0.05), np.array([8.0, 8.0])])
+def test_who_is_in_a_wall_or_outside_has_the_way_of_a_field(goal):
+    ground = cell_in_a_room()
+    state, _, _ = guided(ground, [goal], np.array([(4.05, 5.0), (3.9, 5.0), (-40.0, 3.0), (0.0, 0.0), (9.99, 9.99)]))
+    whole = state.copy()
+    guide(ground, solve_field(ground, goal), ASKED, np.arange(len(state)), whole)
+    assert state.tobytes() == whole.tobytes()
+
+
+def test_who_is_in_the_goal_has_arrived():
+    room = shapely.box(0.0, 0.0, 10.0, 10.0)
+    state, _, _ = guided(ground_of([room] * 2), [shapely.box(2.0, 2.0, 6.0, 6.0)], np.array([(4.0, 4.0), (8.0, 4.0)]))
+    assert state["togo"][0] == 0.0
+    assert state["togo"][1] == pytest.approx(2.0, abs=0.2)
+    assert (state["gx"][1], state["gy"][1]) == pytest.approx((-1.0, 0.0), abs=0.1)
+
+
+def test_a_way_in_the_open_knows_few_boxes_of_a_large_place():
+    room = shapely.box(0.0, 0.0, 200.0, 200.0)
+    ground = ground_of([room] * 2)
+    goal, place = np.array([160.0, 150.0]), np.array([(40.0, 30.0)])
+    state, following, ways = guided(ground, [goal], place)
+    assert state["togo"][0] == pytest.approx(np.hypot(120.0, 120.0), abs=1e-3)
+    # An ellipse whose foci are the goal and the agent.
+    field = ways.field([goal], 0, int(following[0]))
+    long = np.hypot(120.0, 120.0) + own_ways.BESIDE
+    area = np.pi / 4.0 * long * np.sqrt(long**2 - 2 * 120.0**2)
+    assert len(field.known) * BOX**2 == pytest.approx(area, rel=0.02)
+    assert ways.memory < 0.1 * solve_field(ground, goal).cost.base.nbytes
+
+
+def test_ways_that_nobody_follows_are_dropped():
+    room = shapely.box(0.0, 0.0, 20.0, 10.0)
+    rng = np.random.default_rng(1)
+    places, goals = rng.uniform(1.0, 9.0, (40, 2)), list(rng.uniform(1.0, 9.0, (40, 2)))
+    state, following, ways = guided(ground_of([room] * 2), goals, places)
+    most = ways.memory
+    for _ in range(own_ways.IDLE + 2):
+        ways.write(goals, state, following, np.arange(4))
+    assert ways.memory < 0.25 * most
+    # They come back if they are asked for.
+    before = state.copy()
+    ways.write(goals, state, following, np.arange(40))
+    assert before.tobytes() == state.tobytes()
+
+
+def test_another_goal_with_the_same_number_gets_other_ways():
+    room = shapely.box(0.0, 0.0, 20.0, 10.0)
+    guidance = Guidance(ground_of([room] * 2), [np.array([18.0, 5.0])], ASKED, own=np.array([True]))
+    state, following = sent([(10.0, 5.0)], [0])
+    assert guidance.write(state, following) == 0
+    assert state["gx"][0] == pytest.approx(1.0)
+    assert guidance.end(0, int(following[0]), (10.0, 5.0)) == pytest.approx((18.0, 5.0))
+    guidance.put(0, np.array([2.0, 5.0]), own=True)
+    assert guidance.write(state, following) == 0
+    assert state["gx"][0] == pytest.approx(-1.0)
+    # Many come: from now on a field leads them.
+    guidance.put(0, np.array([2.0, 5.0]))
+    following[:] = PLAIN
+    assert guidance.write(state, following) == 0
+    assert state["gx"][0] == pytest.approx(-1.0)
+    assert guidance.lengths(0, [(10.0, 5.0)]) == pytest.approx(8.0)
+
+
+def test_a_changed_place_has_other_ways():
+    room = shapely.box(0.0, 0.0, 20.0, 10.0)
+    wall = shapely.box(9.9, 0.0, 10.1, 8.0)
+    guidance = Guidance(ground_of([room] * 2), [np.array([18.0, 1.0])], ASKED, own=np.array([True]))
+    state, following = sent([(2.0, 1.0)], [0])
+    for area, length in ((room, 16.0), (room.difference(wall), 21.9), (room, 16.0)):
+        guidance.rebuild(ground_of([area] * 2))
+        assert guidance.write(state, following) == 0
+        assert state["togo"][0] == pytest.approx(length, abs=0.2)
+
+
+def test_who_is_squeezed_in_without_a_way_gets_out():
+    cell = shapely.box(4.0, 3.0, 6.0, 5.0).difference(shapely.box(4.2, 3.2, 5.8, 4.8))
+    area = shapely.box(0.0, 0.0, 12.0, 8.0).difference(cell.difference(shapely.box(3.9, 3.84, 4.3, 4.16)))
+    guidance = Guidance(ground_of([area] * 2), [np.array([11.0, 4.0])], ASKED, own=np.array([True]))
+    state, following = sent([(5.0, 4.0)], [0])
+    assert guidance.write(state, following, lead_out=False) == 1
+    for _ in range(600):
+        assert guidance.write(state, following) == 0
+        state["x"] += 0.05 * state["gx"]
+        state["y"] += 0.05 * state["gy"]
+        if state["togo"][0] < 0.1:
+            break
+    assert state["togo"][0] < 0.1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_parts_of_a_ground_are_those_that_ways_connect(seed):
+    ground = build_ground([outline_segments(area) for area in strewn(seed)], NO_MARGIN, bounds=HALL.bounds)
+    boxes = ground.columns * ground.rows
+    labels = np.full(boxes, -1, np.int32)
+    parts = label_boxes(ground, labels, np.empty(boxes, np.int32))
+    box, k = np.nonzero(ground.ways[:, None] >> np.arange(8) & 1)
+    ahead = box + STEPS[k, 1] * ground.columns + STEPS[k, 0]
+    linked = coo_array((np.ones(len(box), bool), (box, ahead)), shape=(boxes, boxes))
+    _, expected = connected_components(linked, directed=False)
+    fits = ground.widest >= 0
+    assert (labels[~fits] == -1).all()
+    pairs = np.unique(np.column_stack([labels[fits], expected[fits]]), axis=0)
+    assert len(pairs) == len(np.unique(pairs[:, 0])) == len(np.unique(pairs[:, 1])) == parts
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_way_begins_where_the_agent_can_go(seed):
+    """At the pin of the box around it, else at the nearest one beside it that no wall hides."""
+    areas = strewn(seed)
+    ground = build_ground([outline_segments(area) for area in areas], NO_MARGIN, bounds=HALL.bounds)
+    rng = np.random.default_rng(seed)
+    state = rows_at(rng.uniform(-1.0, 13.0, (4000, 2)))
+    begins = np.empty(len(state), np.int32)
+    begin_ways(ground, np.arange(len(state)), state, begins)
+    beside = 0
+    for (x, y), begin in zip(np.column_stack([state["x"], state["y"]]), begins.tolist(), strict=True):
+        column, row = int((x - ground.left) // BOX), int((y - ground.bottom) // BOX)
+        outside = not (0 <= column < ground.columns and 0 <= row < ground.rows)
+        own = row * ground.columns + column
+        if outside or begin == len(ground.widest):
+            assert outside or ground.widest[own] < 0
+            assert begin == len(ground.widest)
+        elif ground.widest[own] >= 0:
+            assert begin == own
+        else:
+            beside += 1
+            assert ground.widest[begin] >= 0
+            assert max(abs(begin // ground.columns - row), abs(begin % ground.columns - column)) == 1
+    assert beside > 10
