@@ -77,6 +77,28 @@ agents:
 """
 """Fewer agents than processes."""
 
+OWN = """\
+crowdsim: 1
+name: own
+seed: 2
+duration: 25
+floor: {rectangle: [0, 0, 36, 12]}
+obstacles:
+  - {name: wall, box: {center: [18, 3], size: [0.4, 6]}, top: 2.5}
+  - {name: kiosk, box: {center: [9, 8], size: [2, 2]}, top: 2.5}
+doors:
+  - {name: gate, initially: open, box: {center: [18, 10.5], size: [0.4, 3]}, top: 2.2}
+events:
+  - {at: 8, close: gate}
+agents:
+  - {name: back, locomotion: steered, count: 40, start: {rectangle: [20, 1, 35, 11]}, goal: {rectangle: [1, 1, 3, 11]}}
+""" + "".join(
+    f"  - {{name: g{k}, locomotion: steered, count: 2, start: {{rectangle: [1, 1, 12, 11]}}, "
+    f"goals: [{{point: [{22.5 + k % 9}, 5]}}, {{point: [{11.5 + k}, {1 + k % 4}]}}]}}\n"
+    for k in range(18)
+)
+"""Many goals, each of two agents, who get ways of their own, through others and a door that closes."""
+
 
 def on_ranks(count: int, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [str(MPIEXEC), "-n", str(count), sys.executable, "-m", "crowdsim", "run", *arguments]
@@ -87,13 +109,13 @@ def on_ranks(count: int, *arguments: str) -> subprocess.CompletedProcess[str]:
 def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with the scenarios and their runs in one process."""
     folder = tmp_path_factory.mktemp("alone")
-    for name, text in (("street", STREET), ("plaza", PLAZA), ("few", FEW)):
+    for name, text in (("street", STREET), ("plaza", PLAZA), ("few", FEW), ("own", OWN)):
         (folder / f"{name}.yaml").write_text(text)
         Simulation(load_scenario(str(folder / f"{name}.yaml"))).run(folder / f"{name}.h5").close()
     return folder
 
 
-@pytest.mark.parametrize(("name", "count"), [("few", 1), ("street", 4), ("plaza", 2), ("plaza", 3), ("few", 3)])
+@pytest.mark.parametrize(("name", "count"), [("few", 1), ("street", 4), ("plaza", 2), ("plaza", 3), ("few", 3), ("own", 3)])
 def test_ranks_give_the_bits_of_one_process(alone: Path, name: str, count: int) -> None:
     file = alone / f"{name}-{count}.h5"
     run = on_ranks(count, str(alone / f"{name}.yaml"), "-o", str(file), "--json", "--workers", "1")
