@@ -115,7 +115,9 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(("name", "count"), [("few", 1), ("street", 4), ("plaza", 2), ("plaza", 3), ("few", 3), ("own", 3)])
+@pytest.mark.parametrize(
+    ("name", "count"), [("few", 1), ("street", 4), ("plaza", 2), ("plaza", 3), ("few", 3), ("own", 3)]
+)
 def test_ranks_give_the_bits_of_one_process(alone: Path, name: str, count: int) -> None:
     file = alone / f"{name}-{count}.h5"
     run = on_ranks(count, str(alone / f"{name}.yaml"), "-o", str(file), "--json", "--workers", "1")

@@ -231,9 +231,9 @@ class SteeredPlace:
             self.guidance.refresh_in_turn(step, self._steps_per_second, state, following)
             return
         # The same answer in all processes, as it depends on the step alone: no exchange in vain.
-        if self.guidance.goal_in_turn(step, self._steps_per_second) is None:
+        if not self.guidance.is_turn(step, self._steps_per_second):
             return
-        # All processes renew the same field, in the crowd of all of them.
+        # All processes renew the same field and find the same ways, in the crowd of all of them.
         walking = np.empty(len(state), WALKING)
         for name in ("x", "y", "goal", "stuck"):
             walking[name] = state[name]

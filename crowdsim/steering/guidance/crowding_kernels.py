@@ -9,7 +9,7 @@ import math
 
 from crowdsim.geometry.cell_kernels import cells_between
 from crowdsim.jit import helper, kernel
-from crowdsim.steering.guidance.field_kernels import anchor_place
+from crowdsim.steering.guidance.field_kernels import anchor_place, row_of
 from crowdsim.steering.guidance.ground_kernels import STEPS, box_at, line_cost, pin_of
 
 SMOOTHING = 1.0
@@ -92,13 +92,20 @@ def set_load(weights, gain, free, load, quiet):
 
 
 @helper
+def _has_way(field, box):
+    """Return True if a box has a path."""
+    row = row_of(field, box)
+    return row >= 0 and field.asks[row] >= 0
+
+
+@helper
 def nearest_way(ground, field, x, y):
     """Return the box at a position [m] if it has a path, else that of the eight around it with the nearest pin.
 
     Return -1 if none of them has a path, or the position is outside of the boxes.
     """
     box = box_at(ground, x, y)
-    if box < 0 or field.asks[box] >= 0:
+    if box < 0 or _has_way(field, box):
         return box
     # A position near a wall may be in a box without a path: take the nearest pin around.
     row = box // ground.columns
@@ -108,7 +115,7 @@ def nearest_way(ground, field, x, y):
     for k in range(8):
         u = column + STEPS[k, 0]
         v = row + STEPS[k, 1]
-        if 0 <= u < ground.columns and 0 <= v < ground.rows and field.asks[v * ground.columns + u] >= 0:
+        if 0 <= u < ground.columns and 0 <= v < ground.rows and _has_way(field, v * ground.columns + u):
             px, py = pin_of(ground, v * ground.columns + u)
             square = (px - x) * (px - x) + (py - y) * (py - y)
             if square < nearest:
@@ -132,7 +139,8 @@ def price_of(ground, crowding, field, box, prices, chain):
     at = box
     paid = 0.0
     while True:
-        if at >= boxes or field.anchor[at] == at:
+        ahead = at if at >= boxes else field.anchor[row_of(field, at)]
+        if ahead == at:
             break
         if prices[at] >= 0.0:
             paid = prices[at]
@@ -141,11 +149,11 @@ def price_of(ground, crowding, field, box, prices, chain):
             return math.inf
         chain[count] = at
         count += 1
-        at = field.anchor[at]
+        at = ahead
     # Go back and add up the costs of the lines.
     for n in range(count - 1, -1, -1):
         px, py = pin_of(ground, chain[n])
-        sx, sy = anchor_place(ground, field.points, field.anchor[chain[n]])
+        sx, sy = anchor_place(ground, field.points, field.anchor[row_of(field, chain[n])])
         paid += line_cost(ground, crowding, px, py, sx, sy, math.inf)
         prices[chain[n]] = paid
     return paid
@@ -185,13 +193,15 @@ def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, c
         # The new field has no path from here.
         if box < 0:
             continue
-        # The old field has none (asks is -1 then), but the new one has.
-        if old.asks[box] < 0:
+        # The old field has none, but the new one has.
+        if not _has_way(old, box):
             changes[n] = True
             continue
         before = price_of(ground, crowding, old, box, prices, chain)
-        cost = float(new.cost[box])
+        row = row_of(new, box)
+        cost = float(new.cost[row])
         # The part of the cost due to the crowd (and to narrow places) is what the widest behavior alone does not cost.
         alone = ground.costs[-1]
-        quiet = cost - alone * float(new.length[box]) < weighing.jam * (before - alone * float(old.length[box]))
+        jammed = before - alone * float(old.length[row_of(old, box)])
+        quiet = cost - alone * float(new.length[row]) < weighing.jam * jammed
         changes[n] = cost < (weighing.around if quiet else weighing.share) * before

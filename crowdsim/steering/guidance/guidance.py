@@ -105,7 +105,7 @@ class Guidance:
 
     The field that each agent follows is stored by the caller, in ``following`` (int32[n], one entry per row of the
     state): the number of a field, or PLAIN. Few agents with a goal of their own may get ways of their own
-    (:class:`OwnWays`), which cost less than a field of the whole place, but take no notice of crowds.
+    (:class:`OwnWays`), which cost less than a field of the whole place.
 
     Parameters
     ----------
@@ -232,13 +232,20 @@ class Guidance:
         pause = max(round(seconds * steps_per_second), 1)
         return int(shared[step // pause % len(shared)]) if step % pause == 0 and step > 0 else None
 
+    def is_turn(self, step: int, steps_per_second: int) -> bool:
+        """Return whether it is time in ``step`` to renew a field, or to look for ways around the crowd."""
+        own = step % steps_per_second == 0 and step > 0 and bool(self.own.any())
+        return own or self.goal_in_turn(step, steps_per_second) is not None
+
     def refresh_in_turn(
         self, step: int, steps_per_second: int, state: NDArray[Any], following: NDArray[np.int32]
     ) -> None:
-        """Renew the field of one goal if it is time and an agent goes there.
+        """Renew the field of one goal if it is time and an agent goes there, and find ways around the crowd.
 
         ``step`` is the number of the step; ``state`` and ``following`` are those of :meth:`refresh`.
         """
+        if step % steps_per_second == 0 and step > 0 and self.own.any():
+            self._find_ways_around(state, following)
         goal = self.goal_in_turn(step, steps_per_second)
         if goal is not None and (state["goal"] == goal).any():
             self.refresh(goal, state, following)
@@ -260,12 +267,7 @@ class Guidance:
             Numbers of the fields that they follow; may change for agents of the goal.
         """
         places = np.column_stack((state["x"], state["y"]))
-        # Agents of other goals that are long stuck stay in the way for long. The time stuck of jammed ones cycles, so
-        # it counts up to where the cycle begins.
-        stuck = np.minimum(state["stuck"], STUCK_MOST - CYCLE)
-        late = self.weighing.late * np.maximum(stuck - self.weighing.late_after, 0.0)
-        counts = 1.0 + np.where(state["goal"] != goal, late, 0.0)
-        crowding = crowding_of(self.ground, places, self.weighing, counts)
+        crowding = self._crowding_for(goal, state)
         # Without a crowd, all follow the field of the empty place again.
         if not crowding.crowded:
             following[state["goal"] == goal] = PLAIN
@@ -299,6 +301,23 @@ class Guidance:
         fields[number] = new
         self._made += 1
         self._drop(goal, state, following)
+
+    def _crowding_for(self, goal: int, state: NDArray[Any]) -> Crowding:
+        """Return the factor on costs that agents (ROW[n]) cause on the way to a goal; PLAIN for any goal."""
+        # Agents of other goals that are long stuck stay in the way for long. The time stuck of jammed ones cycles, so
+        # it counts up to where the cycle begins.
+        stuck = np.minimum(state["stuck"], STUCK_MOST - CYCLE)
+        late = self.weighing.late * np.maximum(stuck - self.weighing.late_after, 0.0)
+        counts = 1.0 + np.where(state["goal"] != goal, late, 0.0)
+        return crowding_of(self.ground, np.column_stack((state["x"], state["y"])), self.weighing, counts)
+
+    def _find_ways_around(self, state: NDArray[Any], following: NDArray[np.int32]) -> None:
+        """Let agents with ways of their own that are stuck look for others; ``following`` (n,) changes."""
+        walking = np.flatnonzero(state["goal"] >= 0)
+        own = walking[self.own[state["goal"][walking]]]
+        if len(own):
+            crowding = self._crowding_for(PLAIN, state)
+            self._own_ways.avoid(self.goals, state, following, own, crowding, self.weighing)
 
     def write(self, state: NDArray[Any], following: NDArray[np.int32], *, lead_out: bool = True) -> int:
         """Write gx, gy, togo, turn and held of all agents with a goal to their rows; return how many have no path.

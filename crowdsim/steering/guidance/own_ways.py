@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.steering.guidance.crowding_kernels import CHAIN, change_where_it_pays
 from crowdsim.steering.guidance.field import (
     BOX_ROW,
     FOR_ALL,
@@ -26,7 +27,7 @@ from crowdsim.steering.guidance.field import (
     no_paths,
     set_behaviors,
 )
-from crowdsim.steering.guidance.ground import NOBODY, Ground
+from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground
 from crowdsim.steering.guidance.ground_kernels import BOX
 from crowdsim.steering.guidance.own_way_kernels import begin_ways, label_boxes, sample_each
 from crowdsim.steering.guidance.sample_kernels import LOST
@@ -38,6 +39,15 @@ long."""
 
 IDLE = 40
 """Number of calls after which a way that nobody has followed is dropped."""
+
+AROUND_AFTER, AROUND_EVERY = 2, 4
+"""Time stuck after which an agent looks for a way around the crowd, and pause after which it does so again [s]."""
+
+MOST_AROUND = 16
+"""Largest number of agents that do so in one call."""
+
+GOAL = 1 << 31
+"""Part of the key of a way that counts its goal; the rest is the number in ``following``."""
 
 
 class _Target(NamedTuple):
@@ -64,7 +74,7 @@ class OwnWays:
 
     A way is known by its goal and the box at which it began, and depends on them alone. The caller stores that box, in
     ``following`` (int32[n], one entry per row of the state); negative stands for none yet, the number of boxes for a
-    way from everywhere.
+    way from everywhere. Larger numbers stand for ways around a crowd, which depend on the crowd of their time.
 
     Parameters
     ----------
@@ -91,6 +101,8 @@ class OwnWays:
         self._complete = np.empty(0, np.bool_)
         self._used = np.empty(0, np.int64)
         self._calls = 0
+        # Number of ways around a crowd that were looked for.
+        self._around = 0
         # Scratch that no search uses now.
         self._idle: SimpleQueue[_Scratch] = SimpleQueue()
 
@@ -119,8 +131,7 @@ class OwnWays:
             The agents to guide.
         """
         self._calls += 1
-        fresh = rows[following[rows] < 0]
-        following[fresh] = self._begins(state, fresh)
+        self._begin(state, following, rows)
         left = rows
         # At most three ways: the one that each follows, one from where it is now, and one from everywhere.
         for _ in range(3):
@@ -135,6 +146,55 @@ class OwnWays:
         self._drop()
         return rows[state["togo"][rows] >= LOST]
 
+    def avoid(
+        self,
+        goals: Sequence[Any],
+        state: NDArray[Any],
+        following: NDArray[np.int32],
+        rows: NDArray[np.int64],
+        crowding: Crowding,
+        weighing: Any,
+    ) -> None:
+        """Find ways around the present crowd for agents that are stuck, who change to them if that pays.
+
+        Call this once a second for all agents with ways of their own; at most MOST_AROUND look for one, those who have
+        been stuck for longest.
+
+        Parameters
+        ----------
+        goals, state, following : sequence of Goal, ROW[n], (n,) int32
+            As of :meth:`write`; ``stuck`` is read, too. All agents that follow any of these ways must be there.
+        rows : (k,) int64
+            The agents with ways of their own.
+        crowding : Crowding
+            The present crowd.
+        weighing : Weighing
+            How much it counts.
+        """
+        self._begin(state, following, rows)
+        # Ways around former crowds that nobody follows are not found again.
+        followed = state["goal"][rows].astype(np.int64) * GOAL + following[rows]
+        self._keep((self._keys % GOAL <= self._boxes) | np.isin(self._keys, followed))
+        seconds = state["stuck"][rows].astype(np.int64)
+        if not crowding.crowded:
+            return
+        stuck = rows[(seconds >= AROUND_AFTER) & (seconds % AROUND_EVERY == AROUND_AFTER)]
+        # By values, not by rows, whose order differs between processes.
+        stuck = stuck[np.lexsort((state["y"][stuck], state["x"][stuck], -state["stuck"][stuck]))][:MOST_AROUND]
+        begins = self._begins(state, stuck)
+        prices, chain = np.empty(self._boxes), np.empty(CHAIN, np.int64)
+        for row, goal, begin in zip(stuck.tolist(), state["goal"][stuck].tolist(), begins.tolist(), strict=True):
+            old = self.field(goals, goal, int(following[row]))
+            new, complete = self._search(self._target(goals, goal), begin, crowding)
+            place = np.array([[state["x"][row], state["y"][row]]])
+            prices.fill(-1.0)
+            changes = np.zeros(1, np.bool_)
+            change_where_it_pays(self.ground, crowding, old, new, place, weighing, prices, chain, changes)
+            self._around += 1
+            if changes[0]:
+                following[row] = self._boxes + self._around
+                self._add(np.array([goal * GOAL + int(following[row])], np.int64), [(new, complete)])
+
     def field(self, goals: Sequence[Any], goal: int, begin: int) -> Field:
         """Return the way to goal number ``goal`` that begins at box ``begin``; from everywhere if that is negative."""
         begins = np.array([begin if begin >= 0 else self._boxes], np.int32)
@@ -143,7 +203,13 @@ class OwnWays:
     def forget(self, goal: int) -> None:
         """Forget all ways to a goal, whose number another goal gets."""
         self._targets.pop(goal, None)
-        self._keep(self._keys // (self._boxes + 1) != goal)
+        self._keep(self._keys // GOAL != goal)
+
+    def _begin(self, state: NDArray[Any], following: NDArray[np.int32], rows: NDArray[np.int64]) -> None:
+        """Set where ways of ``rows`` (k,) begin that have none, or that of an agent around a crowd in another place."""
+        keys = state["goal"][rows].astype(np.int64) * GOAL + following[rows]
+        fresh = (following[rows] < 0) | (following[rows] > self._boxes) & ~np.isin(keys, self._keys)
+        following[rows[fresh]] = self._begins(state, rows[fresh])
 
     def _begins(self, state: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[np.int32]:
         """Return the boxes at which ways of ``rows`` (k,) begin; the number of boxes for a way from everywhere."""
@@ -154,7 +220,7 @@ class OwnWays:
 
     def _numbers_of(self, goals: Sequence[Any], to: NDArray[Any], begins: NDArray[np.int32]) -> NDArray[np.int64]:
         """Return the numbers (k,) of the ways to goals ``to`` (k,) from boxes ``begins`` (k,), and find new ones."""
-        keys = to.astype(np.int64) * (self._boxes + 1) + begins
+        keys = to.astype(np.int64) * GOAL + begins
         new = np.setdiff1d(keys, self._keys)
         if len(new):
             self._find(goals, new)
@@ -165,24 +231,31 @@ class OwnWays:
 
     def _find(self, goals: Sequence[Any], keys: NDArray[np.int64]) -> None:
         """Find the ways with these keys (k,)."""
-        asked = [divmod(key, self._boxes + 1) for key in keys.tolist()]
-        for goal, _ in asked:
-            if goal not in self._targets:
-                self._targets[goal] = self._target(goals[goal])
-        jobs = [(self._targets[goal], box) for goal, box in asked]
+        asked = [divmod(key, GOAL) for key in keys.tolist()]
+        jobs = [(self._target(goals, goal), box) for goal, box in asked]
         if self._threads > 1 and len(jobs) > 1:
             with ThreadPoolExecutor(self._threads) as pool:
                 found = list(pool.map(self._search, *zip(*jobs, strict=True)))
         else:
             found = [self._search(target, box) for target, box in jobs]
+        self._add(keys, found)
+
+    def _add(self, keys: NDArray[np.int64], found: Sequence[tuple[Field, bool]]) -> None:
+        """Add ways with these keys (k,), and whether each knows all boxes from which its goal can be reached."""
         self._fields += [field for field, _ in found]
         self._keys = np.concatenate((self._keys, keys))
         self._places = np.concatenate((self._places, [_places_of(field) for field, _ in found]))
         self._complete = np.concatenate((self._complete, [complete for _, complete in found]))
         self._used = np.concatenate((self._used, np.full(len(keys), self._calls)))
 
-    def _target(self, goal: Any) -> _Target:
+    def _target(self, goals: Sequence[Any], goal: int) -> _Target:
         """Return what searches need of a goal."""
+        if goal not in self._targets:
+            self._targets[goal] = self._new_target(goals[goal])
+        return self._targets[goal]
+
+    def _new_target(self, goal: Any) -> _Target:
+        """Find out what searches need of a goal."""
         ground = self.ground
         points, inside = goal_of(ground, goal)
         if self._labels is None:
@@ -197,7 +270,7 @@ class OwnWays:
         begins = np.concatenate((inside, rows[within] * ground.columns + columns[within]))
         return _Target(points, inside, frozenset(self._labels[begins].tolist()) - {-1})
 
-    def _search(self, target: _Target, box: int) -> tuple[Field, bool]:
+    def _search(self, target: _Target, box: int, crowding: Crowding = NOBODY) -> tuple[Field, bool]:
         """Return the way to a goal from a box, and whether it knows all boxes from which the goal can be reached."""
         ground, everywhere = self.ground, box == self._boxes
         assert self._labels is not None  # as targets are known
@@ -210,7 +283,7 @@ class OwnWays:
             scratch = _Scratch(no_paths(self._boxes), Work.of(self._boxes, listed=True))
         dense, work = field_of(scratch.of_box, target.points), scratch.work
         lead = FOR_ALL if everywhere else Lead(box, BESIDE)
-        count, complete = solve(ground, NOBODY, target.points, target.inside, lead, dense, work)
+        count, complete = solve(ground, crowding, target.points, target.inside, lead, dense, work)
         if count:
             known = np.sort(work.closed[:count])
             of_box = scratch.of_box[known]
@@ -225,7 +298,7 @@ class OwnWays:
 
     def _drop(self) -> None:
         """Drop ways that nobody has followed for long."""
-        used = self._used >= self._calls - IDLE
+        used = (self._used >= self._calls - IDLE) | (self._keys % GOAL > self._boxes)
         # Seldom, as it takes a time that grows with the number of ways.
         if 2 * used.sum() < len(used):
             self._keep(used)

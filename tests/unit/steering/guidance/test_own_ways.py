@@ -285,3 +285,81 @@ def test_a_way_begins_where_the_agent_can_go(seed):
             assert ground.widest[begin] >= 0
             assert max(abs(begin // ground.columns - row), abs(begin % ground.columns - column)) == 1
     assert beside > 10
+
+
+def before_a_door():
+    """Guidance of a hall with a door of 1 m ahead and another one 4 m aside, and rows of a crowd before the first."""
+    wall = shapely.box(9.9, 0.0, 10.1, 12.0)
+    for y in (3.0, 7.0):
+        wall = wall.difference(shapely.box(9.8, y - 0.5, 10.2, y + 0.5))
+    ground = ground_of([shapely.box(0.0, 0.0, 20.0, 12.0).difference(wall)] * 2)
+    goals = [np.array([14.0, 3.0])] + [np.array([14.0 + 0.02 * k, 3.0]) for k in range(60)]
+    guidance = Guidance(ground, goals, ASKED, own=np.ones(61, bool))
+    x, y = np.meshgrid(np.linspace(7.0, 9.6, 6), np.linspace(1.6, 4.4, 10))
+    state, following = sent(np.column_stack([np.append(6.6, x.ravel()), np.append(3.0, y.ravel())]), goals)
+    assert guidance.write(state, following) == 0
+    return guidance, state, following
+
+
+def test_who_is_stuck_goes_around_the_crowd_and_stays_on_that_way():
+    guidance, state, following = before_a_door()
+    straight = float(state["togo"][0])
+    assert (state["gx"][0], state["gy"][0]) == pytest.approx((1.0, 0.0), abs=0.05)
+    # Nobody is stuck; then the first one is, but it is not time; then it is.
+    for stuck, step, changes in ((0.0, 10, False), (2.5, 11, False), (2.5, 20, True)):
+        state["stuck"][0] = stuck
+        guidance.refresh_in_turn(step, 10, state, following)
+        assert guidance.write(state, following) == 0
+        assert (state["togo"][0] > straight + 2.0) == changes
+        assert (state["gy"][0] > 0.5) == changes
+    around = int(following[0])
+    # It stays on that way when it is on it again, and when others look for theirs.
+    state["stuck"][0] = 0.0
+    for step in range(30, 30 + 2 * own_ways.IDLE, 10):
+        guidance.refresh_in_turn(step, 10, state, following)
+        guidance.write(state, following)
+    assert following[0] == around
+    # In a changed place it begins anew.
+    guidance.rebuild(guidance.ground)
+    guidance.refresh_in_turn(30, 10, state, following)
+    assert guidance.write(state, following) == 0
+    assert state["togo"][0] == pytest.approx(straight)
+    assert following[0] != around
+
+
+def test_ways_around_a_crowd_are_the_same_in_any_order_of_the_agents():
+    guidance, state, following = before_a_door()
+    state["stuck"] = np.where(state["x"] < 7.2, np.linspace(2.0, 2.9, len(state)), 0.0)
+    other, mixed = before_a_door()[0], np.random.default_rng(1).permutation(len(state))
+    shuffled, followed = state[mixed], following[mixed]
+    guidance.refresh_in_turn(10, 10, state, following)
+    other.refresh_in_turn(10, 10, shuffled, followed)
+    assert (following > len(guidance.ground.widest)).sum() > 3
+    np.testing.assert_array_equal(following[mixed], followed)
+    guidance.write(state, following)
+    other.write(shuffled, followed)
+    assert state[mixed].tobytes() == shuffled.tobytes()
+
+
+def test_at_most_so_many_look_for_a_way_around_at_a_time(monkeypatch):
+    monkeypatch.setattr(own_ways, "MOST_AROUND", 3)
+    guidance, state, following = before_a_door()
+    state["stuck"] = 2.0 + 0.01 * np.arange(len(state))
+    guidance.refresh_in_turn(10, 10, state, following)
+    changed = np.flatnonzero(following > len(guidance.ground.widest))
+    assert 0 < len(changed) <= 3
+    assert changed.min() >= len(state) - 3
+
+
+def test_ways_around_a_crowd_that_nobody_follows_are_dropped():
+    guidance, state, following = before_a_door()
+    state["stuck"][0] = 2.5
+    guidance.refresh_in_turn(10, 10, state, following)
+    guidance.write(state, following)
+    most = guidance.memory
+    following[0] = PLAIN
+    guidance.write(state, following)
+    guidance.refresh_in_turn(20, 10, state[:0], following[:0])
+    state["stuck"] = 0.0
+    guidance.refresh_in_turn(30, 10, state, following)
+    assert guidance.memory < most
