@@ -78,15 +78,23 @@ def seen(
     rows["share"] = walkers.shares[agents]
     rows["id"] = agents
     rows["turn"] = rows["held"] = -1.0  # no section of a plan prescribes them
-    # Guidance only says where they want to go: their motion leads them, even if there is no path for steering.
-    guidance.write(rows, np.full(len(agents), PLAIN, np.int32), lead_out=False)
+    # Guidance only says where they want to go: their motion leads them, even if there is no path for steering. Where
+    # each would need a way of its own, the straight line to the goal says how far it is.
+    goes = np.flatnonzero(rows["goal"] >= 0)
+    alone = guidance.own[rows["goal"][goes]]
+    guided = rows[goes[~alone]]
+    guidance.write(guided, np.full(len(guided), PLAIN, np.int32), lead_out=False)
+    rows[goes[~alone]] = guided
+    lone = goes[alone]
+    away = errands.middles[rows["goal"][lone]] - view.pose[lone, :2]
+    rows["togo"][lone] = hypot(*away.T)
     pace = hypot(rows["vx"], rows["vy"])
     rows["speed"] = pace
     # Intent: the direction of guidance, as tracks sway; without guidance, that of the velocity, 0 if it is at rest.
-    guided = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)
+    has_way = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)
     length = np.where(pace > 0.0, pace, 1.0)
-    rows["ix"] = np.where(guided, rows["gx"], rows["vx"] / length)
-    rows["iy"] = np.where(guided, rows["gy"], rows["vy"] / length)
+    rows["ix"] = np.where(has_way, rows["gx"], rows["vx"] / length)
+    rows["iy"] = np.where(has_way, rows["gy"], rows["vy"] / length)
     rows["key"] = rows["togo"] + Rules().identity * rows["share"]
     waited = np.where(view.blocked_since >= 0, step - view.blocked_since, 0) / STEERING_RATE
     rows["rank"] = np.where(waited > PUSHES_AFTER, _PUSHING + waited, 0.0)
