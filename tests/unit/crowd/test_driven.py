@@ -304,3 +304,60 @@ def test_goals_that_nobody_goes_to_any_more_are_let_go() -> None:
             simulation.set_goal([number % 4], (1.0 + 0.2 * number, 5.0))
             simulation.step()
         assert len(simulation.crowd.place.guidance.goals) == known + 5
+
+
+def square(locomotion: str, count: int) -> Scenario:
+    """A square with boxes, and people all over it who want to its upper edge."""
+    boxes = [
+        {
+            "name": f"box{k}",
+            "box": {"center": [4.0 + 5.0 * (k % 4), 5.0 + 5.0 * (k // 4)], "size": [1.5, 1.0]},
+            "top": 2,
+        }
+        for k in range(12)
+    ]
+    people = {
+        "name": "people",
+        "count": count,
+        "locomotion": locomotion,
+        "start": {"rectangle": [1, 1, 23, 23]},
+        "goal": {"rectangle": [1, 23, 23, 24]},
+    }
+    return Scenario(
+        name="square", seed=1, duration=120, floor={"rectangle": [0, 0, 24, 24]}, obstacles=boxes, agents=[people]
+    )
+
+
+@pytest.mark.parametrize(("locomotion", "count"), [("steered", 150), ("auto", 40)])
+def test_each_agent_may_go_to_a_goal_of_its_own(locomotion: str, count: int) -> None:
+    with Simulation(square(locomotion, count)) as simulation:
+        guidance = getattr(simulation.crowd, "steered", simulation.crowd).place.guidance
+        goals = np.column_stack([1.6 + 5.0 * (np.arange(count) % 5), 2.5 + (19.0 / count) * np.arange(count)])
+        for _ in range(3):
+            simulation.step()
+        before = guidance.memory
+        for agent in range(count):
+            simulation.set_goal(agent, tuple(goals[agent]), on_arrival="stay")
+        simulation.step()
+        # A field of the place for each of them would be 150 times as large as the one for all.
+        assert guidance.memory < 30 * before
+        assert guidance.own.sum() == count
+        while not simulation.finished:
+            simulation.step()
+        here = simulation.agents
+        assert len(here.present) == count
+        assert np.hypot(here.x - goals[:, 0], here.y - goals[:, 1]).max() < 0.6
+
+
+def test_a_goal_that_many_are_sent_to_has_a_field_from_then_on() -> None:
+    with Simulation(square("steered", 30)) as simulation:
+        guidance = simulation.crowd.place.guidance
+        simulation.set_goal(range(12, 30), (4.0, 20.0))
+        for agent in range(12):
+            simulation.set_goal(agent, (20.0, 22.0))
+            simulation.step()
+            # Goal 0 is that of the group.
+            assert guidance.own.tolist() == [False, False, agent < 4]
+        while not simulation.finished:
+            simulation.step()
+        assert simulation.crowd.arrived == 30
