@@ -1,7 +1,8 @@
 """Measure guidance: CPU milliseconds per ground, field and edit, microseconds per agent, megabytes.
 
 ``python tools/guidance_figures.py [place ...]`` prints a line for each place, by default for all but ``large``. Figures
-are the least of a few runs, in CPU time of one thread, with 10,000 agents all over the place.
+are the least of a few runs, in CPU time of one thread, with 10,000 agents all over the place. Ways of single agents
+lead 200 of them to 200 goals.
 """
 
 from __future__ import annotations
@@ -23,11 +24,13 @@ from crowdsim.planning.query.requirements import Requirements
 from crowdsim.scenario.loader import load_scenario
 from crowdsim.steering.guidance.field import asked_of, guide, solve_field
 from crowdsim.steering.guidance.ground import build_ground, update_ground
-from crowdsim.steering.guidance.guidance import crowding_of
+from crowdsim.steering.guidance.guidance import PLAIN, crowding_of
+from crowdsim.steering.guidance.own_ways import OwnWays
 from crowdsim.steering.guidance.place_walls import PlaceWalls
 from crowdsim.steering.row_kernels import ROW
 
 AGENTS = 10_000
+LONE = 200
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 
 
@@ -103,6 +106,13 @@ def measure(name: str) -> str:
     crowd = places[: AGENTS // 2] if areas[0].area > 1e3 else places[: int(2.0 * areas[0].area)]
     weigh_ms, crowding = least(lambda: crowding_of(ground, crowd))
     crowded_ms, _ = least(lambda: solve_field(ground, goal, crowding))
+    lone, targets, rows = state[:LONE].copy(), list(places[-LONE:]), np.arange(LONE)
+    lone["goal"], following = rows, np.full(LONE, PLAIN, np.int32)
+    ways = OwnWays(ground, asked)
+    # The first one numbers the parts of the ground.
+    ways.write(targets, lone, following, rows[:1])
+    find_ms, _ = least(lambda: ways.write(targets, lone, following, rows), 1)
+    follow_ms, _ = least(lambda: ways.write(targets, lone, following, rows), 10)
     thing = [shapely.box(x, y, x + 0.6, y + 0.6)] * 2
     edit_ms = least(lambda: walls.put(0, thing), 1)[0] + least(lambda: walls.put(0, None), 1)[0]
     window = walls.put(0, thing)
@@ -113,7 +123,8 @@ def measure(name: str) -> str:
         f"{name:>10}: boxes {len(ground.widest):>8,}, walls {walls_ms:.1f} ms, edit {edit_ms / 2.0:.1f} ms; ground "
         f"{ground_ms:.1f} ms, {megabytes[0]:.1f} MB, edit {update_ms:.1f} ms; field {field_ms:.1f} ms, "
         f"{megabytes[1]:.1f} MB, in a crowd {crowded_ms:.1f} ms (density {weigh_ms:.1f} ms); agent "
-        f"{sample_ms / AGENTS * 1e3:.3f} us, the first time {first_ms / AGENTS * 1e3:.2f} us"
+        f"{sample_ms / AGENTS * 1e3:.3f} us, the first time {first_ms / AGENTS * 1e3:.2f} us; own "
+        f"way {find_ms / (LONE - 1):.2f} ms, {ways.memory / LONE / 1e3:.0f} kB, agent {follow_ms / LONE * 1e3:.2f} us"
     )
 
 

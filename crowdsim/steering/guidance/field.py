@@ -72,8 +72,9 @@ class Lead(NamedTuple):
 
     box: int
     """Box of the agent for whom the field is; -1 if it is for all agents, wherever they are."""
-    beside: float
-    """Boxes are solved if a detour over them costs the agent no more than this many meters [m]."""
+    aside: float
+    """How far aside of a straight path boxes are solved, in its middle, if it is not too short or too long for that
+    [m]."""
 
 
 class Work(NamedTuple):

@@ -33,8 +33,8 @@ from crowdsim.steering.guidance.own_way_kernels import begin_ways, label_boxes, 
 from crowdsim.steering.guidance.sample_kernels import LOST
 from crowdsim.steering.guidance.solve_kernels import SEEDS, clear, solve
 
-BESIDE = 1.5
-"""Largest detour over the boxes that a way knows [m]. A larger one takes longer to solve, a smaller one lasts less
+ASIDE = 4.0
+"""How far aside of a straight way it knows the boxes, in its middle [m]. More take longer to find, fewer last less
 long."""
 
 IDLE = 40
@@ -282,7 +282,7 @@ class OwnWays:
         except Empty:
             scratch = _Scratch(no_paths(self._boxes), Work.of(self._boxes, listed=True))
         dense, work = field_of(scratch.of_box, target.points), scratch.work
-        lead = FOR_ALL if everywhere else Lead(box, BESIDE)
+        lead = FOR_ALL if everywhere else Lead(box, ASIDE)
         count, complete = solve(ground, crowding, target.points, target.inside, lead, dense, work)
         if count:
             known = np.sort(work.closed[:count])

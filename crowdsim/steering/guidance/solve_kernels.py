@@ -32,10 +32,14 @@ from crowdsim.steering.guidance.field_kernels import (
     is_quiet,
     test_box,
 )
-from crowdsim.steering.guidance.ground_kernels import STEPS, box_at, line_cost, load_at, pin_of
+from crowdsim.steering.guidance.ground_kernels import BOX, STEPS, box_at, line_cost, load_at, pin_of
 
 SHORTCUT = 0.9
 """Guess for an untested straight line, as a share of the path over the neighbor. Lower values test more lines."""
+
+LEAST_DETOUR, MOST_DETOUR = 0.3, 1.5
+"""Range of the detours over the boxes that are solved for one agent [m]. A larger one takes longer to solve; a smaller
+one ends sooner at the agent's side."""
 
 SEEDS = 2
 """Number of boxes around a point of the goal, in each direction, from which the line to the point is tested."""
@@ -195,7 +199,9 @@ def solve(ground, crowding, points, inside, lead, field, work):
             work.closed[final] = box
         final += 1
         if box == lead.box:
-            limit = key + top * lead.beside
+            # All ways between two points that are longer by a detour lie in an ellipse, of this width in its middle.
+            detour = 2.0 * lead.aside * lead.aside / max(float(field.length[box]), BOX)
+            limit = key + top * min(max(detour, LEAST_DETOUR), MOST_DETOUR)
         anchor = field.anchor[box]
         px, py = pin_of(ground, box)
         sx, sy = anchor_place(ground, points, anchor)
