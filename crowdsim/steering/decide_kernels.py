@@ -20,6 +20,7 @@ from crowdsim.steering.capsule_kernels import gap_to
 from crowdsim.steering.direction_kernels import NEAR, TURNS, choose_direction
 from crowdsim.steering.facing_kernels import face, turn_first
 from crowdsim.steering.look_kernels import MOST_NEAR, take_in
+from crowdsim.steering.order_kernels import key_of, same_way
 from crowdsim.steering.stuck_kernels import handed_on, is_wedged, press_or_step_back, push_on, rank_of, way_aside
 from crowdsim.steering.wall_kernels import distance_at, is_in_sight, is_lane, is_lane_behind
 
@@ -48,12 +49,6 @@ WANTED = np.dtype(
 
 
 @helper
-def same_goal(mine, other):
-    """Return True if ``mine`` and ``other`` (ROW) have the same goal, or both none (``goal`` < 0)."""
-    return other.goal == mine.goal or (other.goal < 0 and mine.goal < 0)
-
-
-@helper
 def hear_opposing(rows, mine, near, count, walls, rules):
     """Return the agent's awareness of opposing traffic, 0 to 1: what it sees, hears from agents ahead, or remembers.
 
@@ -72,9 +67,9 @@ def hear_opposing(rows, mine, near, count, walls, rules):
         other = rows[seen.row]
         along = other.ix * mine.gx + other.iy * mine.gy
         # An agent whose intent is more than 107 degrees off this one's guidance is opposing traffic unless it is far to
-        # the side of the line along that guidance; less far to the left, where it will pass. Agents of one goal never
+        # the side of the line along that guidance; less far to the left, where it will pass. Agents of one way never
         # are: at a door they face each other because they queue for it.
-        if along < -0.3 and not same_goal(mine, other):
+        if along < -0.3 and not same_way(mine, seen, other):
             left = mine.gx * seen.py - mine.gy * seen.px
             meets = -rules.opposing_right < left < rules.opposing_left
             if meets and is_in_sight(walls[1], mine.x, mine.y, seen.px, seen.py):
@@ -93,7 +88,7 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
     """Step out of the way of an opposing agent that is stuck, if this agent blocks it; return True if so.
 
     Then set velocity, intent, rank, facing and shoulders of ``want``. Of several stuck agents, the one with the highest
-    rank counts. Agents of one goal do not yield to each other like this, as that would ruin the flow at a door;
+    rank counts. Agents of one way do not yield to each other like this, as that would ruin the flow at a door;
     :func:`let_merge` orders them. Agents without a goal (``goal`` < 0), which stand, turn or walk to their spots, yield
     to each other, too: one that steps aside takes over the rank, and those behind it have to make room in turn.
     """
@@ -106,7 +101,7 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
     for n in range(count):
         seen = near[n]
         other = rows[seen.row]
-        queues = other.goal == mine.goal and mine.goal >= 0
+        queues = mine.goal >= 0 and same_way(mine, seen, other)
         if other.rank <= highest or queues or seen.distance > rules.yield_reach:
             continue
         # Intents must oppose each other by more than 107 degrees. An agent that stays yields to any direction.
@@ -140,11 +135,12 @@ def yield_to_opposing(rows, mine, near, count, walls, rules, want):
 
 @helper
 def let_merge(rows, mine, near, count, rules, want):
-    """Back away from agents of the same goal that go first, are stuck, and are hindered by this agent.
+    """Back away from agents of the same way that go first, are stuck, and are hindered by this agent.
 
     Return False if there are none, or if the directions away from them cancel out. Otherwise set velocity, intent, key,
-    facing and shoulders of ``want``, and return True. An agent with a lower key (length to go [m], with a tie breaker)
-    goes first. Agents without a goal (``goal`` < 0), such as those on the way to their own spots, count as of one goal.
+    facing and shoulders of ``want``, and return True. An agent with a lower key goes first
+    (:mod:`crowdsim.steering.order_kernels`). Agents without a goal (``goal`` < 0), such as those on the way to their
+    own spots, count as of one goal.
     """
     awayx = 0.0
     awayy = 0.0
@@ -155,9 +151,10 @@ def let_merge(rows, mine, near, count, rules, want):
         seen = near[n]
         other = rows[seen.row]
         # Only agents within 1 m with the right of way that are stuck.
-        if other.key >= want.key or other.stuck <= rules.merge_after or seen.distance > 1.0:
+        if other.stuck <= rules.merge_after or seen.distance > 1.0:
             continue
-        if not same_goal(mine, other):
+        key = key_of(mine, seen, other)
+        if key >= want.key:
             continue
         # Skip agents that have this one behind them: it is not in their way.
         if seen.px * other.ix + seen.py * other.iy > rules.merge_behind * seen.distance:
@@ -166,8 +163,8 @@ def let_merge(rows, mine, near, count, rules, want):
         if gap_to(mine, seen) < rules.merge_gap:
             awayx -= seen.px / seen.distance
             awayy -= seen.py / seen.distance
-            if other.key < lowest:
-                lowest = other.key
+            if key < lowest:
+                lowest = key
                 wayx = other.ix
                 wayy = other.iy
     away = math.sqrt(awayx * awayx + awayy * awayy)
@@ -239,14 +236,15 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
         if seen.px * ux + seen.py * uy <= 0.0:
             continue
         other = rows[seen.row]
-        own_way = same_goal(mine, other)
-        # Share of the swath in which the neighbor counts: of agents with the same goal, those that go first count
-        # almost fully, those that go after this one not at all. In a file all ahead count: for two steps, the key of an
-        # agent that has just reached one of several goals is still that of the way there, so those ahead would seem to
-        # go after it.
+        key = key_of(mine, seen, other)
+        own_way = key < math.inf
+        # Share of the swath in which the neighbor counts: of agents of the same way, those that go first count almost
+        # fully, those that go after this one not at all. In a file all ahead count: for two steps, the key of an agent
+        # that has just reached one of several goals is still that of the way there, so those ahead would seem to go
+        # after it.
         share = rules.swath
         if own_way:
-            share = before if in_file or other.key < mine.key else rules.swath_behind
+            share = before if in_file or key < mine.key else rules.swath_behind
         # Sum of both half breadths across the direction (a core is across its heading). An agent whose center is aside
         # by this share of the sum or more does not limit the speed.
         both = width + seen.radius + seen.half * abs(seen.hx * ux + seen.hy * uy)
@@ -260,8 +258,8 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
         # Start at once when the leader starts; its speed counts less in a small gap.
         leading = max(0.0, seen.vx * ux + seen.vy * uy)
         speed = min(speed, allowed + rules.leader * leading * min(1.0, max(gap, 0.0) / rules.leader_gap))
-        # An agent close ahead that walks the same way is one to wait for; of the same goal, only if it goes first.
-        if gap < 0.4 and other.ix * mine.gx + other.iy * mine.gy > 0.3 and (not own_way or other.key < mine.key):
+        # An agent close ahead that walks the same way is one to wait for, if it goes first.
+        if gap < 0.4 and other.ix * mine.gx + other.iy * mine.gy > 0.3 and (not own_way or key < mine.key):
             led = True
     # The time gap alone would stop touching agents for ever. Contact is harmless, as the commit lets bodies slide: a
     # stuck agent presses on, more and more from 0.3 to 2.3 s; faster, from 0.2 to 1.2 s, without a leader to wait for.

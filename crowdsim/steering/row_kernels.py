@@ -29,14 +29,19 @@ ROW = np.dtype(
         ("half", np.float64),  # present half length of the capsule's core, shoulder to shoulder [m]
         ("radius", np.float64),  # radius of the capsule [m]
         ("rank", np.float64),  # right of way among opposing agents, highest first: time stuck [s], or lasting (rank_of)
-        ("key", np.float64),  # right of way among agents of one goal: the lower key goes first [m]
+        ("key", np.float64),  # right of way among agents of one way: the lower key goes first [m]
         ("opposed", np.float64),  # awareness of opposing traffic, 0 to 1
-        ("goal", np.int64),  # number of the goal; agents with the same number queue for it; negative for none
+        ("goal", np.int64),  # number of the goal; negative for none
         ("stuck", np.float64),  # time without progress [s]: 0 to 30, then 20 to 30 again and again (see next_stuck)
         ("speed", np.float64),  # free walking speed [m/s]
         ("gx", np.float64),  # unit vector of guidance: direction of the way to the goal; (0, 0) for an agent that stays
         ("gy", np.float64),
         ("togo", np.float64),  # length of the way left to the goal [m]
+        ("cx", np.float64),  # course: unit vector to the next bend of the way that is not quite near, or to the goal
+        ("cy", np.float64),
+        ("ahead", np.float64),  # distance of that bend [m]
+        ("onx", np.float64),  # unit vector of the way after that bend; (0, 0) if it ends there
+        ("ony", np.float64),
         ("heading", np.float64),  # direction in which the chest faces, counterclockwise from x [rad]
         ("rest", np.float64),  # relaxed half length of the core, to which "half" returns [m]
         ("share", np.float64),  # tie breaker in [0, 1), drawn from the id

@@ -75,9 +75,9 @@ class Rules(NamedTuple):
     swath: float = 0.9
     """Half width of the swath in which agents ahead limit the speed, as a share of the sum of both half breadths."""
     swath_before: float = 0.79
-    """The same towards agents of the same goal that go first, which are those with a lower key."""
+    """The same towards agents of the same way that go first, which are those with a lower key."""
     swath_behind: float = 0.0
-    """The same towards agents of the same goal that go after this one."""
+    """The same towards agents of the same way that go after this one."""
     abreast: float = 0.9
     """Width between walls that two agents need side by side. In lanes narrower than this by 0.05 m, agents that walk
     the same way keep in file: they do not turn their shoulders to get beside each other, and agents ahead of the same
@@ -98,7 +98,7 @@ class Rules(NamedTuple):
     creep_first: float = 1.34
     """The same if no agent that it has to wait for is close ahead [m/s]; reached 1.2 s after it got stuck."""
     merge_after: float = 0.2
-    """Time stuck of an agent that goes first, after which others of the same goal make room for it."""
+    """Time stuck of an agent that goes first, after which others of the same way make room for it."""
     merge_behind: float = 0.3
     """Cosine, between the vector to an agent that goes first and that agent's intent, above which this agent is behind
     it and so does not hinder it."""
@@ -129,4 +129,4 @@ class Rules(NamedTuple):
     """The same if a section of the plan prescribes the turn."""
     identity: float = 0.15
     """Range of the tie breaker (``share`` in ROW) that is added to the length of the way to go, in the order of right
-    of way among agents of one goal."""
+    of way among agents of one way."""

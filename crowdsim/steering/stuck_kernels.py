@@ -20,6 +20,7 @@ import math
 from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.jit import helper
 from crowdsim.steering.capsule_kernels import gap_to
+from crowdsim.steering.order_kernels import same_way
 from crowdsim.steering.wall_kernels import LANE_SPARE, distance_at, free_ahead, is_in_sight
 
 WEDGED_AFTER = 5.0
@@ -149,8 +150,8 @@ def handed_on(rank):
 def push_on(rows, mine, near, count, walls, reach, rank):
     """Return ``rank``, or a higher lasting one that this agent takes over from agents that press on from behind.
 
-    An agent presses on this one if it has the same goal, is in sight within ``reach`` [m], goes the same way (less than
-    73 degrees off), and would walk into this agent, which then is ahead of it, and beside its line by less than the sum
+    An agent presses on this one if they have a way in common, it is in sight within ``reach`` [m], goes the same way
+    now (less than 73 degrees off), and would walk into this agent, which then is ahead of it, and beside its line by less than the sum
     of both half breadths. An agent that is itself ahead of this one does not press on it: two such agents would hand a
     rank to and fro. Agents without a goal (``goal`` < 0) have no way in common. ``rows`` (ROW[n]) are the sorted
     agents. Of several ranks, the highest counts.
@@ -160,11 +161,11 @@ def push_on(rows, mine, near, count, walls, reach, rank):
         other = rows[seen.row]
         handed = handed_on(other.rank)
         if (
-            other.goal != mine.goal
-            or mine.goal < 0
+            mine.goal < 0
             or not is_lasting(other.rank)
             or handed <= rank
             or seen.distance > reach
+            or not same_way(mine, seen, other)
         ):
             continue
         # This agent must be ahead of the other one, along the other's intent, and the other one not ahead of this one.

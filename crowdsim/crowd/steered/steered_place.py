@@ -31,9 +31,17 @@ KEPT_OFF = 0.02
 
 
 WALKING = np.dtype(
-    [("x", np.float64), ("y", np.float64), ("goal", np.int64), ("stuck", np.float64), ("following", np.int32)]
+    [
+        ("x", np.float64),
+        ("y", np.float64),
+        ("goal", np.int64),
+        ("stuck", np.float64),
+        ("opposed", np.float64),
+        ("following", np.int32),
+    ]
 )
-"""What the renewal of a field reads of an agent: position [m], goal, time stuck [s] and the field that it follows."""
+"""What the renewal of a field reads of an agent: position [m], goal, time stuck [s], awareness of opposing traffic, and
+the field that it follows."""
 
 
 class SteeredPlace:
@@ -235,7 +243,7 @@ class SteeredPlace:
             return
         # All processes renew the same field and find the same ways, in the crowd of all of them.
         walking = np.empty(len(state), WALKING)
-        for name in ("x", "y", "goal", "stuck"):
+        for name in ("x", "y", "goal", "stuck", "opposed"):
             walking[name] = state[name]
         walking["following"] = following
         everybody, mine = self._ranks.together(walking)

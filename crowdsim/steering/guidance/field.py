@@ -229,7 +229,7 @@ def asked_of(behaviors: Sequence[Behavior], radius: float = 0.125) -> NDArray[np
 def guide(
     ground: Ground, field: Field, asked: NDArray[np.float64], agents: NDArray[np.int64], state: NDArray[Any]
 ) -> int:
-    """Write gx, gy, togo, turn and held, as a field gives them, to the rows ``agents`` (k,) of ``state`` (ROW[n]).
+    """Write gx, gy, togo, course, turn and held, as a field gives them, to the rows ``agents`` (k,) of ``state`` (ROW[n]).
 
     ROW is that of :mod:`crowdsim.steering.row_kernels`; ``asked`` is the array that :func:`asked_of` returns. Return
     the number of these agents that have no path.

@@ -304,10 +304,11 @@ class Guidance:
 
     def _crowding_for(self, goal: int, state: NDArray[Any]) -> Crowding:
         """Return the factor on costs that agents (ROW[n]) cause on the way to a goal; PLAIN for any goal."""
-        # Agents of other goals that are long stuck stay in the way for long. The time stuck of jammed ones cycles, so
-        # it counts up to where the cycle begins.
+        # Agents of other goals that are long stuck as they face each other stay in the way for long; those that queue
+        # are aware of no opposing traffic. The time stuck of jammed ones cycles, so it counts up to where the cycle
+        # begins.
         stuck = np.minimum(state["stuck"], STUCK_MOST - CYCLE)
-        late = self.weighing.late * np.maximum(stuck - self.weighing.late_after, 0.0)
+        late = self.weighing.late * np.maximum(stuck - self.weighing.late_after, 0.0) * state["opposed"]
         counts = 1.0 + np.where(state["goal"] != goal, late, 0.0)
         return crowding_of(self.ground, np.column_stack((state["x"], state["y"])), self.weighing, counts)
 
@@ -320,7 +321,7 @@ class Guidance:
             self._own_ways.avoid(self.goals, state, following, own, crowding, self.weighing)
 
     def write(self, state: NDArray[Any], following: NDArray[np.int32], *, lead_out: bool = True) -> int:
-        """Write gx, gy, togo, turn and held of all agents with a goal to their rows; return how many have no path.
+        """Write gx, gy, togo, course, turn and held of all agents with a goal to their rows; return how many have no path.
 
         If ``lead_out`` is True, agents without a path, such as those who were pushed into a gap between chairs, are led
         through gaps in which bodies just fit; they count only if no such way exists either. If it is False, all agents

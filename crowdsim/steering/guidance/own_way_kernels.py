@@ -122,7 +122,7 @@ def _field_at(places):
 
 @kernel
 def sample_each(ground, nobody, places, numbers, asked, agents, state):
-    """Write gx, gy, togo, turn and held of agents, each of which follows a field of its own, to their rows.
+    """Write gx, gy, togo, course, turn and held of agents, each of which follows a field of its own, to their rows.
 
     Parameters
     ----------

@@ -115,7 +115,7 @@ class OwnWays:
     def write(
         self, goals: Sequence[Any], state: NDArray[Any], following: NDArray[np.int32], rows: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """Write gx, gy, togo, turn and held of some agents to their rows; return those that have no path.
+        """Write gx, gy, togo, course, turn and held of some agents to their rows; return those that have no path.
 
         Agents that have no way yet, or are beside the boxes of theirs, get one from where they are.
 

@@ -297,23 +297,24 @@ def first_head(ground, nobody, field, box, x, y):
 
 @helper
 def way_at(ground, nobody, field, x, y):
-    """Return what a field gives at a position: unit vector of the path (two values), cost, length to go [m], behavior.
+    """Return what a field gives at a position: unit vector of the path, cost, length [m], behavior and target.
 
     The vector is (0, 0) in the goal, exactly at the point headed for, and without a path. Cost and length are 0 in the
-    goal, and infinite without a path. In the goal and without a path the behavior is the widest.
+    goal, and infinite without a path. In the goal and without a path the behavior is the widest, and the target -1;
+    else the target is a box, or a point of the goal.
     """
     top = len(ground.costs) - 1
     box = box_at(ground, x, y)
     if box < 0:
-        return 0.0, 0.0, math.inf, math.inf, top
+        return 0.0, 0.0, math.inf, math.inf, top, -1
     boxes = len(ground.widest)
     # Cost 0: the pin of the box is in the goal, so all of the box counts as in it.
     known = row_of(field, box)
     if known >= 0 and field.cost[known] == 0.0:
-        return 0.0, 0.0, 0.0, 0.0, top
+        return 0.0, 0.0, 0.0, 0.0, top, -1
     head, cost, mx, my = first_head(ground, nobody, field, box, x, y)
     if head < 0:
-        return 0.0, 0.0, math.inf, math.inf, top
+        return 0.0, 0.0, math.inf, math.inf, top, -1
     sx, sy = anchor_place(ground, field.points, head)
     length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
     # Scale the cost of the line, which holds at (mx, my), to the distance from the position.
@@ -324,5 +325,5 @@ def way_at(ground, nobody, field, x, y):
     # The box has no path from its pin (-1), though one leads on from here: nothing is prescribed.
     asked = top if known < 0 or field.asks[known] < 0 else field.asks[known]
     if length == 0.0:
-        return 0.0, 0.0, paid, to_go, asked
-    return (sx - x) / length, (sy - y) / length, paid + meter * length, to_go, asked
+        return 0.0, 0.0, paid, to_go, asked, head
+    return (sx - x) / length, (sy - y) / length, paid + meter * length, to_go, asked, head

@@ -11,6 +11,15 @@ from crowdsim.steering.guidance.field_kernels import anchor_place, row_of
 from crowdsim.steering.guidance.ground_kernels import box_at
 from crowdsim.steering.guidance.sample_kernels import LOST, first_head, way_at
 
+NEAR_BEND = 0.6
+"""Distance of a bend below which the way counts as straight there [m]: people pressed against a wall step back first."""
+
+ON_LENGTH = 1.5
+"""Distance from a bend at which the direction of the way behind it is found, over a corner of several bends, too [m]."""
+
+BENDS = 8
+"""Largest number of bends that are looked at."""
+
 
 @kernel
 def end_of_way(ground, nobody, field, x, y):
@@ -42,11 +51,44 @@ def end_of_way(ground, nobody, field, x, y):
 
 @helper
 def lead(ground, nobody, field, asked, me):
-    """Write gx, gy, togo, turn and held of the agent ``me`` (a row of ROW); return True if it has a path."""
-    gx, gy, _, to_go, behavior = way_at(ground, nobody, field, me.x, me.y)
+    """Write what a field gives at the position of the agent ``me`` (a row of ROW); return True if it has a path.
+
+    That is gx, gy, togo, the course, turn and held.
+    """
+    gx, gy, _, to_go, behavior, head = way_at(ground, nobody, field, me.x, me.y)
     me.gx = gx
     me.gy = gy
     me.togo = LOST if to_go == math.inf else to_go
+    # The course, to the first bend that is not quite near, and the direction from there on.
+    me.cx = gx
+    me.cy = gy
+    me.ahead = 0.0
+    me.onx = 0.0
+    me.ony = 0.0
+    boxes = len(ground.widest)
+    sx = me.x
+    sy = me.y
+    begun = False
+    for _ in range(BENDS):
+        if head < 0:
+            break
+        ex, ey = anchor_place(ground, field.points, head)
+        length = math.sqrt((ex - sx) * (ex - sx) + (ey - sy) * (ey - sy))
+        if length > 0.0 and not begun:
+            me.cx = (ex - sx) / length
+            me.cy = (ey - sy) / length
+            me.ahead = length
+        elif length > 0.0:
+            me.onx = (ex - sx) / length
+            me.ony = (ey - sy) / length
+        if length > (ON_LENGTH if begun else NEAR_BEND):
+            if begun:
+                break
+            begun = True
+            sx = ex
+            sy = ey
+        ahead = field.anchor[row_of(field, head)] if head < boxes else head
+        head = -1 if ahead == head else ahead
     me.turn = asked[behavior, 0]
     me.held = min(me.rest, asked[behavior, 1])
     return to_go < math.inf
@@ -54,7 +96,7 @@ def lead(ground, nobody, field, asked, me):
 
 @kernel
 def sample(ground, nobody, field, asked, agents, state):
-    """Write gx, gy, togo, turn and held of the agents that follow a field to their rows.
+    """Write gx, gy, togo, course, turn and held of the agents that follow a field to their rows.
 
     ``held`` is the smaller of what the behavior prescribes and ``rest``, and -1 if nothing is prescribed.
 
@@ -82,9 +124,9 @@ def sample(ground, nobody, field, asked, agents, state):
 
 @kernel
 def ways_at(ground, nobody, field, places, out):
-    """Fill ``out`` (float64[k, 5]) with the five values of :func:`way_at` at ``places`` (float64[k, 2]) [m]."""
+    """Fill ``out`` (float64[k, 5]) with the first five values of :func:`way_at` at ``places`` (float64[k, 2]) [m]."""
     for n in range(len(places)):
-        gx, gy, cost, to_go, behavior = way_at(ground, nobody, field, places[n, 0], places[n, 1])
+        gx, gy, cost, to_go, behavior, _ = way_at(ground, nobody, field, places[n, 0], places[n, 1])
         out[n, 0] = gx
         out[n, 1] = gy
         out[n, 2] = cost
