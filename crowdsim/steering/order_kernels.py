@@ -61,11 +61,13 @@ def lead_of(mine, seen, other):
         dy = seen.py + other.ahead * other.cy - mine.ahead * mine.cy
         if dx * dx + dy * dy < JOINED * JOINED:
             return mine.ahead - other.ahead
-    # One of them bends into the straight way of the other.
+    # One of them bends into the straight way of the other; each into that of the other, if they wind: then the mean
+    # counts, so that both agree.
     lead = _after_joining(mine, other, seen.px, seen.py)
-    if not math.isnan(lead):
-        return lead
-    return -_after_joining(other, mine, -seen.px, -seen.py)
+    behind = _after_joining(other, mine, -seen.px, -seen.py)
+    if math.isnan(lead):
+        return -behind
+    return lead if math.isnan(behind) else 0.5 * (lead - behind)
 
 
 @helper

@@ -150,11 +150,11 @@ def handed_on(rank):
 def push_on(rows, mine, near, count, walls, reach, rank):
     """Return ``rank``, or a higher lasting one that this agent takes over from agents that press on from behind.
 
-    An agent presses on this one if they have a way in common, it is in sight within ``reach`` [m], goes the same way
-    now (less than 73 degrees off), and would walk into this agent, which then is ahead of it, and beside its line by less than the sum
-    of both half breadths. An agent that is itself ahead of this one does not press on it: two such agents would hand a
-    rank to and fro. Agents without a goal (``goal`` < 0) have no way in common. ``rows`` (ROW[n]) are the sorted
-    agents. Of several ranks, the highest counts.
+    An agent presses on this one if they have a way in common, it is in sight within ``reach`` [m], walks along with
+    this one (less than 73 degrees off), and would walk into this agent, which then is ahead of it, and beside its line
+    by less than the sum of both half breadths. An agent that is itself ahead of this one does not press on it: two such
+    agents would hand a rank to and fro. Agents without a goal (``goal`` < 0) have no way in common. ``rows`` (ROW[n])
+    are the sorted agents. Of several ranks, the highest counts.
     """
     for n in range(count):
         seen = near[n]

@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from crowdsim.steering.rules import Rules
+from tests.reference.order_reference import key_of, same_way
 from tests.reference.steering_room import handed_on, in_sight, is_jammed, rank_of, turned, where_room_is, widest_behind
 
 Lines = NDArray[np.float64]
@@ -161,11 +162,6 @@ def smallest_gaps(
     return people, legs, torsos
 
 
-def same_goal(mine: NDArray[np.void], other: NDArray[np.void]) -> bool:
-    """Return whether two rows have one goal, or both none."""
-    return bool(mine["goal"] == other["goal"] or max(mine["goal"], other["goal"]) < 0)
-
-
 class Decision:
     """The velocity that an agent decides on, rule by rule, see docs/steering.md.
 
@@ -240,7 +236,7 @@ class Decision:
             along = self.intent(other) @ self.way
             if apart @ self.way <= 0.0 or not in_sight(self.walls, self.mine, row):
                 continue
-            if along < -0.3 and not same_goal(self.mine, row):
+            if along < -0.3 and not same_way(self.mine, row):
                 if -rules.opposing_right < cross(self.way, apart) < rules.opposing_left:
                     return 1.0
             elif along > 0.3:
@@ -248,15 +244,15 @@ class Decision:
         return max(news)
 
     def pressing(self) -> list[float]:
-        """Return the lasting ranks that agents of the same goal hand on, which press on behind this one."""
+        """Return the lasting ranks that agents of the same way hand on, which press on behind this one."""
         ranks = []
         for other in self.heeded:
             row, apart, its_way = self.state[other], self.apart(other), self.intent(other)
             breadth = self.mine["half"] + self.mine["radius"] + row["half"] + row["radius"]
             in_front = -apart @ its_way > 0.0 and apart @ self.way <= 0.0 and abs(cross(its_way, apart)) < breadth
-            same_way = its_way @ self.way >= 0.3 and row["goal"] == self.mine["goal"] >= 0
+            along = its_way @ self.way >= 0.3 and self.mine["goal"] >= 0 and same_way(self.mine, row)
             near = np.hypot(*apart) <= self.rules.yield_reach and in_sight(self.walls, self.mine, row)
-            if row["rank"] > 31.0 and same_way and in_front and near:
+            if row["rank"] > 31.0 and along and in_front and near:
                 ranks.append(handed_on(row["rank"]))
         return ranks
 
@@ -270,7 +266,7 @@ class Decision:
             breadth = self.mine["half"] + self.mine["radius"] + row["half"] + row["radius"]
             in_its_way = -apart @ self.intent(other) > 0.0 and abs(cross(self.intent(other), apart)) < breadth
             near = np.hypot(*apart) <= self.rules.yield_reach and in_sight(self.walls, self.mine, row)
-            queues = row["goal"] == self.mine["goal"] >= 0
+            queues = self.mine["goal"] >= 0 and same_way(self.mine, row)
             if row["rank"] > highest and not queues and opposing and in_its_way and near:
                 highest, first = row["rank"], other
         if first is None:
@@ -289,13 +285,14 @@ class Decision:
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
             distance = np.hypot(*apart)
-            first = same_goal(self.mine, row) and row["key"] < self.key
+            key = key_of(self.mine, row)
+            first = key is not None and key < self.key
             behind = apart @ self.intent(other) > self.rules.merge_behind * distance
             waits = row["stuck"] > self.rules.merge_after and distance <= 1.0
             if first and waits and not behind and gap(self.state, self.me, other) < self.rules.merge_gap:
                 away -= apart / distance
-                if row["key"] < lowest:
-                    lowest = row["key"]
+                if key < lowest:
+                    lowest = key
                     self.across = self.intent(other) if self.intent(other).any() else self.way
         size = np.hypot(*away)
         return None if size == 0.0 else self.rules.merge_speed * away / size
@@ -407,8 +404,9 @@ class Decision:
         led = False
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
-            same = same_goal(mine, row)
-            goes_first = row["key"] < mine["key"]
+            key = key_of(mine, row)
+            same = key is not None
+            goes_first = same and key < mine["key"]
             share = (before if in_file or goes_first else rules.swath_behind) if same else rules.swath
             both = mine["half"] * math.cos(self.turn) + mine["radius"] + row["radius"]
             both += row["half"] * abs(row["hx"] * direction[0] + row["hy"] * direction[1])

@@ -95,6 +95,8 @@ def seen(
     length = np.where(pace > 0.0, pace, 1.0)
     rows["ix"] = np.where(has_way, rows["gx"], rows["vx"] / length)
     rows["iy"] = np.where(has_way, rows["gy"], rows["vy"] / length)
+    for course, intent in (("cx", "ix"), ("cy", "iy"), ("ahead", "togo")):
+        rows[course][lone] = rows[intent][lone]
     rows["key"] = rows["togo"] + Rules().identity * rows["share"]
     waited = np.where(view.blocked_since >= 0, step - view.blocked_since, 0) / STEERING_RATE
     rows["rank"] = np.where(waited > PUSHES_AFTER, _PUSHING + waited, 0.0)

@@ -229,10 +229,11 @@ def asked_of(behaviors: Sequence[Behavior], radius: float = 0.125) -> NDArray[np
 def guide(
     ground: Ground, field: Field, asked: NDArray[np.float64], agents: NDArray[np.int64], state: NDArray[Any]
 ) -> int:
-    """Write gx, gy, togo, course, turn and held, as a field gives them, to the rows ``agents`` (k,) of ``state`` (ROW[n]).
+    """Write guidance, as a field gives it, to the rows ``agents`` (k,) of ``state`` (ROW[n]).
 
-    ROW is that of :mod:`crowdsim.steering.row_kernels`; ``asked`` is the array that :func:`asked_of` returns. Return
-    the number of these agents that have no path.
+    That is gx, gy, togo, the course (cx, cy, ahead, onx, ony), turn and held. ROW is that of
+    :mod:`crowdsim.steering.row_kernels`; ``asked`` is the array that :func:`asked_of` returns. Return the number of
+    these agents that have no path.
     """
     return int(sample(ground, NOBODY, field, asked, agents, state))
 

@@ -321,8 +321,9 @@ class Guidance:
             self._own_ways.avoid(self.goals, state, following, own, crowding, self.weighing)
 
     def write(self, state: NDArray[Any], following: NDArray[np.int32], *, lead_out: bool = True) -> int:
-        """Write gx, gy, togo, course, turn and held of all agents with a goal to their rows; return how many have no path.
+        """Write guidance of all agents with a goal to their rows; return how many have no path.
 
+        Guidance is gx, gy, togo, the course (cx, cy, ahead, onx, ony), turn and held.
         If ``lead_out`` is True, agents without a path, such as those who were pushed into a gap between chairs, are led
         through gaps in which bodies just fit; they count only if no such way exists either. If it is False, all agents
         without a path count. ``togo`` of agents that count is LOST.

@@ -12,10 +12,11 @@ from crowdsim.steering.guidance.ground_kernels import box_at
 from crowdsim.steering.guidance.sample_kernels import LOST, first_head, way_at
 
 NEAR_BEND = 0.6
-"""Distance of a bend below which the way counts as straight there [m]: people pressed against a wall step back first."""
+"""Distance of a bend below which the way counts as straight there [m]: agents pressed against a wall step back
+first."""
 
 ON_LENGTH = 1.5
-"""Distance from a bend at which the direction of the way behind it is found, over a corner of several bends, too [m]."""
+"""Distance from a bend at which the direction of the way behind it is found [m], as a corner may have several bends."""
 
 BENDS = 8
 """Largest number of bends that are looked at."""

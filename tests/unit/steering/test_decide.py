@@ -44,7 +44,14 @@ def _busy(seed: int) -> State:
     state["rank"] = state["stuck"] + 0.001 * state["share"]
     state["opposed"] = rng.random(24) * rng.integers(0, 2, 24)
     stays = rng.random(24) < 0.15
-    state["gx"][stays] = state["gy"][stays] = state["ix"][stays] = state["iy"][stays] = 0.0
+    # Ways with a bend within some meters, as a rule.
+    course, on = way + rng.normal(0.0, 0.3, 24), rng.uniform(-math.pi, math.pi, 24)
+    state["cx"], state["cy"], state["ahead"] = np.cos(course), np.sin(course), rng.uniform(0.0, 3.0, 24)
+    state["onx"], state["ony"] = np.cos(on), np.sin(on)
+    ends = rng.random(24) < 0.2
+    state["onx"][ends] = state["ony"][ends] = 0.0
+    for name in ("gx", "gy", "ix", "iy", "cx", "cy", "onx", "ony", "ahead"):
+        state[name][stays] = 0.0
     return state
 
 

@@ -132,14 +132,17 @@ def test_only_those_change_whom_it_saves_two_fifths():
     assert np.array_equal(following, before)
 
 
-@pytest.mark.parametrize(("goal", "stuck", "changes"), [(1, 4.0, 0), (1, 20.0, 1), (0, 20.0, 0)])
-def test_people_go_around_those_who_have_long_been_stuck_on_their_way_elsewhere(goal, stuck, changes):
+@pytest.mark.parametrize(
+    ("goal", "stuck", "opposed", "changes"), [(1, 4.0, 1.0, 0), (1, 20.0, 1.0, 1), (0, 20.0, 1.0, 0), (1, 20.0, 0.0, 0)]
+)
+def test_people_go_around_those_who_have_long_been_stuck_on_their_way_elsewhere(goal, stuck, opposed, changes):
     """Ten who stand at a door are not worth the way to the other one, unless they face people who will not let go."""
     ground = ground_of([TWO_DOORS, TWO_DOORS])
     guidance = Guidance(ground, [GOAL, [1.0, 5.0]], asked_of(BEHAVIORS))
     state = rows_at(np.concatenate([[[3.5, 4.4]], JAM[::3]]))
     state["goal"][1:] = goal
     state["stuck"][1:] = stuck
+    state["opposed"][1:] = opposed
     following = np.full(len(state), PLAIN, np.int32)
     guidance.write(state, following)
     guidance.refresh(0, state, following)
