@@ -14,6 +14,7 @@ from crowdsim.bench.crowds.drills import (
     counterflow,
     crossing,
     door,
+    parting,
     run_circle,
     run_drill,
 )
@@ -36,8 +37,14 @@ DRILLS = (
 
 BOTTLENECKS = tuple((bottleneck(width), width) for width in WIDTHS)
 
+PARTINGS = tuple((parting(goals, 2.0), 2.0) for goals in (1, 2, 10))
+"""Doors behind which people part, with their widths [m]."""
+
 LEAST_FLOW = 1.5
 """Least flow through a bottleneck per meter of its width [1/(m s)]."""
+
+LEAST_PARTING = 1.3
+"""Least flow through a door behind which people part, per meter of its width [1/(m s)]."""
 
 CIRCLES = {64: 3.5, 256: 2.0}
 """Number of agents on a circle, and their largest time as a multiple of that of a single agent."""
@@ -47,16 +54,17 @@ KEYS = (
     *("speed", "speed_least", "speed_most", "overtaken", "acceleration_p95", "sideways_percent"),
 )
 """Columns of the table. ``failed``: runs that miss their bar. ``missing``: agents that do not arrive, in all runs.
-``last_s``: last arrival [s], the latest and the median of the runs. ``flow_per_m``: flow per meter of a bottleneck
-[1/(m s)], ``speed`` in corridors [m/s]: medians of the runs, with the least and the greatest. ``overtaken``: number of
-overtakings in single file, in all runs. ``acceleration_p95``: 95 % quantile of accelerations, the largest of the runs
-[m/s2]. ``sideways_percent``: share of the steps at speed that agents go sideways, median of the runs."""
+``last_s``: last arrival [s], the latest and the median of the runs. ``flow_per_m``: flow per meter of a bottleneck or
+door [1/(m s)], ``speed`` in corridors [m/s]: medians of the runs, with the least and the greatest. ``overtaken``:
+number of overtakings in single file, in all runs. ``acceleration_p95``: 95 % quantile of accelerations, the largest of
+the runs [m/s2]. ``sideways_percent``: share of the steps at speed that agents go sideways, median of the runs."""
 
 
 def measure() -> Measurement:
     """Run all drills with all seeds."""
     rows = [_walked(drill, seconds) for drill, seconds in DRILLS]
-    rows += [_bottleneck(drill, width) for drill, width in BOTTLENECKS]
+    rows += [_through(drill, width, LEAST_FLOW) for drill, width in BOTTLENECKS]
+    rows += [_through(drill, width, LEAST_PARTING) for drill, width in PARTINGS]
     rows += [_circle(count, most) for count, most in CIRCLES.items()]
     rows += [_endless(density, False) for density in ONE_WAY]
     rows += [_endless(density, True) for density in BOTH_WAYS]
@@ -105,14 +113,14 @@ def _walked(drill: Drill, seconds: float) -> dict[str, Any]:
     return _row(drill.name, [_is_late(result, seconds) for result in results], **_arrivals(results))
 
 
-def _bottleneck(drill: Drill, width: float) -> dict[str, Any]:
+def _through(drill: Drill, width: float, least: float) -> dict[str, Any]:
     """Return the row of a drill through a gap of ``width`` [m].
 
-    A run fails if an agent does not arrive in time, or if its flow per meter is below LEAST_FLOW.
+    A run fails if an agent does not arrive in time, or if its flow per meter is below ``least`` [1/(m s)].
     """
     results = [run_drill(drill, seed) for seed in SEEDS]
     flows = [result.flow() / width for result in results]
-    failed = [_is_late(result, drill.seconds) or flow < LEAST_FLOW for result, flow in zip(results, flows, strict=True)]
+    failed = [_is_late(result, drill.seconds) or flow < least for result, flow in zip(results, flows, strict=True)]
     flow = {"flow_per_m": round(float(np.median(flows)), 2), "flow_per_m_least": round(min(flows), 2)}
     return _row(drill.name, failed, **_arrivals(results), **flow)
 

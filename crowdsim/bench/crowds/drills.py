@@ -126,6 +126,18 @@ def bottleneck(width: float) -> Drill:
     return Drill(f"bottleneck of {width:g} m", area, (group,), 200.0)
 
 
+def parting(goals: int, width: float) -> Drill:
+    """Return 100 people before a door ``width`` [m] wide, behind which ``goals`` goals lie side by side.
+
+    As many go to each of them, from anywhere before the door.
+    """
+    low, high = 5.0 - width / 2, 5.0 + width / 2
+    area = union_all([box(-11, 0, 0, 10), box(0, low, 0.2, high), box(0.2, 0, 8, 10)])
+    edges = np.linspace(0.3, 9.7, goals + 1).tolist()
+    groups = [Group(100 // goals, (-10.0, 0.5, -1.0, 9.5), box(6, edges[k], 7.7, edges[k + 1])) for k in range(goals)]
+    return Drill(f"door of {width:g} m, 100 to {goals} goals", area, tuple(groups), 120.0)
+
+
 def crossing(each: int) -> Drill:
     """Return two crossing corridors, 4 m wide, which ``each`` people walk in each of the four directions."""
     area = union_all([box(-14, -2, 14, 2), box(-2, -14, 2, 14)])
@@ -238,7 +250,9 @@ def draw_agents(drill: Drill, seed: int) -> State:
     Breadths are N(0.46, 0.03) m within [0.38, 0.55], speeds N(1.34, 0.26) m/s within [0.5, 2.2] (Weidmann 1993).
     """
     rng = np.random.default_rng(seed)
-    places = np.concatenate([scatter(rng, group.count, group.start) for group in drill.groups])
+    # Groups that start in one rectangle stand side by side in the list, and must not stand on each other.
+    starts = itertools.groupby(drill.groups, key=lambda group: group.start)
+    places = np.concatenate([scatter(rng, sum(each.count for each in groups), within) for within, groups in starts])
     goals = np.repeat(np.arange(len(drill.groups)), [group.count for group in drill.groups])
     middles = np.array([[group.goal.centroid.x, group.goal.centroid.y] for group in drill.groups])[goals]
     return make_agents(rng, places, goals, middles - places)

@@ -26,6 +26,7 @@ def test_drills_say_who_arrived(monkeypatch):
     monkeypatch.setattr(drill_table, "DRILLS", ((drills.door(2, 1.2), 40.0),))
     neck = dataclasses.replace(drills.bottleneck(2.4), groups=(drills.Group(24, (-6, -3, -1, 3), box(6, -3, 11, 3)),))
     monkeypatch.setattr(drill_table, "BOTTLENECKS", ((neck, 2.4),))
+    monkeypatch.setattr(drill_table, "PARTINGS", ())
     monkeypatch.setattr(drill_table, "LEAST_FLOW", 0.5)
     monkeypatch.setattr(drill_table, "CIRCLES", {6: 5.0})
     monkeypatch.setattr(drill_table, "ONE_WAY", {0.5: (0.5, 2.0)})
@@ -150,6 +151,14 @@ def test_who_walks_both_ways_passes(density):
 @pytest.mark.parametrize("width", [0.8, 1.2])
 def test_a_neck_lets_through_what_it_is_to(width):
     assert drills.run_drill(drills.bottleneck(width), 501).flow() / width >= drill_table.LEAST_FLOW
+
+
+@pytest.mark.parametrize("goals", [1, 2, 10])
+def test_a_door_lets_through_as_many_wherever_they_go_behind_it(goals):
+    """Of two goals or ten, those who queued for one door once took each other for opposing traffic."""
+    result = drills.run_drill(drills.parting(goals, 2.0), 501)
+    assert np.isfinite(result.arrived).all()
+    assert result.flow() / 2.0 >= drill_table.LEAST_PARTING
 
 
 @pytest.mark.parametrize("drill", [drills.counterflow(100), drills.crossing(40)], ids=["counterflow", "crossing"])
