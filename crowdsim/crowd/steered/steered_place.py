@@ -37,11 +37,12 @@ WALKING = np.dtype(
         ("goal", np.int64),
         ("stuck", np.float64),
         ("opposed", np.float64),
+        ("share", np.float64),
         ("following", np.int32),
     ]
 )
-"""What the renewal of a field reads of an agent: position [m], goal, time stuck [s], awareness of opposing traffic, and
-the field that it follows."""
+"""What the renewal of a field reads of an agent: position [m], goal, time stuck [s], awareness of opposing traffic, tie
+breaker, and the field that it follows."""
 
 
 class SteeredPlace:
@@ -243,7 +244,7 @@ class SteeredPlace:
             return
         # All processes renew the same field and find the same ways, in the crowd of all of them.
         walking = np.empty(len(state), WALKING)
-        for name in ("x", "y", "goal", "stuck", "opposed"):
+        for name in ("x", "y", "goal", "stuck", "opposed", "share"):
             walking[name] = state[name]
         walking["following"] = following
         everybody, mine = self._ranks.together(walking)

@@ -245,7 +245,7 @@ class Guidance:
         ``step`` is the number of the step; ``state`` and ``following`` are those of :meth:`refresh`.
         """
         if step % steps_per_second == 0 and step > 0 and self.own.any():
-            self._find_ways_around(state, following)
+            self._find_ways_around(step // steps_per_second, state, following)
         goal = self.goal_in_turn(step, steps_per_second)
         if goal is not None and (state["goal"] == goal).any():
             self.refresh(goal, state, following)
@@ -312,13 +312,13 @@ class Guidance:
         counts = 1.0 + np.where(state["goal"] != goal, late, 0.0)
         return crowding_of(self.ground, np.column_stack((state["x"], state["y"])), self.weighing, counts)
 
-    def _find_ways_around(self, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Let agents with ways of their own that are stuck look for others; ``following`` (n,) changes."""
+    def _find_ways_around(self, turn: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
+        """Let those whose ``turn`` it is of agents with ways of their own look for others; ``following`` changes."""
         walking = np.flatnonzero(state["goal"] >= 0)
         own = walking[self.own[state["goal"][walking]]]
         if len(own):
             crowding = self._crowding_for(PLAIN, state)
-            self._own_ways.avoid(self.goals, state, following, own, crowding, self.weighing)
+            self._own_ways.avoid(self.goals, state, following, own, crowding, self.weighing, turn)
 
     def write(self, state: NDArray[Any], following: NDArray[np.int32], *, lead_out: bool = True) -> int:
         """Write guidance of all agents with a goal to their rows; return how many have no path.

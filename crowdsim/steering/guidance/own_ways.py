@@ -40,10 +40,10 @@ long."""
 IDLE = 40
 """Number of calls after which a way that nobody has followed is dropped."""
 
-AROUND_AFTER, AROUND_EVERY = 2, 4
-"""Time stuck after which an agent looks for a way around the crowd, and pause after which it does so again [s]."""
+AROUND_EVERY = 4
+"""Number of calls in which each agent may look for a way around the crowd once."""
 
-MOST_AROUND = 16
+MOST_AROUND = 40
 """Largest number of agents that do so in one call."""
 
 GOAL = 1 << 31
@@ -154,36 +154,39 @@ class OwnWays:
         rows: NDArray[np.int64],
         crowding: Crowding,
         weighing: Any,
+        turn: int,
     ) -> None:
-        """Find ways around the present crowd for agents that are stuck, who change to them if that pays.
+        """Find ways around the present crowd for agents, who change to them if that pays.
 
-        Call this once a second for all agents with ways of their own; at most MOST_AROUND look for one, those who have
-        been stuck for longest.
+        Call this once a second for all agents with ways of their own, with the number of the call as ``turn``. A part
+        of them looks for another way, at most MOST_AROUND: those who have been stuck for longest.
 
         Parameters
         ----------
         goals, state, following : sequence of Goal, ROW[n], (n,) int32
-            As of :meth:`write`; ``stuck`` is read, too. All agents that follow any of these ways must be there.
+            As of :meth:`write`; ``stuck`` and ``share`` are read, too. All agents that follow any of these ways must be
+            there.
         rows : (k,) int64
             The agents with ways of their own.
         crowding : Crowding
             The present crowd.
         weighing : Weighing
             How much it counts.
+        turn : int
+            Number of the call.
         """
         self._begin(state, following, rows)
         # Ways around former crowds that nobody follows are not found again.
         followed = state["goal"][rows].astype(np.int64) * GOAL + following[rows]
         self._keep((self._keys % GOAL <= self._boxes) | np.isin(self._keys, followed))
-        seconds = state["stuck"][rows].astype(np.int64)
         if not crowding.crowded:
             return
-        stuck = rows[(seconds >= AROUND_AFTER) & (seconds % AROUND_EVERY == AROUND_AFTER)]
+        looks = rows[(state["share"][rows] * AROUND_EVERY).astype(np.int64) == turn % AROUND_EVERY]
         # By values, not by rows, whose order differs between processes.
-        stuck = stuck[np.lexsort((state["y"][stuck], state["x"][stuck], -state["stuck"][stuck]))][:MOST_AROUND]
-        begins = self._begins(state, stuck)
+        looks = looks[np.lexsort((state["y"][looks], state["x"][looks], -state["stuck"][looks]))][:MOST_AROUND]
+        begins = self._begins(state, looks)
         prices, chain = np.empty(self._boxes), np.empty(CHAIN, np.int64)
-        for row, goal, begin in zip(stuck.tolist(), state["goal"][stuck].tolist(), begins.tolist(), strict=True):
+        for row, goal, begin in zip(looks.tolist(), state["goal"][looks].tolist(), begins.tolist(), strict=True):
             old = self.field(goals, goal, int(following[row]))
             new, complete = self._search(self._target(goals, goal), begin, crowding)
             place = np.array([[state["x"][row], state["y"][row]]])

@@ -300,17 +300,19 @@ def before_a_door():
     guidance = Guidance(ground, goals, ASKED, own=np.ones(61, bool))
     x, y = np.meshgrid(np.linspace(7.0, 9.6, 6), np.linspace(1.6, 4.4, 10))
     state, following = sent(np.column_stack([np.append(6.6, x.ravel()), np.append(3.0, y.ravel())]), goals)
+    # Their turn comes in the first second of four.
+    state["share"] = 0.3
     assert guidance.write(state, following) == 0
     return guidance, state, following
 
 
-def test_who_is_stuck_goes_around_the_crowd_and_stays_on_that_way():
+def test_some_go_around_the_crowd_in_turn_and_stay_on_that_way():
     guidance, state, following = before_a_door()
     straight = float(state["togo"][0])
     assert (state["gx"][0], state["gy"][0]) == pytest.approx((1.0, 0.0), abs=0.05)
-    # Nobody is stuck; then the first one is, but it is not time; then it is.
-    for stuck, step, changes in ((0.0, 10, False), (2.5, 11, False), (2.5, 20, True)):
-        state["stuck"][0] = stuck
+    state["stuck"][0] = 2.5
+    # It is not the turn of those with such a share, then it is not time, then it is.
+    for step, changes in ((20, False), (11, False), (10, True)):
         guidance.refresh_in_turn(step, 10, state, following)
         assert guidance.write(state, following) == 0
         assert (state["togo"][0] > straight + 2.0) == changes
@@ -318,7 +320,7 @@ def test_who_is_stuck_goes_around_the_crowd_and_stays_on_that_way():
     around = int(following[0])
     # It stays on that way when it is on it again, and when others look for theirs.
     state["stuck"][0] = 0.0
-    for step in range(30, 30 + 2 * own_ways.IDLE, 10):
+    for step in range(20, 20 + 2 * own_ways.IDLE, 10):
         guidance.refresh_in_turn(step, 10, state, following)
         guidance.write(state, following)
     assert following[0] == around
@@ -362,7 +364,5 @@ def test_ways_around_a_crowd_that_nobody_follows_are_dropped():
     most = guidance.memory
     following[0] = PLAIN
     guidance.write(state, following)
-    guidance.refresh_in_turn(20, 10, state[:0], following[:0])
-    state["stuck"] = 0.0
-    guidance.refresh_in_turn(30, 10, state, following)
+    guidance.refresh_in_turn(20, 10, state, following)
     assert guidance.memory < most
