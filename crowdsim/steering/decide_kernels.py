@@ -17,8 +17,7 @@ import numpy as np
 from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import gap_to
-from crowdsim.steering.direction_kernels import NEAR, TURNS, choose_direction
-from crowdsim.steering.facing_kernels import face, turn_first
+from crowdsim.steering.direction_kernels import NEAR, TURNS, choose_direction, face, turn_first
 from crowdsim.steering.look_kernels import MOST_NEAR, take_in
 from crowdsim.steering.order_kernels import key_of, same_way
 from crowdsim.steering.stuck_kernels import handed_on, is_wedged, press_or_step_back, push_on, rank_of, way_aside

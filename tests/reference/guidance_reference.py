@@ -2,6 +2,8 @@
 
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 
 def widest(areas, radii, places):
@@ -59,3 +61,56 @@ def shortest_lengths(area, clearance, start, goals):
         done[at] = True
         best = np.minimum(best, best[at] + apart[at])
     return best[1 : 1 + len(goals)]
+
+
+def parts(ground, steps):
+    """Return the part of each box (boxes,) of a ground, as connected components of its ways; -1 where nothing fits."""
+    boxes = ground.columns * ground.rows
+    box, k = np.nonzero(ground.ways[:, None] >> np.arange(8) & 1)
+    ahead = box + steps[k, 1] * ground.columns + steps[k, 0]
+    linked = coo_array((np.ones(len(box), bool), (box, ahead)), shape=(boxes, boxes))
+    _, found = connected_components(linked, directed=False)
+    return np.where(ground.widest >= 0, found, -1)
+
+
+def way_begin(areas, radii, ground, pins, place, touching=0.11, stride=0.1, look=0.6):
+    """Return the box at which a way from a place begins: its own, else the nearest one beside it that no wall hides.
+
+    ``pins`` (boxes, 2) are those of the ground; the number of boxes stands for none.
+    """
+    size = 0.25
+    column, row = (int(each) for each in (np.asarray(place) - (ground.left, ground.bottom)) // size)
+    if not (0 <= column < ground.columns and 0 <= row < ground.rows):
+        return len(pins)
+    own = row * ground.columns + column
+    if ground.widest[own] >= 0:
+        return own
+    found = []
+    for v in range(max(row - 1, 0), min(row + 2, ground.rows)):
+        for u in range(max(column - 1, 0), min(column + 2, ground.columns)):
+            box = v * ground.columns + u
+            away = pins[box] - place
+            apart = float(np.hypot(*away))
+            if ground.widest[box] < 0:
+                continue
+            # The first meters of the line, in the middle of steps: nothing fits so near to a wall.
+            length = min(apart, look)
+            count = int(np.ceil(length / stride))
+            line = place + ((np.arange(count) + 0.5) / count * length)[:, None] * away / apart
+            off = np.min([shapely.distance(shapely.points(line), area.boundary) for area in areas], axis=0)
+            if not ((widest(areas, radii, line) < 0) & (off < touching)).any():
+                found.append((apart, box))
+    return min(found)[1] if found else len(pins)
+
+
+def course(place, bends, near=0.6, on=1.5, most=8):
+    """Return course (2,), distance of its end [m], and direction from there on (2,), of a way over ``bends`` (n, 2)."""
+    ways = [np.asarray(bend) for bend in bends][:most]
+    if not ways:
+        return np.zeros(2), 0.0, np.zeros(2)
+    first = next((k for k, bend in enumerate(ways) if np.hypot(*(bend - place)) > near), len(ways) - 1)
+    ahead = ways[first] - place
+    length = float(np.hypot(*ahead))
+    behind = [bend - ways[first] for bend in ways[first + 1 :]]
+    far = next((each for each in behind if np.hypot(*each) > on), behind[-1] if behind else np.zeros(2))
+    return ahead / length, length, far / max(float(np.hypot(*far)), 1e-300)

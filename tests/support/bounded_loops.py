@@ -9,6 +9,7 @@ BOUNDED = {
         "navmesh/paths/region_kernels.py find_regions",
         "navmesh/triangulation/winding_kernels.py flood",
         "planning/labels/fitting_kernels.py add_misfits",
+        "steering/guidance/own_way_kernels.py label_boxes",
     ),
     "each round takes an item off a heap, where one goes only if it was not reached before, or at less cost": (
         "following/maps/map_kernels.py grow_maps",
@@ -72,6 +73,7 @@ BOUNDED = {
     "halves or doubles a number, or goes up or down a tree of known depth": (
         "following/follower/arrival_kernels.py arrive",
         "following/follower/candidate_kernels.py _first_row",
+        "steering/guidance/field_kernels.py row_of",
         "following/graph_search/graph_search_kernels.py _bend_branch",
         "following/maps/map_kernels.py _sift_down",
         "following/maps/map_kernels.py _sift_up",

@@ -14,7 +14,7 @@ FEW = 4
 about ten ways, but follows the crowd."""
 
 MANY = 16
-"""Largest number of goals of a scenario of which all have a field, whoever goes there."""
+"""Largest number of goals of a scenario of which all have a field, however few go there."""
 
 
 class NewGoal(NamedTuple):

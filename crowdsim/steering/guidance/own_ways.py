@@ -247,7 +247,7 @@ class OwnWays:
         """Add ways with these keys (k,), and whether each knows all boxes from which its goal can be reached."""
         self._fields += [field for field, _ in found]
         self._keys = np.concatenate((self._keys, keys))
-        self._places = np.concatenate((self._places, [_places_of(field) for field, _ in found]))
+        self._places = np.concatenate((self._places, [places_of(field) for field, _ in found]))
         self._complete = np.concatenate((self._complete, [complete for _, complete in found]))
         self._used = np.concatenate((self._used, np.full(len(keys), self._calls)))
 
@@ -321,7 +321,7 @@ def _nowhere(points: NDArray[np.float64]) -> Field:
     return field_of(of_box, points, np.zeros(1, np.int32))
 
 
-def _places_of(field: Field) -> list[tuple[int, int]]:
+def places_of(field: Field) -> list[tuple[int, int]]:
     """Return address and number of rows of the arrays of a field, as kernels find it by them."""
     arrays = (field.cost, field.heads, field.costs, field.points, field.known)
     # The values of a box begin with its cost.

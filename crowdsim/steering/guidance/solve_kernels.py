@@ -118,6 +118,47 @@ def _seed(ground, crowding, points, inside, lead, field, work, heap, count):
     return heap, count
 
 
+@helper
+def _guess_around(ground, crowding, points, lead, field, state, box, heap, count):
+    """Guess the costs of the boxes around one that is final, and push those that have become cheaper.
+
+    Return the heap, which may have been copied to a larger one, and its number of items.
+    """
+    boxes = len(ground.widest)
+    top = ground.costs[-1]
+    anchor = field.anchor[box]
+    px, py = pin_of(ground, box)
+    sx, sy = anchor_place(ground, points, anchor)
+    paid = anchor_cost(field, boxes, anchor)
+    row = box // ground.columns
+    column = box - row * ground.columns
+    for k in range(8):
+        if not ground.ways[box] >> k & 1:
+            continue
+        other = (row + STEPS[k, 1]) * ground.columns + column + STEPS[k, 0]
+        if state[other] >= CLOSED:
+            continue
+        qx, qy = pin_of(ground, other)
+        # Probably the neighbor sees the anchor, too. This guess is a lower bound.
+        if ground.pure[box] >> k & 1 and state[box] == CLOSED_PURE and is_quiet(crowding, qx, qy):
+            guess = paid + top * math.sqrt((sx - qx) * (sx - qx) + (sy - qy) * (sy - qy))
+        else:
+            # Otherwise the path over this box, shortened, as a straight line may be possible.
+            meter = ground.costs[min(ground.widest[box], ground.widest[other])]
+            if crowding.crowded:
+                meter *= load_at(crowding, qx, qy)[0]
+            length = math.sqrt((px - qx) * (px - qx) + (py - qy) * (py - qy))
+            guess = float(field.cost[box]) + SHORTCUT * meter * length
+        # Round as the field stores it, so that keys of the heap compare equal to costs.
+        guess = float(np.float32(guess))
+        if guess < float(field.cost[other]):
+            field.cost[other] = guess
+            field.anchor[other] = anchor
+            state[other] = GUESSED
+            heap, count = push(heap, count, guess + _rest(ground, lead, other), other)
+    return heap, count
+
+
 @kernel
 def solve(ground, crowding, points, inside, lead, field, work):
     """Fill ``field`` with the cheapest paths to a goal.
@@ -202,36 +243,7 @@ def solve(ground, crowding, points, inside, lead, field, work):
             # All ways between two points that are longer by a detour lie in an ellipse, of this width in its middle.
             detour = 2.0 * lead.aside * lead.aside / max(float(field.length[box]), BOX)
             limit = key + top * min(max(detour, LEAST_DETOUR), MOST_DETOUR)
-        anchor = field.anchor[box]
-        px, py = pin_of(ground, box)
-        sx, sy = anchor_place(ground, points, anchor)
-        paid = anchor_cost(field, boxes, anchor)
-        row = box // ground.columns
-        column = box - row * ground.columns
-        for k in range(8):
-            if not ground.ways[box] >> k & 1:
-                continue
-            other = (row + STEPS[k, 1]) * ground.columns + column + STEPS[k, 0]
-            if state[other] >= CLOSED:
-                continue
-            qx, qy = pin_of(ground, other)
-            # Probably the neighbor sees the anchor, too. This guess is a lower bound.
-            if ground.pure[box] >> k & 1 and state[box] == CLOSED_PURE and is_quiet(crowding, qx, qy):
-                guess = paid + top * math.sqrt((sx - qx) * (sx - qx) + (sy - qy) * (sy - qy))
-            else:
-                # Otherwise the path over this box, shortened, as a straight line may be possible.
-                meter = ground.costs[min(ground.widest[box], ground.widest[other])]
-                if crowding.crowded:
-                    meter *= load_at(crowding, qx, qy)[0]
-                length = math.sqrt((px - qx) * (px - qx) + (py - qy) * (py - qy))
-                guess = float(field.cost[box]) + SHORTCUT * meter * length
-            # Round as the field stores it, so that keys of the heap compare equal to costs.
-            guess = float(np.float32(guess))
-            if guess < float(field.cost[other]):
-                field.cost[other] = guess
-                field.anchor[other] = anchor
-                state[other] = GUESSED
-                heap, count = push(heap, count, guess + _rest(ground, lead, other), other)
+        heap, count = _guess_around(ground, crowding, points, lead, field, state, box, heap, count)
     return final, True
 
 

@@ -54,7 +54,7 @@ def end_of_way(ground, nobody, field, x, y):
 def lead(ground, nobody, field, asked, me):
     """Write what a field gives at the position of the agent ``me`` (a row of ROW); return True if it has a path.
 
-    That is gx, gy, togo, the course, turn and held.
+    That is gx, gy, togo, the course, turn and held; ``asked`` (n, 2) float64 is the body that each behavior prescribes.
     """
     gx, gy, _, to_go, behavior, head = way_at(ground, nobody, field, me.x, me.y)
     me.gx = gx

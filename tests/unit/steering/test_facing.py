@@ -9,7 +9,7 @@ import pytest
 
 from crowdsim.jit import kernel
 from crowdsim.steering.decide_kernels import WANTED
-from crowdsim.steering.facing_kernels import turn_first
+from crowdsim.steering.direction_kernels import turn_first
 from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.rules import Rules
 from tests.reference import steering_reference as reference

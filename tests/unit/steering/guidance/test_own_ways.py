@@ -3,19 +3,18 @@
 import numpy as np
 import pytest
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from crowdsim.steering.guidance import own_ways
 from crowdsim.steering.guidance.field import asked_of, guide, solve_field
-from crowdsim.steering.guidance.ground import build_ground
-from crowdsim.steering.guidance.ground_kernels import BOX, STEPS
+from crowdsim.steering.guidance.ground import NOBODY, build_ground
+from crowdsim.steering.guidance.ground_kernels import BOX, PIN_UNIT, STEPS
 from crowdsim.steering.guidance.guidance import PLAIN, Guidance
-from crowdsim.steering.guidance.own_way_kernels import begin_ways, label_boxes
+from crowdsim.steering.guidance.own_way_kernels import begin_ways, label_boxes, sample_each
 from crowdsim.steering.guidance.own_ways import OwnWays
 from crowdsim.steering.guidance.place_walls import outline_segments
 from crowdsim.steering.guidance.sample_kernels import LOST
 from crowdsim.steering.guidance.solve_kernels import LEAST_DETOUR
+from tests.reference import guidance_reference
 from tests.support.guided import BEHAVIORS, free_places, ground_of, rows_at
 from tests.support.small_scenes import scene
 from tests.unit.steering.guidance.test_ways_on import HALL, NO_MARGIN, strewn
@@ -251,17 +250,13 @@ def test_who_is_squeezed_in_without_a_way_gets_out():
 @pytest.mark.parametrize("seed", range(4))
 def test_parts_of_a_ground_are_those_that_ways_connect(seed):
     ground = build_ground([outline_segments(area) for area in strewn(seed)], NO_MARGIN, bounds=HALL.bounds)
-    boxes = ground.columns * ground.rows
-    labels = np.full(boxes, -1, np.int32)
-    parts = label_boxes(ground, labels, np.empty(boxes, np.int32))
-    box, k = np.nonzero(ground.ways[:, None] >> np.arange(8) & 1)
-    ahead = box + STEPS[k, 1] * ground.columns + STEPS[k, 0]
-    linked = coo_array((np.ones(len(box), bool), (box, ahead)), shape=(boxes, boxes))
-    _, expected = connected_components(linked, directed=False)
-    fits = ground.widest >= 0
-    assert (labels[~fits] == -1).all()
+    labels = np.full(ground.columns * ground.rows, -1, np.int32)
+    count = label_boxes(ground, labels, np.empty_like(labels))
+    expected = guidance_reference.parts(ground, STEPS)
+    fits = expected >= 0
+    np.testing.assert_array_equal(labels >= 0, fits)
     pairs = np.unique(np.column_stack([labels[fits], expected[fits]]), axis=0)
-    assert len(pairs) == len(np.unique(pairs[:, 0])) == len(np.unique(pairs[:, 1])) == parts
+    assert len(pairs) == len(np.unique(pairs[:, 0])) == len(np.unique(pairs[:, 1])) == count
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -269,25 +264,32 @@ def test_a_way_begins_where_the_agent_can_go(seed):
     """At the pin of the box around it, else at the nearest one beside it that no wall hides."""
     areas = strewn(seed)
     ground = build_ground([outline_segments(area) for area in areas], NO_MARGIN, bounds=HALL.bounds)
-    rng = np.random.default_rng(seed)
-    state = rows_at(rng.uniform(-1.0, 13.0, (4000, 2)))
-    begins = np.empty(len(state), np.int32)
-    begin_ways(ground, np.arange(len(state)), state, begins)
-    beside = 0
-    for (x, y), begin in zip(np.column_stack([state["x"], state["y"]]), begins.tolist(), strict=True):
-        column, row = int((x - ground.left) // BOX), int((y - ground.bottom) // BOX)
-        outside = not (0 <= column < ground.columns and 0 <= row < ground.rows)
-        own = row * ground.columns + column
-        if outside or begin == len(ground.widest):
-            assert outside or ground.widest[own] < 0
-            assert begin == len(ground.widest)
-        elif ground.widest[own] >= 0:
-            assert begin == own
-        else:
-            beside += 1
-            assert ground.widest[begin] >= 0
-            assert max(abs(begin // ground.columns - row), abs(begin % ground.columns - column)) == 1
-    assert beside > 10
+    places = np.random.default_rng(seed).uniform(-1.0, 13.0, (1500, 2))
+    begins = np.empty(len(places), np.int32)
+    begin_ways(ground, np.arange(len(places)), rows_at(places), begins)
+    box = np.arange(len(ground.widest))
+    pins = np.column_stack([box % ground.columns, box // ground.columns]) * BOX + 0.5 * BOX
+    pins += (ground.left, ground.bottom) + PIN_UNIT * ground.pins
+    expected = [guidance_reference.way_begin(areas, NO_MARGIN.radii, ground, pins, place) for place in places]
+    # The slow twin measures distances to areas, whose outlines are those of the walls but for rounding.
+    assert np.mean(begins == expected) > 0.998
+    beside = ground.widest[np.minimum(begins, len(pins) - 1)] >= 0
+    own = (places - (ground.left, ground.bottom)) // BOX
+    assert (beside & (begins != own[:, 1] * ground.columns + own[:, 0])).sum() > 10
+
+
+def test_all_are_led_at_once_as_each_by_its_own_field():
+    areas = scene(1)
+    ground = ground_of(areas)
+    goals, places = goals_in(areas, 20, 3), free_places(areas, 60, 4, 0.16)
+    fields = [solve_field(ground, goal) for goal in goals]
+    numbers = np.arange(len(places)) % len(goals)
+    at_once, each = rows_at(places), rows_at(places)
+    table = np.array([own_ways.places_of(field) for field in fields])
+    sample_each(ground, NOBODY, table, numbers, ASKED, np.arange(len(places)), at_once)
+    for number, field in enumerate(fields):
+        guide(ground, field, ASKED, np.flatnonzero(numbers == number), each)
+    assert at_once.tobytes() == each.tobytes()
 
 
 def before_a_door():
