@@ -116,10 +116,6 @@ FRONTS = {
         "steering.guidance.field:solve_field",
         "tests/unit/steering/guidance/test_field.py",
     ),
-    "steering.guidance.way_kernels.end_of_way": (
-        "steering.guidance.field:way_end",
-        "tests/unit/steering/guidance/test_field.py",
-    ),
     "steering.guidance.way_kernels.sample": (
         "steering.guidance.field:guide",
         "tests/unit/steering/guidance/test_field.py",

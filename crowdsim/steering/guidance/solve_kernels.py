@@ -122,7 +122,8 @@ def _seed(ground, crowding, points, inside, lead, field, work, heap, count):
 def _guess_around(ground, crowding, points, lead, field, state, box, heap, count):
     """Guess the costs of the boxes around one that is final, and push those that have become cheaper.
 
-    Return the heap, which may have been copied to a larger one, and its number of items.
+    ``state`` (boxes,) are the states of the boxes, ``heap`` is a heap with ``count`` items. Return the heap, which may
+    have been copied to a larger one, and its number of items.
     """
     boxes = len(ground.widest)
     top = ground.costs[-1]
