@@ -199,7 +199,7 @@ class Guidance:
         PLAIN and the number of a dropped field stand for the goal's first field. The result is nan if there is no way.
         """
         if self.own[goal]:
-            return way_end(self.ground, self._own_ways.field(self.goals, goal, following), place)
+            return way_end(self.ground, self._own_ways.field(self.goals, goal, following, place), place)
         fields = self._fields[goal]
         return way_end(self.ground, fields.get(following, fields[min(fields)]), place)
 

@@ -13,7 +13,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.steering.guidance.crowding_kernels import CHAIN, change_where_it_pays
 from crowdsim.steering.guidance.field import (
@@ -32,6 +32,7 @@ from crowdsim.steering.guidance.ground_kernels import BOX
 from crowdsim.steering.guidance.own_way_kernels import begin_ways, label_boxes, sample_each
 from crowdsim.steering.guidance.sample_kernels import LOST
 from crowdsim.steering.guidance.solve_kernels import SEEDS, clear, solve
+from crowdsim.steering.row_kernels import ROW
 
 ASIDE = 4.0
 """How far aside of a straight way it knows the boxes, in its middle [m]. More take longer to find, fewer last less
@@ -187,9 +188,9 @@ class OwnWays:
         begins = self._begins(state, looks)
         prices, chain = np.empty(self._boxes), np.empty(CHAIN, np.int64)
         for row, goal, begin in zip(looks.tolist(), state["goal"][looks].tolist(), begins.tolist(), strict=True):
-            old = self.field(goals, goal, int(following[row]))
-            new, complete = self._search(self._target(goals, goal), begin, crowding)
             place = np.array([[state["x"][row], state["y"][row]]])
+            old = self.field(goals, goal, int(following[row]), place[0])
+            new, complete = self._search(self._target(goals, goal), begin, crowding)
             prices.fill(-1.0)
             changes = np.zeros(1, np.bool_)
             change_where_it_pays(self.ground, crowding, old, new, place, weighing, prices, chain, changes)
@@ -198,10 +199,16 @@ class OwnWays:
                 following[row] = self._boxes + self._around
                 self._add(np.array([goal * GOAL + int(following[row])], np.int64), [(new, complete)])
 
-    def field(self, goals: Sequence[Any], goal: int, begin: int) -> Field:
-        """Return the way to goal number ``goal`` that begins at box ``begin``; from everywhere if that is negative."""
-        begins = np.array([begin if begin >= 0 else self._boxes], np.int32)
-        return self._fields[int(self._numbers_of(goals, np.array([goal], np.int64), begins)[0])]
+    def field(self, goals: Sequence[Any], goal: int, begin: int, place: ArrayLike) -> Field:
+        """Return the way to goal number ``goal`` with the number ``begin`` in ``following``.
+
+        If there is none, as of an agent that has none yet or in a changed place, it is the way from ``place`` (2,) [m].
+        """
+        row, begins = np.zeros(1, ROW), np.array([begin], np.int32)
+        row["x"], row["y"] = np.asarray(place, np.float64)
+        row["goal"] = goal
+        self._begin(row, begins, np.zeros(1, np.int64))
+        return self._fields[int(self._numbers_of(goals, row["goal"], begins)[0])]
 
     def forget(self, goal: int) -> None:
         """Forget all ways to a goal, whose number another goal gets."""

@@ -179,7 +179,7 @@ def test_a_way_in_the_open_knows_few_boxes_of_a_large_place():
     state, following, ways = guided(ground, [goal], place)
     assert state["togo"][0] == pytest.approx(np.hypot(120.0, 120.0), abs=1e-3)
     # An ellipse whose foci are the goal and the agent.
-    field = ways.field([goal], 0, int(following[0]))
+    field = ways.field([goal], 0, int(following[0]), place[0])
     apart = np.hypot(120.0, 120.0)
     long = apart + LEAST_DETOUR
     assert 2.0 * own_ways.ASIDE**2 / apart < LEAST_DETOUR
@@ -326,8 +326,11 @@ def test_some_go_around_the_crowd_in_turn_and_stay_on_that_way():
         guidance.refresh_in_turn(step, 10, state, following)
         guidance.write(state, following)
     assert following[0] == around
-    # In a changed place it begins anew.
+    assert guidance.end(0, around, (6.6, 3.0)) == pytest.approx((14.0, 3.0))
+    # In a changed place it begins anew; asked for its end, with the number of a way that is no more, it is told one.
     guidance.rebuild(guidance.ground)
+    assert guidance.end(0, around, (6.6, 3.0)) == pytest.approx((14.0, 3.0))
+    assert guidance.end(0, PLAIN, (6.6, 3.0)) == pytest.approx((14.0, 3.0))
     guidance.refresh_in_turn(30, 10, state, following)
     assert guidance.write(state, following) == 0
     assert state["togo"][0] == pytest.approx(straight)
