@@ -160,6 +160,19 @@ def price_of(ground, crowding, field, box, prices, chain):
 
 
 @kernel
+def price_at(ground, crowding, field, x, y, prices, chain):
+    """Return the cost of the path from a position (x, y) [m] as its field has it, and in the present crowd.
+
+    Both are from the pin of :func:`nearest_way`, and infinite without a path. ``field`` must be solved without a crowd;
+    ``prices`` and ``chain`` are those of :func:`price_of`.
+    """
+    box = nearest_way(ground, field, x, y)
+    if box < 0 or not _has_way(field, box):
+        return math.inf, math.inf
+    return float(field.cost[row_of(field, box)]), price_of(ground, crowding, field, box, prices, chain)
+
+
+@kernel
 def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, chain, changes):
     """Find the agents that change from the field ``old``, which they follow, to the field ``new``.
 

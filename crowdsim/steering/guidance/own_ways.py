@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowdsim.steering.guidance.crowding_kernels import CHAIN, change_where_it_pays
+from crowdsim.steering.guidance.crowding_kernels import CHAIN, change_where_it_pays, price_at
 from crowdsim.steering.guidance.field import (
     BOX_ROW,
     FOR_ALL,
@@ -45,7 +45,7 @@ AROUND_EVERY = 4
 """Number of calls in which each agent may look for a way around the crowd once."""
 
 MOST_AROUND = 40
-"""Largest number of agents that do so in one call."""
+"""Largest number of searches for that in one call."""
 
 GOAL = 1 << 31
 """Part of the key of a way that counts its goal; the rest is the number in ``following``."""
@@ -160,7 +160,8 @@ class OwnWays:
         """Find ways around the present crowd for agents, who change to them if that pays.
 
         Call this once a second for all agents with ways of their own, with the number of the call as ``turn``. A part
-        of them looks for another way, at most MOST_AROUND: those who have been stuck for longest.
+        of them looks for another way, if the crowd makes their own dear; at most MOST_AROUND search for it, those who
+        have been stuck for longest.
 
         Parameters
         ----------
@@ -184,12 +185,25 @@ class OwnWays:
             return
         looks = rows[(state["share"][rows] * AROUND_EVERY).astype(np.int64) == turn % AROUND_EVERY]
         # By values, not by rows, whose order differs between processes.
-        looks = looks[np.lexsort((state["y"][looks], state["x"][looks], -state["stuck"][looks]))][:MOST_AROUND]
+        looks = looks[np.lexsort((state["y"][looks], state["x"][looks], -state["stuck"][looks]))]
         begins = self._begins(state, looks)
+        # Ways that are found below come behind these.
+        numbers = self._numbers_of(goals, state["goal"][looks], following[looks])
         prices, chain = np.empty(self._boxes), np.empty(CHAIN, np.int64)
-        for row, goal, begin in zip(looks.tolist(), state["goal"][looks].tolist(), begins.tolist(), strict=True):
+        searched = 0
+        for row, number, begin in zip(looks.tolist(), numbers.tolist(), begins.tolist(), strict=True):
+            if searched == MOST_AROUND:
+                break
+            goal, old = int(state["goal"][row]), self._fields[number]
             place = np.array([[state["x"][row], state["y"][row]]])
-            old = self.field(goals, goal, int(following[row]), place[0])
+            # Without a crowd no way costs less than that of the agent, if it was found without one: another one pays
+            # only if the crowd makes its own so much dearer.
+            if following[row] <= self._boxes:
+                prices.fill(-1.0)
+                alone, now = price_at(self.ground, crowding, old, *place[0].tolist(), prices, chain)
+                if alone >= weighing.around * now:
+                    continue
+            searched += 1
             new, complete = self._search(self._target(goals, goal), begin, crowding)
             prices.fill(-1.0)
             changes = np.zeros(1, np.bool_)

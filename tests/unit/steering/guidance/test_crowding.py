@@ -3,9 +3,9 @@ import pytest
 import shapely
 
 from crowdsim.jit import kernel
-from crowdsim.steering.guidance.crowding_kernels import GRAIN, add_agents, set_load
+from crowdsim.steering.guidance.crowding_kernels import CHAIN, GRAIN, add_agents, price_at, set_load
 from crowdsim.steering.guidance.field import asked_of, solve_field, ways
-from crowdsim.steering.guidance.ground_kernels import line_cost
+from crowdsim.steering.guidance.ground_kernels import BOX, line_cost
 from crowdsim.steering.guidance.guidance import PLAIN, Guidance, Weighing, crowding_of
 from tests.reference import guidance_reference
 from tests.support.guided import BEHAVIORS, follow, free_places, ground_of, rows_at
@@ -90,6 +90,30 @@ def test_lines_through_a_crowd_cost_its_load():
     way = ways(ground, solve_field(ground, [19.0, 2.0], crowding), lines[:, :2])
     assert way.cost[0] < found[0]
     assert way.cost[1] == pytest.approx(4.0, abs=1e-5)
+
+
+def test_a_way_has_the_price_of_the_crowd_on_it():
+    area = shapely.box(0.0, 0.0, 20.0, 4.0)
+    ground = ground_of([area, area])
+    rows, columns = np.meshgrid(np.arange(0.0, 4.0, 0.4), np.arange(8.0, 12.0, 0.4))
+    crowding = crowding_of(ground, np.column_stack([columns.ravel(), rows.ravel()]))
+    field = solve_field(ground, [19.0, 2.0])
+
+    def priced(place):
+        prices, chain = np.full(len(ground.widest), -1.0), np.empty(CHAIN, np.int64)
+        return price_at(ground, crowding, field, *place, prices, chain)
+
+    for x in (1.0, 6.0, 13.0):
+        # At the pin of a box, in its middle: the way from there is the straight line.
+        place = np.array([ground.left, ground.bottom]) + (np.array([x, 2.0]) // BOX + 1.5) * BOX
+        line = place + np.linspace(0.0, 1.0, 4001)[:-1, None] * ([19.0, 2.0] - place)
+        column, row = ((line - (crowding.left, crowding.bottom)) / crowding.cell).astype(int).T
+        length = np.hypot(*([19.0, 2.0] - place))
+        alone, now = priced(place)
+        assert alone == pytest.approx(length, abs=1e-4)
+        assert now == pytest.approx(crowding.load[row, column].mean() * length, rel=0.03)
+        assert (now > 1.5 * alone) == (x < 8.0)
+    assert priced((50.0, 50.0)) == (np.inf, np.inf)
 
 
 def test_a_jam_at_one_door_sends_people_to_the_other():
