@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from crowdsim.scenario.people.crowd_placement import CrowdPlacement
 
 FEW = 4
-"""Largest number of agents that get ways of their own to one goal. A field for all of a place takes as long to solve as
-about ten ways, but follows the crowd."""
+"""Largest number of agents that get ways of their own to one goal. In places of 100 m and more, a field for all takes as
+long to solve as about twenty ways, but follows the crowd."""
 
 MANY = 16
 """Largest number of goals of a scenario of which all have a field, however few go there."""
@@ -29,7 +29,10 @@ class NewGoal(NamedTuple):
 
 
 def goals_of_few(cast: CrowdPlacement) -> NDArray[np.bool_]:
-    """Return the goals (m,) of a scenario whose agents get ways of their own: those of FEW, if it has MANY goals."""
+    """Return which goals (m,) of a scenario give their agents ways of their own.
+
+    Those do to which FEW agents or less go, if the scenario has more than MANY goals.
+    """
     bound = np.zeros(len(cast.goals), np.int64)
     for number, itinerary in enumerate(cast.itineraries):
         bound[np.unique(itinerary.goals)] += int((cast.group == number).sum())
