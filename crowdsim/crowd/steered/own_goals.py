@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from crowdsim.scenario.people.crowd_placement import CrowdPlacement
 
 FEW = 4
-"""Largest number of agents that get ways of their own to one goal. In places of 100 m and more, a field for all takes as
-long to solve as about twenty ways, but follows the crowd."""
+"""Largest number of agents that get ways of their own to one goal. In places of 100 m and more, a field for all takes
+as long to solve as about twenty ways, but follows the crowd."""
 
 MANY = 16
 """Largest number of goals of a scenario of which all have a field, however few go there."""
