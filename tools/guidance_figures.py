@@ -25,7 +25,7 @@ from crowdsim.scenario.loader import load_scenario
 from crowdsim.steering.guidance.field import asked_of, guide, solve_field
 from crowdsim.steering.guidance.ground import build_ground, update_ground
 from crowdsim.steering.guidance.guidance import PLAIN, crowding_of
-from crowdsim.steering.guidance.own_ways import OwnWays
+from crowdsim.steering.guidance.own.own_ways import OwnWays
 from crowdsim.steering.guidance.place_walls import PlaceWalls
 from crowdsim.steering.row_kernels import ROW
 

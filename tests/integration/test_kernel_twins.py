@@ -112,6 +112,13 @@ FRONTS = {
         "steering.guidance.guidance:Guidance",
         "tests/unit/steering/guidance/test_crowding.py",
     ),
+    **{
+        f"steering.guidance.pocket_kernels.{name}": (
+            "steering.guidance.ways_out:WaysOutOfPockets",
+            "tests/unit/steering/guidance/test_pockets.py",
+        )
+        for name in ("find_pocket", "write_ways_out")
+    },
     "steering.guidance.solve_kernels.solve": (
         "steering.guidance.field:solve_field",
         "tests/unit/steering/guidance/test_field.py",

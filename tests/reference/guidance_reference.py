@@ -98,9 +98,25 @@ def way_begin(areas, radii, ground, pins, place, touching=0.11, stride=0.1, look
             count = int(np.ceil(length / stride))
             line = place + ((np.arange(count) + 0.5) / count * length)[:, None] * away / apart
             off = np.min([shapely.distance(shapely.points(line), area.boundary) for area in areas], axis=0)
-            if not ((widest(areas, radii, line) < 0) & (off < touching)).any():
+            narrow = widest(areas, radii, line) < 0
+            thirds = np.array([-1.0, 0.0, 1.0])[:, None] * away / apart * length / count / 3.0
+            pinched = [any(is_pinched(ground.segments, each + third) for third in thirds) for each in line]
+            if not (narrow & ((off < touching) | pinched)).any():
                 found.append((apart, box))
     return min(found)[1] if found else len(pins)
+
+
+def is_pinched(segments, place, thickness=0.25):
+    """Return True if a wall opposite to the nearest one leaves less than a thickness [m] between them at a place."""
+    lines = shapely.linestrings(np.asarray(segments).reshape(-1, 2, 2))
+    to_walls = np.diff(
+        shapely.get_coordinates(shapely.shortest_line(shapely.Point(*place), lines)).reshape(-1, 2, 2), axis=1
+    )
+    to_walls = to_walls[:, 0]
+    apart = np.hypot(*to_walls.T)
+    first = int(np.argmin(apart))
+    opposite = to_walls @ to_walls[first] < -0.5 * apart * apart[first]
+    return bool((opposite & (apart + apart[first] < thickness)).any())
 
 
 def course(place, bends, near=0.6, on=1.5, most=8):

@@ -9,7 +9,7 @@ BOUNDED = {
         "navmesh/paths/region_kernels.py find_regions",
         "navmesh/triangulation/winding_kernels.py flood",
         "planning/labels/fitting_kernels.py add_misfits",
-        "steering/guidance/own_way_kernels.py label_boxes",
+        "steering/guidance/own/own_way_kernels.py label_boxes",
     ),
     "each round takes an item off a heap, where one goes only if it was not reached before, or at less cost": (
         "following/maps/map_kernels.py grow_maps",

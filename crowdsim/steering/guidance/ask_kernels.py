@@ -15,7 +15,7 @@ from crowdsim.steering.guidance.field_kernels import (
     eighth_of,
     leads_alike,
 )
-from crowdsim.steering.guidance.ground_kernels import BOX, FAR_UNIT, STEPS, box_at, pin_of, widest_at
+from crowdsim.steering.guidance.ground_kernels import BOX, FAR_UNIT, STEPS, box_at, off_segment, pin_of, widest_at
 
 BEFORE = 0.7
 """Distance before a narrow stretch from which on the body is already held as the stretch needs [m]."""
@@ -40,13 +40,7 @@ def _off_the_wall(ground, box, x, y):
     dx = 0.0
     dy = 0.0
     for entry in range(ground.starts[box], ground.starts[box + 1]):
-        ax, ay, bx, by = ground.segments[ground.lists[entry]]
-        square = (bx - ax) * (bx - ax) + (by - ay) * (by - ay)
-        share = ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square if square > 0.0 else 0.0
-        # Vector from the nearest point of the segment.
-        share = min(max(share, 0.0), 1.0)
-        px = x - ax - share * (bx - ax)
-        py = y - ay - share * (by - ay)
+        px, py = off_segment(ground, ground.lists[entry], x, y)
         if px * px + py * py < nearest:
             nearest = px * px + py * py
             dx = px

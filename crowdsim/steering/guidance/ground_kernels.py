@@ -159,6 +159,16 @@ def box_at(ground, x, y):
 
 
 @helper
+def off_segment(ground, number, x, y):
+    """Return the vector from the nearest point of segment ``number`` to a position (x, y) [m]."""
+    ax, ay, bx, by = ground.segments[number]
+    square = (bx - ax) * (bx - ax) + (by - ay) * (by - ay)
+    share = ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square if square > 0.0 else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return x - ax - share * (bx - ax), y - ay - share * (by - ay)
+
+
+@helper
 def pin_of(ground, box):
     """Return the pin of a box, x and y [m]."""
     row = box // ground.columns

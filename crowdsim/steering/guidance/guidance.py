@@ -12,10 +12,11 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.steering.guidance.crowding_kernels import CHAIN, add_agents, change_where_it_pays, set_load
 from crowdsim.steering.guidance.field import BOX_ROW, Field, guide, solve_field, way_end, ways
-from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground, squeezed_ground
+from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground
 from crowdsim.steering.guidance.ground_kernels import BOX
-from crowdsim.steering.guidance.own_ways import OwnWays
+from crowdsim.steering.guidance.own.own_ways import OwnWays
 from crowdsim.steering.guidance.sample_kernels import LOST
+from crowdsim.steering.guidance.ways_out import WaysOut
 from crowdsim.steering.stuck_kernels import CYCLE, STUCK_MOST
 
 Goal: TypeAlias = BaseGeometry | ArrayLike
@@ -33,9 +34,6 @@ BOXES_A_SECOND = 50_000
 PLAIN = -1
 """Number, in ``following``, of the field of the place without a crowd, which all agents follow at first; of those that
 have ways of their own, it stands for none yet."""
-
-SQUEEZED = 0.145
-"""Clearance of the ways on which agents without a path are led out [m]: a body with turned shoulders needs 0.125 m."""
 
 
 class Weighing(NamedTuple):
@@ -143,27 +141,19 @@ class Guidance:
         # Number of the next field, over all goals: a larger one is newer. By goal, its fields by number.
         self._made = 0
         self._fields: list[dict[int, Field]] = [{} for _ in self.goals]
-        # For agents that were pushed to where no path leads: a ground, and a field by goal; made when first needed.
-        self._squeezed: Ground | None = None
-        self._ways_out: dict[int, Field] = {}
         self._own_ways = OwnWays(ground, asked, threads=threads)
-        self._own_ways_out: OwnWays | None = None
+        self._ways_out = WaysOut(ground, asked, threads=threads)
         self.rebuild(ground)
 
     @property
     def memory(self) -> int:
         """Return the bytes of the ground and all fields."""
-        fields = [field for fields in [*self._fields, self._ways_out] for field in fields.values()]
+        fields = [field for fields in self._fields for field in fields.values()]
         # The values of a box are columns of one array, so count that array once.
         shared = len(fields) * len(self.ground.widest) * BOX_ROW.itemsize
         own = sum(each.nbytes for field in fields for each in (field.heads, field.costs, field.points))
         ground = sum(each.nbytes for each in self.ground if isinstance(each, np.ndarray))
-        if self._squeezed is not None:
-            # Walls and lists are those of the ground.
-            of_boxes = (self._squeezed.pins, self._squeezed.widest, self._squeezed.ways, self._squeezed.pure)
-            ground += sum(each.nbytes for each in of_boxes)
-        ways = self._own_ways.memory + (self._own_ways_out.memory if self._own_ways_out else 0)
-        return shared + own + ground + ways
+        return shared + own + ground + self._own_ways.memory + self._ways_out.memory
 
     def put(self, index: int, goal: Goal, *, own: bool = False) -> None:
         """Set goal number ``index``, whose agents get ways of their own, or a field, solved without a crowd.
@@ -177,11 +167,9 @@ class Guidance:
             self._made += 1
         self.goals = (*self.goals[:index], goal, *self.goals[index + 1 :])
         self.own = np.concatenate((self.own[:index], [own], self.own[index + 1 :]))
-        self._ways_out.pop(index, None)
         self._fields[index : index + 1] = [field]
         self._own_ways.forget(index)
-        if self._own_ways_out is not None:
-            self._own_ways_out.forget(index)
+        self._ways_out.forget(index)
 
     def lengths(self, goal: int, places: ArrayLike) -> NDArray[np.float64]:
         """Return the lengths (k,) of the paths from positions, float64[k, 2], to a goal by its first field [m].
@@ -209,9 +197,8 @@ class Guidance:
         All other fields are dropped, and so is the ground for agents without a path, until one needs it.
         """
         self.ground = ground
-        self._squeezed = None
-        self._ways_out = {}
-        self._own_ways, self._own_ways_out = OwnWays(ground, self.asked, threads=self._threads), None
+        self._own_ways = OwnWays(ground, self.asked, threads=self._threads)
+        self._ways_out = WaysOut(ground, self.asked, threads=self._threads)
         shared = np.flatnonzero(~self.own).tolist()
         fields = solve_fields(ground, [self.goals[goal] for goal in shared], crowding, threads=self._threads)
         self._fields = [{} for _ in self.goals]
@@ -335,7 +322,7 @@ class Guidance:
         walking = np.flatnonzero(state["goal"] >= 0)
         own = self.own[state["goal"][walking]]
         left = self._own_ways.write(self.goals, state, following, walking[own]) if own.any() else walking[:0]
-        lost = len(left) if not lead_out or not len(left) else self._lead_each_out(left, state)
+        lost = len(left) if not lead_out or not len(left) else self._ways_out.lead_each(self.goals, left, state)
         # Goals that agents have: commands may have given many others before.
         for goal in np.unique(state["goal"][walking[~own]]).tolist():
             self._fix_numbers(goal, state, following)
@@ -348,32 +335,9 @@ class Guidance:
             if without and not lead_out:
                 lost += without
             elif without:
-                lost += self._lead_out(goal, np.flatnonzero(mine & (state["togo"] >= LOST)), state)
+                left = np.flatnonzero(mine & (state["togo"] >= LOST))
+                lost += self._ways_out.lead(self.goals, goal, left, state)
         return lost
-
-    def _lead_each_out(self, agents: NDArray[np.int64], state: NDArray[Any]) -> int:
-        """Guide agents as :meth:`_lead_out` does, but those with ways of their own, whatever their goals are."""
-        if self._own_ways_out is None:
-            self._own_ways_out = OwnWays(self._squeezed_ground(), self.asked, threads=self._threads)
-        begins = np.full(len(state), PLAIN, np.int32)
-        return len(self._own_ways_out.write(self.goals, state, begins, agents))
-
-    def _squeezed_ground(self) -> Ground:
-        """Return the ground on which bodies just fit through gaps, which is made when it is first needed."""
-        if self._squeezed is None:
-            self._squeezed = squeezed_ground(self.ground, SQUEEZED)
-        return self._squeezed
-
-    def _lead_out(self, goal: int, agents: NDArray[np.int64], state: NDArray[Any]) -> int:
-        """Guide the rows ``agents`` (k,) of ``state`` (ROW[n]), without a path, through gaps in which bodies just fit.
-
-        The ground and the field for that are made when they are first needed. Return how many agents have no path even
-        then.
-        """
-        ground = self._squeezed_ground()
-        if goal not in self._ways_out:
-            self._ways_out[goal] = solve_field(ground, self.goals[goal])
-        return guide(ground, self._ways_out[goal], self.asked, agents, state)
 
     def _fix_numbers(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
         """In ``following``, replace PLAIN by the first field of a goal, and numbers of dropped fields by the newest.

@@ -24,6 +24,7 @@ from crowdsim.steering.guidance.ground_kernels import (
     STEPS,
     box_at,
     line_cost,
+    off_segment,
     pin_of,
     widest_at,
 )
@@ -58,8 +59,39 @@ LIKE = 0.002
 TOUCHING = 0.11
 """A line that comes nearer than this to a wall counts as leading through it [m]."""
 
+THICKNESS = 0.25
+"""Width between walls below which no body gets through, however it turns its shoulders [m]."""
+
 LOST = 1e9
 """Length that stands for "no path" in the state of an agent [m]."""
+
+
+@helper
+def is_pinched(ground, box, x, y, thickness):
+    """Return True if walls on opposite sides of a position (x, y) in ``box`` are less than ``thickness`` apart [m].
+
+    Sides are opposite if the nearest points of both walls are seen more than 120 degrees apart.
+    """
+    # The nearest point of all walls.
+    nearest = thickness
+    wx = 0.0
+    wy = 0.0
+    for entry in range(ground.starts[box], ground.starts[box + 1]):
+        dx, dy = off_segment(ground, ground.lists[entry], x, y)
+        distance = math.sqrt(dx * dx + dy * dy)
+        if distance < nearest:
+            nearest = distance
+            wx = dx
+            wy = dy
+    if nearest >= 0.5 * thickness:
+        return False
+    # A wall on the other side.
+    for entry in range(ground.starts[box], ground.starts[box + 1]):
+        dx, dy = off_segment(ground, ground.lists[entry], x, y)
+        distance = math.sqrt(dx * dx + dy * dy)
+        if nearest + distance < thickness and dx * wx + dy * wy < -0.5 * nearest * distance:
+            return True
+    return False
 
 
 @helper
@@ -68,7 +100,7 @@ def near_length(ground, px, py, qx, qy):
 
     The line is tested at steps of STRIDE at most. Steps at which no behavior fits count TOO_NARROW times in the
     weighted length: an agent may be there, but should leave. The weighted length is infinite if the line leads through
-    a wall (TOUCHING) or out of the boxes.
+    a wall (TOUCHING), through a gap too narrow for a body (THICKNESS), or out of the boxes.
     """
     dx = qx - px
     dy = qy - py
@@ -96,6 +128,13 @@ def near_length(ground, px, py, qx, qy):
             continue
         # No behavior fits: too near to a wall counts as through it.
         weighed += step * TOO_NARROW
+        # A gap may be narrow for a short way only.
+        for part in range(-1, 2):
+            u = x + part * step / 3.0 * dx
+            v = y + part * step / 3.0 * dy
+            beside = box_at(ground, u, v)
+            if beside < 0 or is_pinched(ground, beside, u, v, THICKNESS):
+                return math.inf, length
         for entry in range(ground.starts[box], ground.starts[box + 1]):
             ax, ay, bx, by = ground.segments[ground.lists[entry]]
             if point_segment_distance2(x, y, ax, ay, bx, by) < TOUCHING * TOUCHING:

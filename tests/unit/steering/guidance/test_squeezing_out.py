@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from crowdsim.steering.guidance.field import asked_of
-from crowdsim.steering.guidance.guidance import PLAIN, SQUEEZED, Guidance
+from crowdsim.steering.guidance.guidance import PLAIN, Guidance
 from crowdsim.steering.guidance.sample_kernels import LOST
 from tests.support.guided import BEHAVIORS, ground_of, rows_at
 
@@ -43,7 +43,7 @@ def test_who_is_in_a_pocket_squeezes_out_of_its_gap(start):
 
 
 def test_nobody_squeezes_through_where_no_body_fits():
-    guidance = guidance_in(1.8 * SQUEEZED)
+    guidance = guidance_in(0.24)
     state, following = rows_at([(5.0, 4.0), (2.0, 4.0)]), np.full(2, PLAIN, np.int32)
     assert guidance.write(state, following) == 1
     assert state["togo"][0] == LOST

@@ -29,7 +29,7 @@ from crowdsim.steering.guidance.field import (
 )
 from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground
 from crowdsim.steering.guidance.ground_kernels import BOX
-from crowdsim.steering.guidance.own_way_kernels import begin_ways, label_boxes, sample_each
+from crowdsim.steering.guidance.own.own_way_kernels import begin_ways, label_boxes, sample_each
 from crowdsim.steering.guidance.sample_kernels import LOST
 from crowdsim.steering.guidance.solve_kernels import SEEDS, clear, solve
 from crowdsim.steering.row_kernels import ROW

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import shapely
 
-from crowdsim.steering.guidance import own_ways
 from crowdsim.steering.guidance.field import asked_of, guide, solve_field
 from crowdsim.steering.guidance.ground import NOBODY, build_ground
 from crowdsim.steering.guidance.ground_kernels import BOX, PIN_UNIT, STEPS
 from crowdsim.steering.guidance.guidance import PLAIN, Guidance
-from crowdsim.steering.guidance.own_way_kernels import begin_ways, label_boxes, sample_each
-from crowdsim.steering.guidance.own_ways import OwnWays
+from crowdsim.steering.guidance.own import own_ways
+from crowdsim.steering.guidance.own.own_way_kernels import begin_ways, label_boxes, sample_each
+from crowdsim.steering.guidance.own.own_ways import OwnWays
 from crowdsim.steering.guidance.place_walls import outline_segments
 from crowdsim.steering.guidance.sample_kernels import LOST
 from crowdsim.steering.guidance.solve_kernels import LEAST_DETOUR
