@@ -130,3 +130,16 @@ def course(place, bends, near=0.6, on=1.5, most=8):
     behind = [bend - ways[first] for bend in ways[first + 1 :]]
     far = next((each for each in behind if np.hypot(*each) > on), behind[-1] if behind else np.zeros(2))
     return ahead / length, length, far / max(float(np.hypot(*far)), 1e-300)
+
+
+def are_apart(segments, path, other):
+    """Return True if the first end of a wall (k, 4) is enclosed by two paths (n, 2) from one place and their ends."""
+    ring = [*map(tuple, path), *map(tuple, other[::-1])]
+    for x, y in segments[:, :2].tolist():
+        crossings = 0
+        for (ax, ay), (bx, by) in zip(ring, ring[1:] + ring[:1], strict=True):
+            if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+                crossings += 1
+        if crossings % 2:
+            return True
+    return False

@@ -38,11 +38,15 @@ WALKING = np.dtype(
         ("stuck", np.float64),
         ("opposed", np.float64),
         ("share", np.float64),
+        ("vx", np.float64),
+        ("vy", np.float64),
+        ("gx", np.float64),
+        ("gy", np.float64),
+        ("speed", np.float64),
         ("following", np.int32),
     ]
 )
-"""What the renewal of a field reads of an agent: position [m], goal, time stuck [s], awareness of opposing traffic, tie
-breaker, and the field that it follows."""
+"""What the renewal of a field reads of an agent: columns of ROW, and the field that it follows."""
 
 
 class SteeredPlace:
@@ -244,7 +248,7 @@ class SteeredPlace:
             return
         # All processes renew the same field and find the same ways, in the crowd of all of them.
         walking = np.empty(len(state), WALKING)
-        for name in ("x", "y", "goal", "stuck", "opposed", "share"):
+        for name in set(WALKING.fields or ()) - {"following"}:
             walking[name] = state[name]
         walking["following"] = following
         everybody, mine = self._ranks.together(walking)

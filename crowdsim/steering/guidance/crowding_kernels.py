@@ -7,6 +7,8 @@ units of 1 / GRAIN per square meter.
 
 import math
 
+import numpy as np
+
 from crowdsim.geometry.cell_kernels import cells_between
 from crowdsim.jit import helper, kernel
 from crowdsim.steering.guidance.field_kernels import anchor_place, row_of
@@ -20,6 +22,9 @@ GRAIN = 1 << 20
 
 CHAIN = 4096
 """Largest number of anchors over which a path is followed to find its cost."""
+
+BENDS = 200
+"""Largest number of bends of two paths that are compared, in all."""
 
 
 @kernel
@@ -172,6 +177,59 @@ def price_at(ground, crowding, field, x, y, prices, chain):
     return float(field.cost[row_of(field, box)]), price_of(ground, crowding, field, box, prices, chain)
 
 
+@helper
+def _add_path(ground, field, box, outline, count):
+    """Add the pin of a box and the anchors of its path to ``outline`` from ``count`` on; return the number of points.
+
+    The result is that of ``outline`` if there is no room for all.
+    """
+    boxes = len(ground.widest)
+    at = box
+    while count < len(outline):
+        outline[count, 0], outline[count, 1] = anchor_place(ground, field.points, at)
+        count += 1
+        ahead = at if at >= boxes else field.anchor[row_of(field, at)]
+        if ahead == at:
+            break
+        at = ahead
+    return count
+
+
+@helper
+def are_apart(ground, old, new, box, outline):
+    """Return True if a wall stands between the paths of a box in two fields, as between two doors.
+
+    ``outline`` (float64[BENDS, 2]) is scratch. Paths with more bends in all count as apart.
+    """
+    # Both paths from the pin of the box.
+    middle = _add_path(ground, old, box, outline, 0)
+    count = _add_path(ground, new, box, outline, middle)
+    if count == len(outline):
+        return True
+    # The end of a wall is between them if a ray from it to the right crosses them an odd number of times.
+    for number in range(len(ground.segments)):
+        x = ground.segments[number, 0]
+        y = ground.segments[number, 1]
+        inside = False
+        for n in range(count):
+            # Edge n: along both paths, and between their ends.
+            first = n
+            second = n + 1
+            if n == middle - 1:
+                second = count - 1
+            elif n == count - 1:
+                continue
+            ax = outline[first, 0]
+            ay = outline[first, 1]
+            bx = outline[second, 0]
+            by = outline[second, 1]
+            if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+                inside = not inside
+        if inside:
+            return True
+    return False
+
+
 @kernel
 def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, chain, changes):
     """Find the agents that change from the field ``old``, which they follow, to the field ``new``.
@@ -179,7 +237,8 @@ def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, c
     Both paths are priced in the present crowd: the old path by :func:`price_of`, the new one by the cost in its field.
     An agent changes in three cases: the new path costs less than ``weighing.share`` of the old one; it costs less than
     ``weighing.around`` of the old one, and the crowd's part of its cost is below ``weighing.jam`` of the crowd's part
-    of the old cost; only the new field has a path. The crowd's part of a cost is all that exceeds the length with the
+    of the old cost; only the new field has a path. If ``weighing.apart`` is True, there must be a wall between both
+    paths in the first two cases. The crowd's part of a cost is all that exceeds the length with the
     widest behavior, so narrow places add to it.
 
     Parameters
@@ -191,8 +250,8 @@ def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, c
     places : (n, 2) float64
         Positions of the agents [m].
     weighing : Weighing
-        Constants (Weighing of :mod:`crowdsim.steering.guidance.guidance`), of which ``share``, ``around`` and ``jam``
-        are read.
+        Constants (Weighing of :mod:`crowdsim.steering.guidance.guidance`), of which ``share``, ``around``, ``jam``
+        and ``apart`` are read.
     prices : (boxes,) float64
         Costs of the old paths found so far, from the pin of each box; negative before. Agents in one box share them.
     chain : (CHAIN,) int64
@@ -200,6 +259,7 @@ def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, c
     changes : (n,) bool
         Gets True for each agent that changes.
     """
+    outline = np.empty((BENDS, 2))
     for n in range(len(places)):
         changes[n] = False
         box = nearest_way(ground, new, places[n, 0], places[n, 1])
@@ -218,3 +278,5 @@ def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, c
         jammed = before - alone * float(old.length[row_of(old, box)])
         quiet = cost - alone * float(new.length[row]) < weighing.jam * jammed
         changes[n] = cost < (weighing.around if quiet else weighing.share) * before
+        if weighing.apart and changes[n]:
+            changes[n] = are_apart(ground, old, new, box, outline)

@@ -59,6 +59,13 @@ class Weighing(NamedTuple):
     jam: float = 0.2
     """A path leads out of the crowd if the crowd's part of its cost is below this share of the crowd's part of the cost
     of the present path."""
+    queue: float = 0.33
+    """Number of agents that one counts for in addition, in the choice of another door, for each time that its present
+    way takes it longer than at its free speed (``delays``): a queue takes longer than its density tells."""
+    elsewhere: float = 0.1
+    """The same as ``jam`` in the choice of another door, queues included."""
+    apart: bool = False
+    """Whether agents change only to a path with a wall between it and their own: the flank of a queue is none."""
     kept: int = 3
     """Number of fields per goal that are kept, including that of the empty place. Agents whose field is dropped follow
     the newest."""
@@ -66,6 +73,18 @@ class Weighing(NamedTuple):
 
 USUAL = Weighing()
 """Default values."""
+
+
+def delays(state: NDArray[Any]) -> NDArray[np.float64]:
+    """Return how much longer than at their free speeds agents now take along their ways, (n,), from 0 to 9 times.
+
+    ``state`` (ROW[n]) are the agents; goal, vx, vy, gx, gy, speed and opposed are read. The delay is 0 for those who
+    have no goal or stand, and less for those who are aware of opposing traffic.
+    """
+    along = state["vx"] * state["gx"] + state["vy"] * state["gy"]
+    walks = (state["goal"] >= 0) & (state["speed"] > 0.0)
+    share = np.clip(along / np.where(walks, state["speed"], 1.0), 0.1, 1.0)
+    return np.where(walks, (1.0 / share - 1.0) * (1.0 - state["opposed"]), 0.0)
 
 
 def crowding_of(
@@ -249,22 +268,39 @@ class Guidance:
         goal : int
             Number of the goal.
         state : ROW[n]
-            All agents; of the columns, x, y, goal and stuck are read.
+            All agents; x, y, goal, stuck and opposed are read, and those that :func:`delays` reads.
         following : (n,) int32
             Numbers of the fields that they follow; may change for agents of the goal.
         """
-        places = np.column_stack((state["x"], state["y"]))
         crowding = self._crowding_for(goal, state)
         # Without a crowd, all follow the field of the empty place again.
         if not crowding.crowded:
             following[state["goal"] == goal] = PLAIN
-            self._fix_numbers(goal, state, following)
+        self._fix_numbers(goal, state, following)
+        if not crowding.crowded:
             self._drop(goal, state, following)
             return
+        self._offer(goal, crowding, self.weighing, state, following)
+        # To those who queue, paths to other doors.
+        waits = delays(state)
+        if (waits[state["goal"] == goal] > 1.0).any():
+            queueing = self._crowding_for(goal, state, self.weighing.queue * waits)
+            elsewhere = self.weighing._replace(share=0.0, jam=self.weighing.elsewhere, apart=True)
+            if not self._offer(goal, queueing, elsewhere, state, following):
+                self._made -= 1
+                del self._fields[goal][self._made]
+        self._drop(goal, state, following)
+
+    def _offer(
+        self, goal: int, crowding: Crowding, weighing: Weighing, state: NDArray[Any], following: NDArray[np.int32]
+    ) -> bool:
+        """Solve a field of a goal in a crowd, the newest, and let its agents change to it where that pays.
+
+        ``state`` and ``following`` are those of :meth:`refresh`. Return True if some change.
+        """
         new = solve_field(self.ground, self.goals[goal], crowding)
-        fields = self._fields[goal]
-        number = self._made
-        self._fix_numbers(goal, state, following)
+        places = np.column_stack((state["x"], state["y"]))
+        fields, number, pays = self._fields[goal], self._made, False
         # Compare the new field with each one that agents follow.
         for old in sorted(fields):
             agents = np.flatnonzero((state["goal"] == goal) & (following == old))
@@ -272,31 +308,27 @@ class Guidance:
                 continue
             # Scratch: the cost of the old field's path from each box in the present crowd; -1 where not known yet.
             prices = np.full(self.ground.columns * self.ground.rows, -1.0)
-            changes = np.zeros(len(agents), np.bool_)
+            changes, chain = np.zeros(len(agents), np.bool_), np.empty(CHAIN, np.int64)
             change_where_it_pays(
-                self.ground,
-                crowding,
-                fields[old],
-                new,
-                places[agents],
-                self.weighing,
-                prices,
-                np.empty(CHAIN, np.int64),
-                changes,
+                self.ground, crowding, fields[old], new, places[agents], weighing, prices, chain, changes
             )
             following[agents[changes]] = number
+            pays |= bool(changes.any())
         fields[number] = new
         self._made += 1
-        self._drop(goal, state, following)
+        return pays
 
-    def _crowding_for(self, goal: int, state: NDArray[Any]) -> Crowding:
-        """Return the factor on costs that agents (ROW[n]) cause on the way to a goal; PLAIN for any goal."""
+    def _crowding_for(self, goal: int, state: NDArray[Any], more: NDArray[np.float64] | float = 0.0) -> Crowding:
+        """Return the factor on costs that agents (ROW[n]) cause on the way to a goal; PLAIN for any goal.
+
+        ``more`` (n,) is the number of agents that each counts for in addition.
+        """
         # Agents of other goals that are long stuck as they face each other stay in the way for long; those that queue
         # are aware of no opposing traffic. The time stuck of jammed ones cycles, so it counts up to where the cycle
         # begins.
         stuck = np.minimum(state["stuck"], STUCK_MOST - CYCLE)
         late = self.weighing.late * np.maximum(stuck - self.weighing.late_after, 0.0) * state["opposed"]
-        counts = 1.0 + np.where(state["goal"] != goal, late, 0.0)
+        counts = 1.0 + np.where(state["goal"] != goal, late, 0.0) + more
         return crowding_of(self.ground, np.column_stack((state["x"], state["y"])), self.weighing, counts)
 
     def _find_ways_around(self, turn: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
