@@ -179,9 +179,9 @@ def price_at(ground, crowding, field, x, y, prices, chain):
 
 @helper
 def _add_path(ground, field, box, outline, count):
-    """Add the pin of a box and the anchors of its path to ``outline`` from ``count`` on; return the number of points.
+    """Add the pin of a box and the anchors of its path in ``field`` to ``outline``, which has ``count`` points already.
 
-    The result is that of ``outline`` if there is no room for all.
+    Return the number of points; it is that of ``outline`` if there is no room for all.
     """
     boxes = len(ground.widest)
     at = box
@@ -197,7 +197,7 @@ def _add_path(ground, field, box, outline, count):
 
 @helper
 def are_apart(ground, old, new, box, outline):
-    """Return True if a wall stands between the paths of a box in two fields, as between two doors.
+    """Return True if a wall stands between the paths of a ``box`` in the fields ``old`` and ``new``: two doors.
 
     ``outline`` (float64[BENDS, 2]) is scratch. Paths with more bends in all count as apart.
     """
