@@ -47,7 +47,7 @@ def pocket(areas, segments, way_length, corner, start, most=3200, fine=0.025):
             other = cell[0] + i, cell[1] + j
             if other not in exits and other not in inside and other not in waiting and clearance(other) >= 0.105:
                 waiting.append(other)
-        if len(exits) + len(inside) + len(waiting) > most:
+        if len(inside) > most:
             return None
     costs = dict.fromkeys(inside, math.inf)
     heap = [(length, cell) for cell, length in exits.items()]

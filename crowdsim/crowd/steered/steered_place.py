@@ -24,28 +24,16 @@ from crowdsim.steering.guidance.field import asked_of
 from crowdsim.steering.guidance.ground import build_ground, update_ground
 from crowdsim.steering.guidance.guidance import Guidance
 from crowdsim.steering.guidance.place_walls import Bounds, PlaceWalls, outline_segments
+from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.walls import Walls
 
 KEPT_OFF = 0.02
 """Gap to a body below which a movable does not appear [m]."""
 
 
-WALKING = np.dtype(
-    [
-        ("x", np.float64),
-        ("y", np.float64),
-        ("goal", np.int64),
-        ("stuck", np.float64),
-        ("opposed", np.float64),
-        ("share", np.float64),
-        ("vx", np.float64),
-        ("vy", np.float64),
-        ("gx", np.float64),
-        ("gy", np.float64),
-        ("speed", np.float64),
-        ("following", np.int32),
-    ]
-)
+_READ = ("x", "y", "goal", "stuck", "opposed", "share", "vx", "vy", "gx", "gy", "speed")
+
+WALKING = np.dtype([*((name, ROW[name]) for name in _READ), ("following", np.int32)])
 """What the renewal of a field reads of an agent: columns of ROW, and the field that it follows."""
 
 
@@ -248,7 +236,7 @@ class SteeredPlace:
             return
         # All processes renew the same field and find the same ways, in the crowd of all of them.
         walking = np.empty(len(state), WALKING)
-        for name in set(WALKING.fields or ()) - {"following"}:
+        for name in _READ:
             walking[name] = state[name]
         walking["following"] = following
         everybody, mine = self._ranks.together(walking)

@@ -157,6 +157,16 @@ def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowdi
     return field._replace(heads=heads, costs=np.full((count, PARTS * PARTS), np.inf, np.float32))
 
 
+def field_to_boxes(ground: Ground, boxes: NDArray[np.int64], length: float) -> Field:
+    """Return a field to the nearest pin of some boxes (k,), from which ways of ``length`` [m] count to lead on."""
+    of_box = no_paths(ground.columns * ground.rows)
+    # All boxes look for a line to a pin; as no targets are remembered, it does not matter which slots they have.
+    of_box["asks"], of_box["slots"] = -1, 0
+    of_box["cost"][boxes], of_box["length"][boxes], of_box["anchor"][boxes] = length, length, boxes
+    of_box["asks"][boxes] = len(ground.costs) - 1
+    return field_of(of_box, np.empty((0, 2)))
+
+
 def no_paths(boxes: int) -> NDArray[Any]:
     """Return the values BOX_ROW[boxes] of boxes without a path."""
     of_box = np.empty(boxes, BOX_ROW)

@@ -3,7 +3,8 @@
 A pocket consists of cells, CELLS x CELLS in a box, that hang together. It ends where a way leads on. Its cells are
 found when an agent is in one of them; those of a box are kept together, in one *slot*. The address of a cell is the
 number of its slot times the cells of a slot, plus its number in the box, row by row. What is found for a cell depends
-on the place alone, so it does not matter which agent is first.
+on the place alone, so it does not matter which agent is first. Boxes without a way around (AROUND) belong to no pocket:
+so a crowd that is shut in causes no search for each of its agents.
 
 ``ground`` (Ground) and ``field`` (Field) are those of the place, ``nobody`` is the Crowding of an empty place, and
 ``pockets`` are the Pockets of :mod:`crowdsim.steering.guidance.ways_out`; ``column`` and ``row`` are those of a cell.
@@ -13,7 +14,7 @@ import math
 
 from crowdsim.jit import helper, kernel
 from crowdsim.steering.guidance.field_kernels import row_of
-from crowdsim.steering.guidance.ground_kernels import BOX, STEPS, box_at, off_segment
+from crowdsim.steering.guidance.ground_kernels import BOX, STEPS, off_segment
 from crowdsim.steering.guidance.sample_kernels import THICKNESS, is_pinched, way_at
 from crowdsim.steering.guidance.way_kernels import lead
 
@@ -43,13 +44,16 @@ TIGHT_COST, HOPELESS_COST = 4.0, 100.0
 """Cost of a meter at clearances from FITS to ROOMY, and below FITS: agents squeeze out where there is most room."""
 
 MOST_CELLS = 3200
-"""Largest number of cells of a pocket (2 m2). Larger ones are not searched: nobody is led out of them."""
+"""Largest number of cells INSIDE of a pocket (2 m2). Nobody is led out of larger ones."""
 
 AROUND = 12
-"""Number of boxes around an agent, in each direction, of which one must have a way, or no pocket is looked for."""
+"""Number of boxes around the box of a cell, in each direction, of which one must have a way."""
 
 AHEAD = 4
 """Number of cells ahead that an agent heads for."""
+
+NO_SLOT, NO_WAY_NEAR = -1, -2
+"""Values of ``pockets.slots`` for boxes that have no slot yet, and for those without a way around."""
 
 COMPLETE, TOO_LARGE, LACKS_SLOT = range(3)
 """Outcomes of listing the cells of a pocket."""
@@ -61,11 +65,11 @@ large."""
 
 @helper
 def _address(ground, pockets, column, row):
-    """Return the address of a cell, -1 if its box has no slot yet, -2 outside of the boxes."""
+    """Return the address of a cell; if its box has no slot, NO_SLOT or NO_WAY_NEAR, the latter outside of the boxes."""
     if not (0 <= column < CELLS * ground.columns and 0 <= row < CELLS * ground.rows):
-        return -2
+        return NO_WAY_NEAR
     slot = pockets.slots[row // CELLS * ground.columns + column // CELLS]
-    return slot * IN_SLOT + row % CELLS * CELLS + column % CELLS if slot >= 0 else -1
+    return slot * IN_SLOT + row % CELLS * CELLS + column % CELLS if slot >= 0 else slot
 
 
 @helper
@@ -114,8 +118,25 @@ def _is_way_near(ground, field, box):
 
 
 @helper
+def _take_slot(ground, field, pockets, used, column, row):
+    """Give the box of a cell, which has NO_SLOT, the next slot, or mark it if no way is near.
+
+    Return the address of the cell then, and the number of slots that are taken; the address is NO_SLOT if there is no
+    slot left. ``used`` slots are taken before.
+    """
+    box = row // CELLS * ground.columns + column // CELLS
+    if not _is_way_near(ground, field, box):
+        pockets.slots[box] = NO_WAY_NEAR
+    elif used < len(pockets.owners):
+        pockets.slots[box] = used
+        pockets.owners[used] = box
+        used += 1
+    return _address(ground, pockets, column, row), used
+
+
+@helper
 def _flood(ground, nobody, field, pockets, used, cells):
-    """List the cells that hang together with ``cells[0]``, up to those that are OUT; ``used`` slots are taken.
+    """List the cells INSIDE that hang together with ``cells[0]``; ``used`` slots are taken.
 
     Return COMPLETE, TOO_LARGE, or LACKS_SLOT if none is left for another box; the number of cells in the list, and that
     of slots taken.
@@ -124,35 +145,29 @@ def _flood(ground, nobody, field, pockets, used, cells):
     for read in range(len(cells)):
         if read == count:
             break
-        address = cells[read]
-        if pockets.kinds[address] == OUT:
-            continue
-        column, row = _place_of(ground, pockets, address)
+        column, row = _place_of(ground, pockets, cells[read])
         for k in range(8):
             i = column + STEPS[k, 0]
             j = row + STEPS[k, 1]
             other = _address(ground, pockets, i, j)
-            if other == -2:
-                continue
-            if other == -1:
-                # The box gets a slot.
-                if used == len(pockets.owners):
+            if other == NO_SLOT:
+                other, used = _take_slot(ground, field, pockets, used, i, j)
+                if other == NO_SLOT:
                     return LACKS_SLOT, count, used
-                box = j // CELLS * ground.columns + i // CELLS
-                pockets.slots[box] = used
-                pockets.owners[used] = box
-                used += 1
-                other = _address(ground, pockets, i, j)
-            if pockets.kinds[other] == UNSEEN:
-                _look_at(ground, nobody, field, pockets, other, i, j)
-                if pockets.kinds[other] != BLOCKED:
-                    if count == len(cells):
-                        pockets.kinds[other] = UNSEEN
-                        return TOO_LARGE, count, used
-                    cells[count] = other
-                    count += 1
-            elif pockets.kinds[other] == CLOSED:
+            if other == NO_WAY_NEAR:
+                continue
+            if pockets.kinds[other] == CLOSED:
                 return TOO_LARGE, count, used
+            if pockets.kinds[other] != UNSEEN:
+                continue
+            _look_at(ground, nobody, field, pockets, other, i, j)
+            if pockets.kinds[other] != INSIDE:
+                continue
+            if count == len(cells):
+                pockets.kinds[other] = CLOSED
+                return TOO_LARGE, count, used
+            cells[count] = other
+            count += 1
     return COMPLETE, count, used
 
 
@@ -189,7 +204,7 @@ def find_pocket(ground, nobody, field, pockets, used, x, y, cells):
     ground, nobody, field : Ground, Crowding, Field
         The place, an empty crowd, and the field that tells where ways lead on.
     pockets : Pockets
-        Gets the cells; empty slots have owner -1 and UNSEEN cells.
+        Gets the cells; empty slots have UNSEEN cells.
     used : int
         Number of slots that are taken.
     x, y : float
@@ -202,49 +217,37 @@ def find_pocket(ground, nobody, field, pockets, used, x, y, cells):
     int
         Number of slots that are taken now; -1 if another one is needed. Then call it again, with more of them.
     """
-    box = box_at(ground, x, y)
-    if box < 0 or not _is_way_near(ground, field, box):
-        return used
-    column = min(math.floor((x - ground.left) / FINE), CELLS * ground.columns - 1)
-    row = min(math.floor((y - ground.bottom) / FINE), CELLS * ground.rows - 1)
     # The first cell.
+    column = math.floor((x - ground.left) / FINE)
+    row = math.floor((y - ground.bottom) / FINE)
     first = _address(ground, pockets, column, row)
-    if first == -1:
-        if used == len(pockets.owners):
+    if first == NO_SLOT:
+        first, used = _take_slot(ground, field, pockets, used, column, row)
+        if first == NO_SLOT:
             return -1
-        at = row // CELLS * ground.columns + column // CELLS
-        pockets.slots[at] = used
-        pockets.owners[used] = at
-        used += 1
-        first = _address(ground, pockets, column, row)
-    if pockets.kinds[first] != UNSEEN:
+    if first == NO_WAY_NEAR or pockets.kinds[first] != UNSEEN:
         return used
     _look_at(ground, nobody, field, pockets, first, column, row)
-    if pockets.kinds[first] == BLOCKED:
+    if pockets.kinds[first] != INSIDE:
         return used
     cells[0] = first
     # All others. If they cannot be listed, those that are known are unseen again, or closed.
     outcome, count, used = _flood(ground, nobody, field, pockets, used, cells)
     if outcome != COMPLETE:
         for n in range(count):
-            if outcome == LACKS_SLOT:
-                pockets.kinds[cells[n]] = UNSEEN
-            elif pockets.kinds[cells[n]] == INSIDE:
-                pockets.kinds[cells[n]] = CLOSED
+            pockets.kinds[cells[n]] = UNSEEN if outcome == LACKS_SLOT else CLOSED
         return -1 if outcome == LACKS_SLOT else used
-    # Costs of the ways out: relax all cells, to and fro, until none falls any more.
+    # Their costs: relax all cells, to and fro, until none falls any more.
     for sweep in range(count):
         falls = False
         for n in range(count):
-            address = cells[n] if sweep % 2 == 0 else cells[count - 1 - n]
-            if pockets.kinds[address] == INSIDE:
-                fell, _ = _relax(ground, pockets, address)
-                falls = falls or fell
+            fell, _ = _relax(ground, pockets, cells[n] if sweep % 2 == 0 else cells[count - 1 - n])
+            falls = falls or fell
         if not falls:
             break
+    # The ways out.
     for n in range(count):
-        if pockets.kinds[cells[n]] == INSIDE:
-            _, pockets.onwards[cells[n]] = _relax(ground, pockets, cells[n])
+        _, pockets.onwards[cells[n]] = _relax(ground, pockets, cells[n])
     return used
 
 
@@ -276,13 +279,13 @@ def write_ways_out(ground, nobody, field, asked, pockets, agents, state, seen):
         column = math.floor((me.x - ground.left) / FINE)
         row = math.floor((me.y - ground.bottom) / FINE)
         address = _address(ground, pockets, column, row)
-        seen[n] = pockets.kinds[address] if address >= 0 else UNSEEN
+        seen[n] = pockets.kinds[address] if address >= 0 else (UNSEEN if address == NO_SLOT else CLOSED)
         if seen[n] == INSIDE and pockets.onwards[address] < 0:
             seen[n] = CLOSED
         if seen[n] != INSIDE and seen[n] != OUT:
             lost += 1
             continue
-        # The length of the way out, and the cell to head for.
+        # The length of the way out, and the center s of the cell to head for.
         length = 0.0
         x = me.x
         y = me.y
@@ -304,14 +307,15 @@ def write_ways_out(ground, nobody, field, asked, pockets, agents, state, seen):
         length += pockets.lengths[address]
         if seen[n] == OUT:
             # The way of the cell's center leads on; lines from beside it may be blocked.
-            x = me.x
-            y = me.y
+            u = me.x
+            v = me.y
             me.x = sx
             me.y = sy
             lead(ground, nobody, field, asked, me)
-            me.x = x
-            me.y = y
+            me.x = u
+            me.y = v
             continue
+        # Head for that cell; the length to go is that of the way out and of the way from there.
         apart = math.sqrt((sx - me.x) * (sx - me.x) + (sy - me.y) * (sy - me.y))
         me.gx = me.cx = (sx - me.x) / apart
         me.gy = me.cy = (sy - me.y) / apart

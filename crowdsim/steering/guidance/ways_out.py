@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.steering.guidance.field import BOX_ROW, Field, guide, solve_field
+from crowdsim.steering.guidance.field import BOX_ROW, Field, field_to_boxes, guide, solve_field
 from crowdsim.steering.guidance.ground import NOBODY, Ground, squeezed_ground
 from crowdsim.steering.guidance.own.own_ways import OwnWays
-from crowdsim.steering.guidance.pocket_kernels import IN_SLOT, MOST_CELLS, UNSEEN, find_pocket, write_ways_out
+from crowdsim.steering.guidance.pocket_kernels import IN_SLOT, MOST_CELLS, NO_SLOT, UNSEEN, find_pocket, write_ways_out
 from crowdsim.steering.guidance.sample_kernels import LOST
 
 SQUEEZED = 0.145
@@ -23,6 +23,10 @@ SQUEEZED = 0.145
 
 SLOTS = 64
 """Number of slots for cells of pockets at first; it is doubled whenever they are taken."""
+
+BEYOND = 10.0
+"""Length of the ways of single agents from where they are out of their pockets, which are not known yet [m]: far enough
+that they do not seem to be there."""
 
 NONE_YET = -1
 """Number, in ``following`` of :class:`OwnWays`, of agents that have no way yet."""
@@ -32,9 +36,9 @@ class Pockets(NamedTuple):
     """Cells of pockets, as kernels take them: those of a box are consecutive. There are m slots of IN_SLOT cells."""
 
     slots: NDArray[np.int32]
-    """int32[boxes]: slot of each box, -1 for none."""
+    """int32[boxes]: slot of each box, or NO_SLOT or NO_WAY_NEAR of the kernels."""
     owners: NDArray[np.int32]
-    """int32[m]: box of each slot, -1 for none."""
+    """int32[m]: box of each slot; of empty ones, anything."""
     kinds: NDArray[np.uint8]
     """uint8[m * IN_SLOT]: kinds of the cells."""
     weights: NDArray[np.float64]
@@ -61,12 +65,13 @@ class WaysOut:
     def __init__(self, ground: Ground, asked: NDArray[np.float64], *, threads: int = 1) -> None:
         self._ground, self._asked, self._threads = ground, asked, threads
         self._boxes = ground.columns * ground.rows
-        # The second ground; on it, by goal, fields that lead all agents, ways of single agents, and ways out of
-        # pockets.
+        # The second ground; on it, fields by goal, and ways of single agents; ways out of pockets by goal, and, for
+        # single agents, by the parts of the ground that lead to their goals.
         self._squeezed: Ground | None = None
         self._fields: dict[int, Field] = {}
         self._own_ways: OwnWays | None = None
-        self._out_of_pockets: dict[int, WaysOutOfPockets] = {}
+        self._out_to_goals: dict[int, WaysOutOfPockets] = {}
+        self._out_to_parts: dict[frozenset[int], WaysOutOfPockets] = {}
 
     @property
     def memory(self) -> int:
@@ -76,14 +81,14 @@ class WaysOut:
         # The values of a box are columns of one array, so count that array once.
         shared = len(self._fields) * self._boxes * BOX_ROW.itemsize
         fields = [each for field in self._fields.values() for each in (field.heads, field.costs, field.points)]
-        cells = sum(each.memory for each in self._out_of_pockets.values())
+        cells = sum(each.memory for each in (*self._out_to_goals.values(), *self._out_to_parts.values()))
         arrays = sum(int(each.nbytes) for each in (*of_boxes, *fields))
         return shared + cells + arrays + (own.memory if own else 0)
 
     def forget(self, goal: int) -> None:
         """Forget all ways to a goal, whose number another goal gets."""
         self._fields.pop(goal, None)
-        self._out_of_pockets.pop(goal, None)
+        self._out_to_goals.pop(goal, None)
         if self._own_ways is not None:
             self._own_ways.forget(goal)
 
@@ -97,7 +102,10 @@ class WaysOut:
             self._fields[goal] = solve_field(ground, goals[goal])
         if not guide(ground, self._fields[goal], self._asked, agents, state):
             return 0
-        return self._lead_out_of_pockets(goal, self._fields[goal], agents[state["togo"][agents] >= LOST], state)
+        # Out of their pockets to where this field leads on.
+        if goal not in self._out_to_goals:
+            self._out_to_goals[goal] = WaysOutOfPockets(ground, self._fields[goal], self._asked)
+        return self._out_to_goals[goal].write(agents[state["togo"][agents] >= LOST], state)
 
     def lead_each(self, goals: Sequence[Any], agents: NDArray[np.int64], state: NDArray[Any]) -> int:
         """Do as :meth:`lead`, but for agents with ways of their own, whatever their goals are."""
@@ -105,13 +113,16 @@ class WaysOut:
             self._own_ways = OwnWays(self._second_ground(), self._asked, threads=self._threads)
         begins = np.full(len(state), NONE_YET, np.int32)
         left = self._own_ways.write(goals, state, begins, agents)
+        # Out of their pockets to the parts of the ground from which ways lead to their goals; there they get such ways.
+        towards: dict[frozenset[int], list[int]] = {}
+        for agent, goal in zip(left.tolist(), state["goal"][left].tolist(), strict=True):
+            towards.setdefault(self._own_ways.parts_to(goals, goal), []).append(agent)
         lost = 0
-        for goal in np.unique(state["goal"][left]).tolist():
-            mine = left[state["goal"][left] == goal]
-            # The way from everywhere, which was tried last.
-            place = state["x"][mine[0]], state["y"][mine[0]]
-            field = self._own_ways.field(goals, goal, self._boxes, place)
-            lost += self._lead_out_of_pockets(goal, field, mine, state)
+        for parts, agents_there in towards.items():
+            if parts not in self._out_to_parts:
+                field = field_to_boxes(self._second_ground(), self._own_ways.boxes_in(parts), BEYOND)
+                self._out_to_parts[parts] = WaysOutOfPockets(self._second_ground(), field, self._asked)
+            lost += self._out_to_parts[parts].write(np.array(agents_there), state)
         return lost
 
     def _second_ground(self) -> Ground:
@@ -119,15 +130,6 @@ class WaysOut:
         if self._squeezed is None:
             self._squeezed = squeezed_ground(self._ground, SQUEEZED)
         return self._squeezed
-
-    def _lead_out_of_pockets(self, goal: int, field: Field, agents: NDArray[np.int64], state: NDArray[Any]) -> int:
-        """Guide the rows ``agents`` (k,) of ``state`` (ROW[n]) to where ``field``, on the second ground, leads on.
-
-        Return how many of them are in no pocket.
-        """
-        if goal not in self._out_of_pockets:
-            self._out_of_pockets[goal] = WaysOutOfPockets(self._second_ground(), field, self._asked)
-        return self._out_of_pockets[goal].write(agents, state)
 
 
 class WaysOutOfPockets:
@@ -147,7 +149,7 @@ class WaysOutOfPockets:
         self._place = (ground, NOBODY, field)
         self._asked = asked
         self._used = 0
-        self.pockets = _empty(np.full(ground.columns * ground.rows, -1, np.int32), SLOTS)
+        self.pockets = _empty(np.full(ground.columns * ground.rows, NO_SLOT, np.int32), SLOTS)
 
     @property
     def memory(self) -> int:
@@ -183,7 +185,7 @@ def _empty(slots: NDArray[np.int32], count: int) -> Pockets:
     cells = count * IN_SLOT
     return Pockets(
         slots,
-        np.full(count, -1, np.int32),
+        np.zeros(count, np.int32),
         np.full(cells, UNSEEN, np.uint8),
         np.ones(cells),
         np.full(cells, np.inf),

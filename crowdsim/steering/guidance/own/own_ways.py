@@ -224,6 +224,15 @@ class OwnWays:
         self._begin(row, begins, np.zeros(1, np.int64))
         return self._fields[int(self._numbers_of(goals, row["goal"], begins)[0])]
 
+    def parts_to(self, goals: Sequence[Any], goal: int) -> frozenset[int]:
+        """Return the parts of the ground from which a way may lead to goal number ``goal``."""
+        return self._target(goals, goal).parts
+
+    def boxes_in(self, parts: frozenset[int]) -> NDArray[np.int64]:
+        """Return the boxes (k,) of parts of the ground, which :meth:`parts_to` has returned."""
+        assert self._labels is not None  # as parts are known
+        return np.flatnonzero(np.isin(self._labels, sorted(parts)))
+
     def forget(self, goal: int) -> None:
         """Forget all ways to a goal, whose number another goal gets."""
         self._targets.pop(goal, None)
